@@ -1,0 +1,295 @@
+"""The capture folder: images, depths, masks and poses of one recording, on disk.
+
+The index is nerfstudio's ``transforms.json``, so other tools read the folder, too; our keys lie beside
+theirs. Pixels are loaded when asked for. The layout is described in docs/capture-format.md.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.checks import CaptureError, DigsError, check_finite
+from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.images import read_image, write_image
+from digs_warp.log import read_json, to_json, write_atomically
+
+INDEX_NAME = "transforms.json"
+FORMAT_VERSION = 1
+
+# Key in transforms.json -> where the writer puts the file of frame 7.
+_FILES = {
+    "file_path": "images/{:04d}.png",
+    "right_file_path": "right/{:04d}.png",
+    "depth_file_path": "depth/{:04d}.exr",
+    "depth_true_file_path": "depth_true/{:04d}.exr",
+    "mask_path": "masks/{:04d}.png",
+}
+
+
+_LABELS = {
+    "file_path": "image",
+    "right_file_path": "right image",
+    "depth_file_path": "depth",
+    "depth_true_file_path": "true depth",
+    "mask_path": "mask",
+}
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The stereo rig: the right camera sits ``baseline`` metres along the left camera's x axis."""
+
+    baseline: float
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One moment of a recording: the left camera, the time [s], and where its files lie.
+
+    ``files`` maps the keys of transforms.json to paths; only ``file_path`` is always there.
+    """
+
+    name: str
+    camera: Camera
+    time: float
+    files: dict[str, Path]
+
+    def load_image(self) -> np.ndarray:
+        """Return the left image, sRGB, shape (height, width, 3), uint8."""
+        return self._load_rgb("file_path")
+
+    def load_right_image(self) -> np.ndarray:
+        """Return the right image, sRGB, shape (height, width, 3), uint8."""
+        return self._load_rgb("right_file_path")
+
+    def load_depth(self) -> np.ndarray:
+        """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
+        return self._load_depth("depth_file_path")
+
+    def load_depth_true(self) -> np.ndarray:
+        """Return the true planar depth [m], shape (height, width), float32, NaN where unknown."""
+        return self._load_depth("depth_true_file_path")
+
+    def load_mask(self) -> np.ndarray:
+        """Return the object mask, 0..255, shape (height, width), uint8."""
+        pixels = self._load("mask_path")
+        if pixels.dtype != np.uint8:
+            raise CaptureError(f"mask '{self.files['mask_path']}': expected 8 bits per pixel")
+        return pixels[..., 0]
+
+    def has(self, key: str) -> bool:
+        """Whether the index names a file for ``key`` (such as "mask_path")."""
+        return key in self.files
+
+    def _load_rgb(self, key: str) -> np.ndarray:
+        pixels = self._load(key)
+        if pixels.dtype != np.uint8 or pixels.shape[2] < 3:
+            raise CaptureError(
+                f"image '{self.files[key]}': {pixels.shape[2]} channels of {pixels.dtype}, "
+                "expected 3 of uint8; convert it to an 8-bit RGB PNG"
+            )
+        return np.ascontiguousarray(pixels[..., :3])
+
+    def _load_depth(self, key: str) -> np.ndarray:
+        pixels = self._load(key)
+        if pixels.dtype == np.uint16:  # 16-bit PNG: millimetres, 0 where unknown
+            depth = pixels[..., 0].astype(np.float32) * np.float32(1e-3)
+        elif pixels.dtype == np.float32:
+            depth = pixels[..., 0].copy()
+        else:
+            raise CaptureError(
+                f"depth '{self.files[key]}': {pixels.dtype}, expected a float EXR in metres "
+                "or a 16-bit PNG in millimetres"
+            )
+        # Sensors mark missing depth as 0, negative, NaN or infinite; in memory it is NaN.
+        depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+        return depth
+
+    def _load(self, key: str) -> np.ndarray:
+        if key not in self.files:
+            raise CaptureError(f"frame '{self.name}': the capture has no '{key}'")
+        path = self.files[key]
+        pixels = read_image(path, what=_LABELS[key])
+        k = self.camera.intrinsics
+        if pixels.shape[:2] != (k.height, k.width):
+            raise CaptureError(
+                f"'{path}': {pixels.shape[1]}x{pixels.shape[0]} pixels, expected "
+                f"{k.width}x{k.height} as {INDEX_NAME} says; export the file again or correct w and h"
+            )
+        return pixels
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A recording: its frames in order of time, the rig (if stereo), and what the folder tells of itself."""
+
+    folder: Path
+    frames: tuple[Frame, ...]
+    rig: Rig | None
+    metadata: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
+        """Return (training, test) frames: every ``test_every``-th, from the first on, is held out."""
+        test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]
+        train = [frame for i, frame in enumerate(self.frames) if i % test_every != 0]
+        return train, test
+
+
+def read_capture(folder: Path) -> Capture:
+    """Open a capture folder; pixels stay on disk until a frame loads them.
+
+    Raises:
+        CaptureError: no or broken index, no frames, missing files, unusable poses or intrinsics, or a
+            path that leaves the folder. The message names the frame and the key.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise CaptureError(f"capture '{folder}': no such folder")
+    if not (folder / INDEX_NAME).is_file():
+        raise CaptureError(
+            f"capture '{folder}': no {INDEX_NAME} in it. Was 'digs-warp simulate' interrupted? "
+            "Run it again with --resume."
+        )
+    index = read_json(folder / INDEX_NAME, "capture index")
+    entries = index.get("frames")
+    if not isinstance(entries, list) or not entries:
+        raise CaptureError(f"capture '{folder}': {INDEX_NAME} lists no frames")
+    ours = index.get("digs_warp", {})
+    rig = Rig(float(ours["rig"]["baseline"])) if "rig" in ours else None
+    frames = tuple(_read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
+    return Capture(folder, frames, rig, metadata=ours)
+
+
+def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], number: int) -> Frame:
+    where = f"capture '{folder}', frame {number}"
+    try:
+        # nerfstudio lets a frame override the shared intrinsics.
+        value = partial(_lookup, entry, index)
+        intrinsics = Intrinsics(
+            int(value("w")),
+            int(value("h")),
+            *(float(value(key)) for key in ("fl_x", "fl_y", "cx", "cy")),
+        )
+        world_from_cam = np.array(entry["transform_matrix"], dtype=np.float64) @ OPENCV_FROM_OPENGL
+        camera = Camera(intrinsics, world_from_cam)
+        files = {
+            key: _inside(folder, entry[key], f"{where}, {key}") for key in _FILES if key in entry
+        }
+    except KeyError as error:
+        raise CaptureError(f"{where}: {INDEX_NAME} has no {error}") from None
+    except (TypeError, ValueError) as error:
+        raise CaptureError(f"{where}: {error}") from error
+    if "file_path" not in files:
+        raise CaptureError(f"{where}: {INDEX_NAME} has no 'file_path'")
+    return Frame(files["file_path"].stem, camera, float(entry.get("time", number)), files)
+
+
+def _lookup(entry: dict[str, Any], index: dict[str, Any], key: str) -> Any:
+    return entry[key] if key in entry else index[key]
+
+
+def _inside(folder: Path, relative: str, where: str) -> Path:
+    """Return the path of a file of the capture; refuse one that leaves the folder."""
+    path = folder / relative
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise CaptureError(
+            f"{where}: '{relative}' leaves the capture folder; paths must stay inside"
+        )
+    if not path.is_file():
+        raise CaptureError(f"{where}: '{relative}' does not exist")
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class FrameImages:
+    """The pixels of one frame, as `CaptureWriter` takes them; see `Frame` for their meaning."""
+
+    image: np.ndarray
+    depth: np.ndarray
+    mask: np.ndarray
+    right: np.ndarray | None = None
+    depth_true: np.ndarray | None = None
+
+    def by_key(self) -> dict[str, np.ndarray]:
+        """The images that are there, under the keys of transforms.json."""
+        images = {
+            "file_path": self.image,
+            "right_file_path": self.right,
+            "depth_file_path": self.depth,
+            "depth_true_file_path": self.depth_true,
+            "mask_path": self.mask,
+        }
+        return {key: pixels for key, pixels in images.items() if pixels is not None}
+
+
+@dataclass
+class CaptureWriter:
+    """Writes a capture folder frame by frame; the index comes last, so that it never names a missing file.
+
+    Frames may be written in any order. `has_frame` tells which are complete: a run that was cut off
+    goes on where it stopped.
+    """
+
+    folder: Path
+    intrinsics: Intrinsics
+    rig: Rig | None = None
+    _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def has_frame(self, number: int, keys: Sequence[str] = tuple(_FILES)) -> bool:
+        """Whether all files of frame ``number`` lie in the folder already."""
+        return all((self.folder / _FILES[key].format(number)).is_file() for key in keys)
+
+    def write_frame(self, number: int, images: FrameImages) -> None:
+        """Write the files of frame ``number``."""
+        shape = (self.intrinsics.height, self.intrinsics.width)
+        for key, pixels in images.by_key().items():
+            if pixels.shape[:2] != shape:
+                raise CaptureError(f"frame {number}, {key}: shape {pixels.shape}, expected {shape}")
+            write_image(self.folder / _FILES[key].format(number), pixels)
+
+    def add_pose(self, number: int, world_from_cam: np.ndarray, time: float) -> None:
+        """Note the pose and time [s] of frame ``number``, whose files are written (now or before)."""
+        check_finite(f"frame {number}: world_from_cam", world_from_cam)
+        paths = {key: pattern.format(number) for key, pattern in _FILES.items()}
+        self._entries[number] = {
+            **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
+            "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
+            "time": time,
+        }
+
+    def finish(self, metadata: dict[str, Any] | None = None) -> Capture:
+        """Write transforms.json and return the capture."""
+        if not self._entries:
+            raise DigsError(f"capture '{self.folder}': no frame was added")
+        k = self.intrinsics
+        ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": "metre"}
+        if self.rig is not None:
+            ours["rig"] = {"baseline": self.rig.baseline}
+        index = {
+            "camera_model": "PINHOLE",
+            "w": k.width,
+            "h": k.height,
+            **{"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy},
+            "digs_warp": ours | (metadata or {}),
+            "frames": [self._entries[number] for number in sorted(self._entries)],
+        }
+        write_atomically(self.folder / INDEX_NAME, to_json(index).encode())
+        return read_capture(self.folder)
+
+
+def file_hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of every file below ``folder`` but run.json, by relative path."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "run.json"
+    }

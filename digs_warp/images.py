@@ -1,0 +1,91 @@
+"""The one door to image files: OpenImageIO reads and writes PNG, EXR and HDR. Rows go top to bottom."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError, require_file
+
+
+def read_image(path: Path, what: str = "image") -> np.ndarray:
+    """Return the pixels of a file, shape (height, width, channels), in the file's own number type.
+
+    8-bit and 16-bit files give uint8 and uint16, floating-point files float32. Nothing is converted
+    between colour spaces.
+
+    Raises:
+        DigsError: the file is missing, truncated or no image.
+    """
+    import OpenImageIO as oiio
+
+    require_file(path, what)
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        raise DigsError(f"{what} '{path}': cannot be opened as an image ({oiio.geterror()})")
+    try:
+        spec = source.spec()
+        kind = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}.get(
+            spec.format.basetype, oiio.FLOAT
+        )
+        pixels = source.read_image(kind)
+        problem = source.geterror()
+    finally:
+        source.close()
+    if pixels is None or problem:
+        raise DigsError(
+            f"{what} '{path}': expected {spec.width}x{spec.height} pixels, but the data breaks off "
+            f"({problem.strip() or 'no pixels'}). Copy or export the file again."
+        )
+    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+
+
+def write_image(path: Path, pixels: np.ndarray) -> None:
+    """Write uint8, uint16 or float32 pixels, shape (height, width) or (height, width, channels).
+
+    The suffix decides the format: PNG for integers, EXR (lossless ZIP, NaN kept) for float32. The file
+    appears under its name only when it is complete.
+    """
+    import OpenImageIO as oiio
+
+    path = Path(path)
+    kinds = {"uint8": oiio.UINT8, "uint16": oiio.UINT16, "float32": oiio.FLOAT}
+    if str(pixels.dtype) not in kinds or (path.suffix == ".png") != (pixels.dtype.kind == "u"):
+        raise ValueError(f"cannot write {pixels.dtype} pixels as '{path.name}'")
+    image = np.ascontiguousarray(pixels.reshape(*pixels.shape[:2], -1))
+    height, width, channels = image.shape
+    spec = oiio.ImageSpec(width, height, channels, kinds[str(pixels.dtype)])
+    spec.attribute("compression", "zip" if path.suffix == ".exr" else "")
+    spec.attribute(
+        "png:compressionLevel", 3
+    )  # a third of the time of the default 6, files 5 % larger
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        target = oiio.ImageOutput.create(str(temporary))
+        if target is None or not target.open(str(temporary), spec):
+            raise DigsError(f"image '{path}': cannot be written ({oiio.geterror()})")
+        written = target.write_image(image)
+        closed = target.close()
+        if not (written and closed):
+            raise DigsError(f"image '{path}': cannot be written ({target.geterror()}); disk full?")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def to_uint8(values: np.ndarray) -> np.ndarray:
+    """Return 0..255 of values in 0..1, rounded and clipped; NaN gives 0."""
+    return (np.clip(np.nan_to_num(values), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def srgb_from_linear(linear: np.ndarray) -> np.ndarray:
+    """Encode linear Rec.709 values (0..1) as sRGB (IEC 61966-2-1)."""
+    linear = np.maximum(linear, 0.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def linear_from_srgb(srgb: np.ndarray) -> np.ndarray:
+    """Decode sRGB values (0..1) to linear Rec.709."""
+    srgb = np.maximum(srgb, 0.0)
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

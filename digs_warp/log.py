@@ -1,0 +1,127 @@
+"""What a run leaves behind (run.json: versions, settings, stage times) and progress bars."""
+
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from digs_warp.checks import DigsError
+
+REPORTED_PACKAGES = ("digs-warp", "warp-lang", "numpy", "trimesh", "usd-core", "OpenImageIO")
+
+# Library calls are silent; the command line turns the bars on.
+_show_progress = False
+
+
+def show_progress(shown: bool = True) -> None:
+    """Turn progress bars on stderr on or off for the whole process."""
+    global _show_progress
+    _show_progress = shown
+
+
+def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> "tqdm[Any]":
+    """Return a progress bar with a time estimate; use it as a context manager and `update` it."""
+    interactive = sys.stderr.isatty()
+    return tqdm(
+        total=total,
+        initial=initial,
+        desc=label,
+        unit=unit,
+        disable=not _show_progress,
+        # In a log file every refresh is a line: a few are enough.
+        mininterval=0.2 if interactive else 15.0,
+        ascii=not interactive,
+        dynamic_ncols=interactive,
+    )
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write ``data`` to a temporary name beside ``path``, then rename: never a half-written file."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def to_json(value: Any) -> str:
+    """Return readable JSON of dataclasses, paths, NumPy scalars and arrays."""
+    return json.dumps(value, indent=2, default=_plain, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"cannot write {type(value).__name__} as JSON")
+
+
+def read_json(path: Path, what: str) -> dict[str, Any]:
+    """Return a JSON object, or raise a `DigsError` that says where the file breaks off."""
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DigsError(f"{what} '{path}': no such file") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise DigsError(f"{what} '{path}': not valid JSON ({error}); write it again") from error
+    if not isinstance(content, dict):
+        raise DigsError(f"{what} '{path}': expected a JSON object, found {type(content).__name__}")
+    return content
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that decide a result."""
+    found = {"python": platform.python_version()}
+    for package in REPORTED_PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+@dataclass
+class RunLog:
+    """The record of one run: settings, versions, stage times [s], results. Saved as run.json."""
+
+    command: str
+    settings: Any
+    seconds: dict[str, float] = field(default_factory=dict)
+    results: dict[str, Any] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time a stage; times of a stage entered twice add up."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def save(self, path: Path) -> None:
+        """Write the record; safe to call after every stage."""
+        record = {
+            "command": self.command,
+            "versions": versions(),
+            "machine": {"system": platform.platform(), "cores": os.cpu_count()},
+            "settings": self.settings,
+            "seconds": {name: round(value, 4) for name, value in self.seconds.items()},
+            "results": self.results,
+        }
+        write_atomically(path, to_json(record).encode())

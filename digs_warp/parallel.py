@@ -1,0 +1,80 @@
+"""Run one Warp launch on all CPU cores.
+
+Warp runs a CPU launch as one serial loop on the calling thread. `ParallelLaunch` cuts the index range
+into chunks, records one launch per chunk, and replays them from a thread pool; ``ctypes`` releases the
+interpreter lock meanwhile. Kernels must write disjoint addresses per index (``wp.atomic_add`` is a plain
+``+=`` on a CPU) and take the chunk's first index as their first argument; then the result does not
+depend on the number of threads.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+# More chunks than threads even out uneven chunks; a launch costs about 10 us.
+CHUNKS_PER_THREAD = 8
+
+
+def default_threads() -> int:
+    """Return the number of cores this process may use; DIGS_WARP_THREADS overrides it."""
+    override = os.environ.get("DIGS_WARP_THREADS", "")
+    if override:
+        return max(1, int(override))
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="warp")
+
+
+class ParallelLaunch:
+    """A recorded launch of ``kernel`` over indices 0..dim-1, shared out over CPU threads.
+
+    The kernel's first parameter is the first index of a chunk (int); ``inputs`` are the others. On a
+    CUDA device it is a single launch. Array arguments are bound when recorded: call `run` again after
+    changing their contents, build a new object after replacing them.
+    """
+
+    def __init__(
+        self, kernel: Any, dim: int, inputs: list[Any], device: str = "cpu", threads: int = 0
+    ) -> None:
+        self.threads = threads or default_threads()
+        pieces = self.threads * CHUNKS_PER_THREAD if device == "cpu" and self.threads > 1 else 1
+        size = max(1, -(-dim // pieces))
+        self._inputs = inputs  # keeps the arrays alive: a recorded launch holds raw addresses
+        self._launches: list[Any] = [
+            wp.launch(
+                kernel,
+                dim=min(size, dim - first),
+                inputs=[first, *inputs],
+                device=device,
+                record_cmd=True,
+            )
+            for first in range(0, dim, size)
+        ]
+
+    def set_param(self, index: int, value: Any) -> None:
+        """Change scalar argument ``index`` of ``inputs`` for the next runs."""
+        self._inputs[index] = value
+        for launch in self._launches:
+            launch.set_param_at_index(index + 1, value)
+
+    def run(self) -> None:
+        """Execute and wait."""
+        if len(self._launches) == 1:
+            self._launches[0].launch()
+        else:
+            # list() so that an exception in a chunk reaches the caller.
+            list(_pool(self.threads).map(lambda launch: launch.launch(), self._launches))
+
+
+def launch_parallel(
+    kernel: Any, dim: int, inputs: list[Any], device: str = "cpu", threads: int = 0
+) -> None:
+    """Run ``kernel`` once over indices 0..dim-1 on all cores; see `ParallelLaunch`."""
+    if dim > 0:
+        ParallelLaunch(kernel, dim, inputs, device, threads).run()

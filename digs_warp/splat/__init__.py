@@ -1,0 +1,1 @@
+"""The splat engine: projection, tile binning, rasterization and their gradients."""

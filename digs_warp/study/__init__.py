@@ -1,0 +1,1 @@
+"""Studies and benchmarks: cases as data, a runner, tables."""

@@ -1,0 +1,1 @@
+"""A handheld stereo depth camera, simulated: renders meshes along handheld trajectories."""

@@ -1,0 +1,1 @@
+"""Renderers: what the left and right eye of the rig see."""

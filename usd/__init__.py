@@ -1,0 +1,1 @@
+"""Gaussian scenes in USD: write, read, validate (schema ``ParticleField3DGaussianSplat``)."""
