@@ -1,0 +1,17 @@
+"""Fixtures shared by the whole suite."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def sample_data() -> Path:
+    """The folder of other people's meshes, environments and recordings; skips where it is missing."""
+    folder = Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", REPOSITORY / "../shared/data")).resolve()
+    if not folder.is_dir():
+        pytest.skip(f"no sample data in '{folder}' (set DIGS_WARP_SAMPLE_DATA)")
+    return folder
