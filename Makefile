@@ -1,0 +1,65 @@
+# Everything a newcomer needs; `make help` lists the targets.
+# Needs Python >= 3.11 and nothing else; the environment is made in .venv.
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format constraints clean
+
+VENV := .venv
+BIN := $(VENV)/bin
+IS_NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
+
+# The first interpreter that is new enough; 3.11 first, because constraints.txt was made with it.
+# Another one: make demo PYTHON=/path/to/python3
+PYTHON ?= $(shell for candidate in python3.11 python3 python3.12 python3.13 python; do \
+	$$candidate -c '$(IS_NEW_ENOUGH)' 2>/dev/null && echo $$candidate && break; done)
+
+# Extra arguments for pytest: make test ARGS="tests/usd -x"
+ARGS ?=
+
+help: ## Show this list
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
+
+setup: $(VENV)/.installed ## Make .venv and install the project into it
+
+# Installs again only when the project file or the pins have changed.
+$(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e '.[dev]'
+	@touch $@
+
+$(VENV)/bin/python:
+	@'$(PYTHON)' -c '$(IS_NEW_ENOUGH)' 2>/dev/null || { \
+		echo "make: needs Python 3.11 or newer, found '$(PYTHON)' ($$('$(PYTHON)' --version 2>&1 | tail -n 1));" \
+			"install it or name it: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@echo "Making the environment $(VENV) with $$('$(PYTHON)' --version) and installing into it (a few minutes)"
+	@'$(PYTHON)' -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "make: this Python cannot make environments; on Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }
+
+demo: setup ## The main job on the built-in object: capture, reconstruct, out/demo/scene.usdz
+	$(BIN)/digs-warp run --out out/demo --overwrite
+
+test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
+	@scripts/install_system_libraries.sh
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: setup ## ruff (rules and formatting) and pyright
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+format: setup ## Put the code into the house format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+constraints: ## Write constraints.txt anew: the newest versions that fit pyproject.toml
+	rm -rf build/constraints
+	'$(PYTHON)' -m venv build/constraints
+	build/constraints/bin/python -m pip install --disable-pip-version-check --quiet '.[dev]'
+	@{ sed -n '/^#/p' constraints.txt; \
+		build/constraints/bin/python -m pip freeze --exclude digs-warp; } > build/constraints.txt
+	mv build/constraints.txt constraints.txt
+	rm -rf build/constraints
+
+clean: ## Remove caches and build products (keeps .venv and out/)
+	rm -rf build dist *.egg-info .pytest_cache .ruff_cache
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
