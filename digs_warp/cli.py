@@ -1,0 +1,95 @@
+"""The command line: parses the flags, runs the command, turns what happens into an exit code.
+
+Starting up must stay quick, so this module and the commands' modules import only what the help needs;
+everything heavy is imported when a command runs. `tests/test_import.py` keeps it so.
+"""
+
+import logging
+import shlex
+import sys
+from collections.abc import Sequence
+
+import tyro
+from tqdm import tqdm
+
+from digs_warp.checks import DigsError
+from digs_warp.commands.registry import COMMANDS, Command
+from digs_warp.log import show_progress
+
+EXIT_OK = 0
+EXIT_BAD_INPUT = 1
+EXIT_WRONG_USAGE = 2  # tyro's own code
+EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+
+PROGRAM = "digs-warp"
+DESCRIPTION = """Simulate a handheld stereo depth camera, reconstruct what it recorded as Gaussian \
+splats, and write them as a USD scene.
+
+Start with 'digs-warp run --out out/demo': it needs no input, takes a few minutes and ends by saying \
+where the results are. Every command explains its flags with --help."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line (default: this process's) and return the exit code.
+
+    0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        command = parse(arguments)
+    except SystemExit as stop:  # tyro has printed the help or what is wrong
+        return stop.code if isinstance(stop.code, int) else EXIT_WRONG_USAGE
+    except DigsError as error:  # a value that its settings refuse
+        _complain(str(error))
+        return EXIT_WRONG_USAGE
+    _log_to_stderr()
+    show_progress()
+    try:
+        print(command.execute())
+    except (DigsError, OSError) as error:
+        _complain(str(error))
+        return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        _complain("interrupted. " + _how_to_go_on(arguments, command))
+        return EXIT_INTERRUPTED
+    return EXIT_OK
+
+
+def parse(arguments: Sequence[str]) -> Command:
+    """Return the command that ``arguments`` describe, without running it.
+
+    Raises:
+        SystemExit: with code 0 after printing help, with 2 after explaining wrong usage.
+        DigsError: a value out of its range.
+    """
+    return tyro.extras.subcommand_cli_from_dict(
+        COMMANDS,
+        prog=PROGRAM,
+        description=DESCRIPTION,
+        args=list(arguments),
+        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone),
+    )
+
+
+def _complain(message: str) -> None:
+    print(f"{PROGRAM}: {message}", file=sys.stderr)
+
+
+def _how_to_go_on(arguments: Sequence[str], command: Command) -> str:
+    if not command.can_resume:
+        return "Nothing was written."
+    again = [argument for argument in arguments if argument not in ("--overwrite", "--resume")]
+    return f"To go on where it stopped: {shlex.join([PROGRAM, *again, '--resume'])}"
+
+
+class _BesideTheBars(logging.Handler):
+    """Writes log lines so that they do not tear a progress bar apart."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        tqdm.write(self.format(record), file=sys.stderr)
+
+
+def _log_to_stderr() -> None:
+    handler = _BesideTheBars(level=logging.WARNING)
+    handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    logging.basicConfig(handlers=[handler], force=True)

@@ -1,0 +1,70 @@
+"""`digs-warp info`: say what a file or folder holds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from digs_warp.capture import INDEX_NAME
+from digs_warp.checks import DigsError
+from digs_warp.commands import layout
+
+Facts = dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Info:
+    """Say what a file or folder holds: a capture, a reconstruction, Gaussians, a USD scene, a mesh."""
+
+    path: Annotated[Path, tyro.conf.Positional]
+    """A folder that a command wrote, an .npz with Gaussians, a USD file, or a mesh."""
+
+    can_resume: ClassVar[bool] = False
+
+    def execute(self) -> str:
+        """Look and return the facts, one per line."""
+        return format_facts(describe(self.path))
+
+
+def describe(path: Path) -> Facts:
+    """Return what is known about ``path``, in the order in which a reader wants it."""
+    from digs_warp.commands import summaries
+
+    if not path.exists():
+        raise DigsError(f"'{path}': no such file or folder")
+    if path.is_dir():
+        return _summary_of_folder(path)(path)
+    by_suffix: dict[str, Callable[[Path], Facts]] = {
+        ".npz": summaries.of_gaussians,
+        **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), summaries.of_usd),
+        **dict.fromkeys((".glb", ".gltf", ".obj", ".ply", ".stl"), summaries.of_mesh),
+    }
+    summary = by_suffix.get(path.suffix.lower())
+    if summary is None:
+        raise DigsError(
+            f"'{path}': cannot tell what '{path.suffix}' is; one of {', '.join(by_suffix)}"
+        )
+    return summary(path)
+
+
+def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
+    from digs_warp.commands import summaries
+
+    if (path / INDEX_NAME).is_file():
+        return summaries.of_capture
+    if (path / layout.GAUSSIANS).is_file():
+        return summaries.of_reconstruction
+    if (path / layout.CAPTURE).is_dir():
+        return summaries.of_run
+    raise DigsError(
+        f"'{path}': holds neither a capture ({INDEX_NAME}) nor a reconstruction ({layout.GAUSSIANS}) "
+        f"nor the results of 'digs-warp run' ({layout.CAPTURE}/)"
+    )
+
+
+def format_facts(facts: Facts) -> str:
+    """Return the facts as two aligned columns."""
+    width = max(map(len, facts))
+    return "\n".join(f"{name.ljust(width)}  {value}" for name, value in facts.items())

@@ -1,0 +1,28 @@
+"""Where things lie in the folders that the commands write."""
+
+from pathlib import Path
+
+from digs_warp.checks import DigsError
+
+# In the folder of `digs-warp run`:
+CAPTURE = "capture"
+RECONSTRUCTION = "reconstruction"
+SCENE = "scene.usdz"
+REPORT = "report.html"
+# In every folder that a command wrote:
+RUN_RECORD = "run.json"
+# In the folder of `digs-warp reconstruct`:
+GAUSSIANS = "gaussians.npz"
+EVALUATION = "evaluation.json"
+
+
+def find_gaussians(source: Path) -> Path:
+    """Return the Gaussians of a reconstruction folder, of a `run` folder, or the file itself."""
+    if not source.is_dir():
+        return source
+    for folder in (source, source / RECONSTRUCTION):
+        if (folder / GAUSSIANS).is_file():
+            return folder / GAUSSIANS
+    raise DigsError(
+        f"'{source}': no {GAUSSIANS} in it; name a folder that 'digs-warp reconstruct' has finished"
+    )

@@ -1,0 +1,94 @@
+"""The rules for writing results: nothing of the user's is ever lost without being told to."""
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from digs_warp.capture import INDEX_NAME
+from digs_warp.checks import DigsError
+from digs_warp.commands.layout import RUN_RECORD
+from digs_warp.log import RunLog, read_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputFolder:
+    """Where the results go."""
+
+    out: Path
+    """Folder to write; it has to be new or empty, unless --resume or --overwrite is given."""
+
+    resume: bool = False
+    """Go on where an interrupted run with the same settings stopped."""
+
+    overwrite: bool = False
+    """Delete the results of an earlier run in this folder first."""
+
+    def __post_init__(self) -> None:
+        if self.resume and self.overwrite:
+            raise DigsError("--resume and --overwrite contradict each other; give one of them")
+
+    def prepare(self, command: str, settings: Any, inputs: Sequence[Path | None] = ()) -> Path:
+        """Make the folder ready, put a first run.json into it, and return it.
+
+        Args:
+            command: name of the command that is going to write.
+            settings: its settings, for run.json.
+            inputs: what the command reads; --overwrite must not delete any of it.
+
+        Raises:
+            DigsError: the folder is in use and no flag says what to do, or it cannot be overwritten.
+        """
+        if self.out.exists() and not self.out.is_dir():
+            raise DigsError(f"--out '{self.out}': this is a file; name a folder")
+        if self.overwrite and _is_used(self.out):
+            _check_may_delete(self.out, [path for path in inputs if path is not None])
+            shutil.rmtree(self.out)
+        elif _is_used(self.out) and not self.resume:
+            raise DigsError(
+                f"--out '{self.out}': the folder is not empty. Add --resume to go on with an "
+                "interrupted run, --overwrite to start anew, or name another folder."
+            )
+        if not (self.out / RUN_RECORD).exists():
+            # From now on the folder is known as ours, even when the run breaks off in its first stage.
+            RunLog(command, settings).save(self.out / RUN_RECORD)
+        return self.out
+
+
+def check_output_file(path: Path, overwrite: bool) -> None:
+    """Raise a `DigsError` when ``path`` exists and may not be replaced."""
+    if path.is_dir():
+        raise DigsError(f"--out '{path}': this is a folder; name a file")
+    if path.exists() and not overwrite:
+        raise DigsError(f"--out '{path}': the file exists; add --overwrite or name another file")
+
+
+def is_ours(folder: Path) -> bool:
+    """Whether this program wrote ``folder``: it holds a run record or a capture index of ours."""
+    try:
+        if (folder / RUN_RECORD).is_file():
+            return {"command", "versions", "settings"} <= read_json(
+                folder / RUN_RECORD, "run record"
+            ).keys()
+        return "digs_warp" in read_json(folder / INDEX_NAME, "capture index")
+    except DigsError:
+        return False
+
+
+def _is_used(folder: Path) -> bool:
+    return folder.is_dir() and any(folder.iterdir())
+
+
+def _check_may_delete(folder: Path, inputs: Sequence[Path]) -> None:
+    if not is_ours(folder):
+        raise DigsError(
+            f"--out '{folder}': --overwrite deletes only folders that digs-warp wrote, and this one "
+            f"has no {RUN_RECORD} of ours. Delete it yourself or name another folder."
+        )
+    for path in [*inputs, Path.cwd()]:
+        if path.resolve().is_relative_to(folder.resolve()):
+            raise DigsError(
+                f"--out '{folder}': --overwrite would delete '{path}', which this run needs; "
+                "name another folder"
+            )

@@ -1,0 +1,24 @@
+"""The list of commands, in the order in which the help shows them."""
+
+from typing import ClassVar, Protocol
+
+from digs_warp.commands.bench import Bench
+from digs_warp.commands.export_usd import ExportUsd
+from digs_warp.commands.info import Info
+
+
+class Command(Protocol):
+    """What the command line needs of a command."""
+
+    can_resume: ClassVar[bool]
+
+    def execute(self) -> str:
+        """Do the work and return what to print at the end."""
+        ...
+
+
+COMMANDS: dict[str, type[Command]] = {
+    "export-usd": ExportUsd,
+    "info": Info,
+    "bench": Bench,
+}

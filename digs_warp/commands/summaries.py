@@ -1,0 +1,154 @@
+"""What `digs-warp info` says about each kind of thing."""
+
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.capture import Frame, read_capture
+from digs_warp.checks import DigsError
+from digs_warp.commands import layout
+from digs_warp.gaussians import Gaussians
+from digs_warp.log import read_json
+
+Facts = dict[str, str]
+
+_LAYER_NAMES = {
+    "file_path": "left image",
+    "right_file_path": "right image",
+    "depth_file_path": "depth",
+    "depth_true_file_path": "true depth",
+    "mask_path": "mask",
+}
+
+
+def of_capture(folder: Path) -> Facts:
+    """Frames, camera, rig, time span, layers, and a look at the first frame."""
+    capture = read_capture(folder)
+    first = capture.frames[0]
+    k = first.camera.intrinsics
+    span = capture.frames[-1].time - first.time
+    facts = {
+        "kind": "capture",
+        "frames": f"{len(capture)} in {span:.1f} s",
+        "image size": f"{k.width} x {k.height}",
+        "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
+        "baseline": f"{capture.rig.baseline * 1e3:.1f} mm" if capture.rig else "none (one camera)",
+        "layers": ", ".join(name for key, name in _LAYER_NAMES.items() if first.has(key)),
+        "camera path": _extent(np.stack([f.camera.center_world for f in capture.frames])),
+    }
+    return facts | _of_frame(first) | _of_record(folder)
+
+
+def _of_frame(frame: Frame) -> Facts:
+    facts: Facts = {}
+    if frame.has("mask_path"):
+        facts["object"] = f"{(frame.load_mask() > 127).mean():.1%} of the first image"
+    if frame.has("depth_file_path"):
+        depth = frame.load_depth()
+        known = np.isfinite(depth)
+        facts["depth"] = f"known at {known.mean():.1%} of the first image's pixels"
+        if known.any():
+            near, far = np.nanpercentile(depth, [1, 99])
+            facts["depth"] += f", {near:.3f} m to {far:.3f} m (1st to 99th percentile)"
+    return facts
+
+
+def of_gaussians(path: Path) -> Facts:
+    """Number, degree, extent, typical size and opacity."""
+    gaussians = Gaussians.load(path)
+    facts = {
+        "kind": "Gaussians",
+        "number": f"{len(gaussians):,}",
+        "spherical harmonics": f"degree {gaussians.sh_degree}",
+        "file size": _megabytes(path),
+    }
+    if len(gaussians):
+        size_mm = np.exp(gaussians.log_scales.mean(axis=1)) * 1e3
+        facts["extent"] = _extent(gaussians.means)
+        facts["size"] = f"{np.median(size_mm):.2f} mm standard deviation (median)"
+        facts["opacity"] = f"{np.median(gaussians.opacities):.2f} (median)"
+    return facts
+
+
+def of_reconstruction(folder: Path) -> Facts:
+    """The Gaussians, how well they match the held-out views, and how long it took."""
+    facts = of_gaussians(folder / layout.GAUSSIANS) | {"kind": "reconstruction"}
+    if (folder / layout.EVALUATION).is_file():
+        evaluation = read_json(folder / layout.EVALUATION, "evaluation")
+        facts["held-out views"] = (
+            f"{len(evaluation['views'])}: {format_quality(evaluation['mean'])}"
+        )
+    return facts | _of_record(folder)
+
+
+def of_run(folder: Path) -> Facts:
+    """What 'digs-warp run' left: each part in a line."""
+    facts = {"kind": "results of 'digs-warp run'"}
+    parts = {
+        "capture": (layout.CAPTURE, of_capture, ("frames", "image size")),
+        "reconstruction": (layout.RECONSTRUCTION, of_reconstruction, ("number", "held-out views")),
+    }
+    for name, (place, summary, keys) in parts.items():
+        try:
+            found = summary(folder / place)
+            facts[name] = ", ".join(f"{key} {found[key]}" for key in keys if key in found)
+        except DigsError:
+            facts[name] = "not finished"
+    for name, place in {"scene": layout.SCENE, "report": layout.REPORT}.items():
+        path = folder / place
+        facts[name] = f"{path} ({_megabytes(path)})" if path.is_file() else "not finished"
+    return facts | _of_record(folder)
+
+
+def of_usd(path: Path) -> Facts:
+    """The Gaussians that the scene holds."""
+    from usd.reader import read_gaussians
+
+    gaussians = read_gaussians(path)
+    return {
+        "kind": "USD scene",
+        "Gaussians": f"{len(gaussians.means):,}",
+        "file size": _megabytes(path),
+    }
+
+
+def of_mesh(path: Path) -> Facts:
+    """The mesh as the simulator sees it: brought to a standard size, upright, at the origin."""
+    from sim.load import load_scene
+
+    scene = load_scene(path)
+    textured = sum(material.texture is not None for material in scene.materials)
+    return {
+        "kind": "mesh",
+        "triangles": f"{len(scene.faces):,}",
+        "vertices": f"{len(scene.vertices):,}",
+        "materials": f"{len(scene.materials)}, {textured} with a texture",
+        "scale": f"1 unit of the file = {scene.scale_applied:.4g} m in the capture",
+        "extent": _extent(scene.vertices) + " in the capture",
+        "file size": _megabytes(path),
+    }
+
+
+def _of_record(folder: Path) -> Facts:
+    """Command and stage times from run.json."""
+    if not (folder / layout.RUN_RECORD).is_file():
+        return {}
+    record = read_json(folder / layout.RUN_RECORD, "run record")
+    seconds = record.get("seconds") or {}
+    if not seconds:
+        return {}
+    return {"seconds": ", ".join(f"{name} {value:.1f}" for name, value in seconds.items())}
+
+
+def format_quality(mean: dict[str, float]) -> str:
+    """Return the mean quality of the held-out views in words."""
+    return f"PSNR {mean['psnr']:.2f} dB, SSIM {mean['ssim']:.4f}"
+
+
+def _extent(points: np.ndarray) -> str:
+    size = points.max(axis=0) - points.min(axis=0)
+    return " x ".join(f"{value:.3f}" for value in size) + " m"
+
+
+def _megabytes(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:.1f} MB"

@@ -1,0 +1,68 @@
+"""Results of a benchmark or a study: one number each; as a table for people, as JSON lines for programs."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from digs_warp.log import write_atomically
+
+
+@dataclass(frozen=True)
+class Result:
+    """One measured number and everything needed to measure it again.
+
+    Attributes:
+        name: what was measured, for example "forward".
+        value: the number.
+        unit: its unit, for example "ms".
+        settings: what it depends on, for example ``{"splats": 100000, "threads": 2}``.
+    """
+
+    name: str
+    value: float
+    unit: str
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+def format_table(results: Sequence[Result]) -> str:
+    """Return the results as aligned columns; settings that all of them share stand above, once."""
+    if not results:
+        return "no results"
+    keys = list(dict.fromkeys(key for result in results for key in result.settings))
+    shared = [key for key in keys if len({repr(r.settings.get(key)) for r in results}) == 1]
+    varying = [key for key in keys if key not in shared]
+    rows = [["name", *varying, "value", "unit"]]
+    for r in results:
+        cells = [str(r.settings.get(key, "")) for key in varying]
+        rows.append([r.name, *cells, format_number(r.value), r.unit])
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    right_aligned = len(widths) - 2  # the column of values
+    lines = [
+        "  ".join(
+            cell.rjust(width) if column == right_aligned else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    if shared:
+        lines.insert(
+            0, ", ".join(f"{key}: {results[0].settings.get(key)}" for key in shared) + "\n"
+        )
+    return "\n".join(lines)
+
+
+def format_number(value: float) -> str:
+    """Return ``value`` with four significant digits, never in exponent form below a million."""
+    if value == 0 or not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.4g}"
+    decimals = max(0, 4 - len(str(int(abs(value)))))
+    return f"{value:,.{decimals}f}"
+
+
+def write_json_lines(results: Sequence[Result], path: Path) -> None:
+    """Write one JSON object per line: name, value, unit, settings."""
+    lines = [json.dumps(asdict(result), allow_nan=False) + "\n" for result in results]
+    write_atomically(path, "".join(lines).encode())
