@@ -1,0 +1,84 @@
+"""The surround of the scene: a panorama on a sphere, which is also the light.
+
+The panorama is equirectangular: row 0 looks straight up (+z), and the middle column looks along +x. Seen
+from inside, going right in the image turns clockwise from above, so writing on the walls is not mirrored:
+``u = 0.5 - atan2(y, x) / (2 pi)``, ``v = acos(z) / pi``.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
+from digs_warp.images import linear_from_srgb, read_image
+
+# Near enough that the walls shift from frame to frame (structure from motion holds on to them), far
+# enough that three orbits at about 0.9 m stay well inside.
+DEFAULT_RADIUS = 4.0
+
+# A panorama is twice as wide as high; stitching tools are off by a few pixels at most.
+ASPECT_TOLERANCE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """A sphere around the origin that glows.
+
+    Attributes:
+        radiance: linear RGB, equirectangular, shape (height, width, 3), float32, finite, >= 0.
+        radius: radius of the sphere [m].
+    """
+
+    radiance: np.ndarray
+    radius: float = DEFAULT_RADIUS
+
+    def __post_init__(self) -> None:
+        radiance = np.asarray(self.radiance, dtype=np.float32)
+        check_shape("environment radiance", radiance, (None, None, 3))
+        check_finite("environment radiance", radiance)
+        check_positive("environment radius", self.radius)
+        object.__setattr__(self, "radiance", np.ascontiguousarray(np.maximum(radiance, 0.0)))
+
+
+def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
+    """Read an equirectangular panorama: HDR and EXR are linear, 8- and 16-bit images are sRGB.
+
+    Raises:
+        DigsError: the file is missing, truncated, no image, not twice as wide as high, completely
+            black, or holds NaN or infinite values.
+    """
+    path = Path(path)
+    pixels = read_image(path, what="environment")
+    height, width, channels = pixels.shape
+    if abs(width - 2 * height) > max(1.0, ASPECT_TOLERANCE * width):
+        raise DigsError(
+            f"environment '{path}': {width}x{height} pixels, expected an equirectangular panorama, "
+            "twice as wide as high; convert it (a cube map or a photo does not do)"
+        )
+    if pixels.dtype.kind == "u":
+        linear = linear_from_srgb(pixels.astype(np.float32) / np.iinfo(pixels.dtype).max)
+    else:
+        linear = check_finite(f"environment '{path}'", pixels)
+    # One channel is grey, two are grey and alpha, four are colour and alpha.
+    linear = linear[..., :3] if channels >= 3 else np.repeat(linear[..., :1], 3, axis=-1)
+    if not (linear > 0).any():
+        raise DigsError(f"environment '{path}': every pixel is black, so nothing could be seen")
+    return Environment(linear, radius)
+
+
+def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:
+    """Return the built-in studio room: textured all round, lit by windows and soft boxes."""
+    from sim.studio_room import studio_room_radiance
+
+    return Environment(studio_room_radiance(), radius)
+
+
+def panorama_directions(width: int, height: int) -> np.ndarray:
+    """Return the unit direction of each panorama pixel's centre, shape (height, width, 3)."""
+    azimuth = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
+    polar = ((np.arange(height) + 0.5) / height * np.pi)[:, None]
+    ring = np.sin(polar)
+    return np.stack(
+        [ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(polar) + 0 * azimuth], axis=-1
+    )

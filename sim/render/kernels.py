@@ -1,0 +1,182 @@
+"""The ray-casting kernels: one Warp thread per pixel or vertex, rays through a BVH.
+
+A thread writes its own pixel only and draws its random numbers from (seed, pixel), so images do not
+depend on the number of threads.
+"""
+
+import warp as wp
+
+from sim.render.lighting import Light, sample_panorama
+from sim.render.shading import Surface, shade, viewer_side_normal
+
+wp.set_module_options({"enable_backward": False})
+
+# Beyond everything; the surround is met analytically.
+FAR = wp.constant(1.0e6)
+
+# The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018): any number
+# of samples covers the pixel evenly.
+R2_X = wp.constant(0.7548776662466927)
+R2_Y = wp.constant(0.5698402909980532)
+
+GOLDEN_ANGLE = wp.constant(2.399963229728653)
+
+
+@wp.struct
+class View:
+    """A camera and its surround as kernels need them."""
+
+    width: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    world_from_cam: wp.mat33  # rotation
+    center: wp.vec3
+    surround_radius: float  # [m], sphere around the origin
+    pixel_cone: float  # spread of the cone of one sample [rad]
+    surround_level: float  # pyramid level of the panorama that fits a sample
+
+
+@wp.func
+def ray_direction_cam(view: View, x: float, y: float) -> wp.vec3:
+    """Unit direction through image position (x, y) [px] in camera axes."""
+    return wp.normalize(wp.vec3((x - view.cx) / view.fx, (y - view.cy) / view.fy, 1.0))
+
+
+@wp.func
+def surround_distance(view: View, direction: wp.vec3) -> float:
+    """Distance along the ray to the surrounding sphere, from inside."""
+    along = wp.dot(view.center, direction)
+    gap = view.surround_radius * view.surround_radius - wp.dot(view.center, view.center)
+    root = wp.sqrt(along * along + gap)
+    # Two forms of the same root, each without cancellation for one sign of `along`.
+    return wp.where(along > 0.0, gap / (root + along), root - along)
+
+
+@wp.func
+def srgb_byte(linear: float) -> wp.uint8:
+    """Clip and encode a linear value as an sRGB byte."""
+    value = wp.clamp(linear, 0.0, 1.0)
+    if value <= 0.0031308:
+        value = 12.92 * value
+    else:
+        value = 1.055 * wp.pow(value, 1.0 / 2.4) - 0.055
+    return wp.uint8(value * 255.0 + 0.5)
+
+
+@wp.kernel
+def color_kernel(
+    first: int,
+    view: View,
+    surface: Surface,
+    light: Light,
+    samples: int,
+    seed: int,
+    # outputs
+    image: wp.array2d(dtype=wp.uint8),  # [pixels, 3] sRGB
+    mask: wp.array(dtype=wp.uint8),  # [pixels] coverage 0..255
+):
+    """Average the samples of a pixel: image (box filter over the pixel) and object coverage."""
+    pixel = first + wp.tid()
+    state = wp.rand_init(seed, pixel)
+    # The same even pattern in every pixel, shifted by a random amount: no moire, little noise.
+    shift_x = wp.randf(state)
+    shift_y = wp.randf(state)
+    column = float(pixel % view.width)
+    row = float(pixel // view.width)
+    total = wp.vec3(0.0)
+    hits = int(0)
+    for i in range(samples):
+        dx = shift_x + R2_X * float(i)
+        dy = shift_y + R2_Y * float(i)
+        x = column + dx - wp.floor(dx)
+        y = row + dy - wp.floor(dy)
+        direction = view.world_from_cam * ray_direction_cam(view, x, y)
+        hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
+        if hit.result:
+            total += shade(surface, light, hit, direction, hit.t * view.pixel_cone)
+            hits += 1
+        else:
+            point = view.center + surround_distance(view, direction) * direction
+            outward = point / view.surround_radius
+            total += sample_panorama(light.panorama, outward, view.surround_level)
+    mean = total / float(samples)
+    image[pixel, 0] = srgb_byte(mean[0])
+    image[pixel, 1] = srgb_byte(mean[1])
+    image[pixel, 2] = srgb_byte(mean[2])
+    mask[pixel] = wp.uint8((255.0 * float(hits)) / float(samples) + 0.5)
+
+
+@wp.kernel
+def geometry_kernel(
+    first: int,
+    view: View,
+    surface: Surface,
+    # outputs
+    depth: wp.array(dtype=float),  # [pixels] planar z [m]
+    normals: wp.array(dtype=wp.vec3),  # [pixels] world, toward the viewer
+    materials: wp.array(dtype=int),  # [pixels] -1: surround
+):
+    """Cast one ray through the exact centre of a pixel."""
+    pixel = first + wp.tid()
+    x = float(pixel % view.width) + 0.5
+    y = float(pixel // view.width) + 0.5
+    direction_cam = ray_direction_cam(view, x, y)
+    direction = view.world_from_cam * direction_cam
+    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
+    if hit.result:
+        depth[pixel] = hit.t * direction_cam[2]
+        normals[pixel] = viewer_side_normal(surface, hit, direction)
+        materials[pixel] = surface.materials[hit.face]
+    else:
+        distance = surround_distance(view, direction)
+        depth[pixel] = distance * direction_cam[2]
+        normals[pixel] = -wp.normalize(view.center + distance * direction)
+        materials[pixel] = -1
+
+
+@wp.func
+def open_share(
+    mesh: wp.uint64, point: wp.vec3, normal: wp.vec3, rays: int, reach: float, turn: float
+) -> float:
+    """Cosine-weighted share of a hemisphere whose rays leave the object within ``reach`` [m]."""
+    helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
+    tangent = wp.normalize(wp.cross(helper, normal))
+    bitangent = wp.cross(normal, tangent)
+    free = float(0.0)
+    for i in range(rays):
+        # Malley's method: a sunflower on the disk, lifted to the hemisphere.
+        radius2 = (float(i) + 0.5) / float(rays)
+        angle = float(i) * GOLDEN_ANGLE + turn
+        radius = wp.sqrt(radius2)
+        direction = (
+            radius * (wp.cos(angle) * tangent + wp.sin(angle) * bitangent)
+            + wp.sqrt(1.0 - radius2) * normal
+        )
+        if not wp.mesh_query_ray_anyhit(mesh, point, direction, reach):
+            free += 1.0
+    return free / float(rays)
+
+
+@wp.kernel
+def openness_kernel(
+    first: int,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    vertex_normals: wp.array(dtype=wp.vec3),
+    rays: int,
+    reach: float,
+    offset: float,
+    # outputs
+    openness: wp.array(dtype=wp.vec2),
+):
+    """Measure the openness of a vertex on both sides of the surface."""
+    vertex = first + wp.tid()
+    point = points[vertex]
+    normal = vertex_normals[vertex]
+    if wp.length(normal) < 0.5:
+        normal = wp.vec3(0.0, 0.0, 1.0)
+    front = open_share(mesh, point + offset * normal, normal, rays, reach, 0.0)
+    back = open_share(mesh, point - offset * normal, -normal, rays, reach, 0.0)
+    openness[vertex] = wp.vec2(front, back)

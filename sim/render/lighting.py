@@ -1,0 +1,255 @@
+"""What the environment sends to a surface: the panorama's pyramid, diffuse and blurred specular light.
+
+Diffuse light is the nine-coefficient irradiance of Ramamoorthi and Hanrahan, "An Efficient
+Representation for Irradiance Environment Maps" (2001), eq. 7 and 8. Specular light is the first half of
+Karis' split sum ("Real Shading in Unreal Engine 4", 2013): copies of the panorama, blurred with the GGX
+lobe of a few roughnesses, looked up along the reflected ray.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from digs_warp.parallel import launch_parallel
+from digs_warp.sh import sh_basis
+from sim.environment import Environment, panorama_directions
+from sim.render.textures import mip_chain
+
+wp.set_module_options({"enable_backward": False})
+
+# A white card lit by the average of the surround comes out at this linear value: it leaves headroom for
+# the side that faces the light.
+WHITE_CARD = 0.65
+
+# The blurred copies hold roughness 0.2, 0.4 ... 1; between 0 and 0.2 the sharp panorama mixes in.
+SPECULAR_COPIES = 5
+SPECULAR_WIDTH = 128
+SPECULAR_HEIGHT = 64
+SPECULAR_SAMPLES = 128
+
+# A curved mirror shrinks what it reflects; this width [px] keeps sharp reflections free of shimmer.
+MIRROR_WIDTH = 512
+
+# Cosine lobe in spherical harmonics, bands 0, 1, 2 (Ramamoorthi and Hanrahan 2001, eq. 8).
+COSINE_LOBE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
+
+TWO_PI = wp.constant(2.0 * np.pi)
+PI = wp.constant(np.pi)
+
+
+@wp.struct
+class Panorama:
+    """The pyramid of an equirectangular image; level 0 is the finest."""
+
+    texels: wp.array(dtype=wp.vec3)  # all levels, one after the other
+    offsets: wp.array(dtype=int)  # [levels] first texel of a level
+    sizes: wp.array(dtype=wp.vec2i)  # [levels] width, height
+    levels: int
+
+
+@wp.struct
+class Light:
+    """Everything the shading of a surface asks of the environment (radiance times exposure)."""
+
+    panorama: Panorama
+    irradiance: wp.array(dtype=wp.vec3)  # [9] spherical harmonics of E(n) / pi
+    specular: wp.array3d(dtype=wp.vec3)  # [SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH]
+    mirror_level: float
+
+
+@wp.func
+def panorama_uv(direction: wp.vec3) -> wp.vec2:
+    """Position in the panorama, both in 0..1, of a unit direction; see sim.environment."""
+    u = 0.5 - wp.atan2(direction[1], direction[0]) / TWO_PI
+    return wp.vec2(u, wp.acos(wp.clamp(direction[2], -1.0, 1.0)) / PI)
+
+
+@wp.func
+def sample_panorama_level(panorama: Panorama, level: int, uv: wp.vec2) -> wp.vec3:
+    """Bilinear value of one level: wraps around sideways, stops at the poles."""
+    width = panorama.sizes[level][0]
+    height = panorama.sizes[level][1]
+    x = uv[0] * float(width) - 0.5
+    y = uv[1] * float(height) - 0.5
+    left = int(wp.floor(x))
+    top = int(wp.floor(y))
+    fx = x - float(left)
+    fy = y - float(top)
+    x0 = (left + width) % width
+    x1 = (left + 1 + width) % width
+    first = panorama.offsets[level]
+    row0 = first + wp.clamp(top, 0, height - 1) * width
+    row1 = first + wp.clamp(top + 1, 0, height - 1) * width
+    above = wp.lerp(panorama.texels[row0 + x0], panorama.texels[row0 + x1], fx)
+    below = wp.lerp(panorama.texels[row1 + x0], panorama.texels[row1 + x1], fx)
+    return wp.lerp(above, below, fy)
+
+
+@wp.func
+def sample_panorama(panorama: Panorama, direction: wp.vec3, level: float) -> wp.vec3:
+    """Trilinear value of the panorama along a unit direction; level 0 is the finest."""
+    uv = panorama_uv(direction)
+    level = wp.clamp(level, 0.0, float(panorama.levels - 1))
+    fine = int(wp.floor(level))
+    blend = level - float(fine)
+    color = sample_panorama_level(panorama, fine, uv)
+    if blend > 0.0:
+        color = wp.lerp(color, sample_panorama_level(panorama, fine + 1, uv), blend)
+    return color
+
+
+@wp.func
+def diffuse_light(light: Light, n: wp.vec3) -> wp.vec3:
+    """Irradiance over pi at unit normal n: the radiance a white matte surface sends back."""
+    # Basis order and signs as in digs_warp.sh, band by band.
+    e = 0.28209479177387814 * light.irradiance[0]
+    e += 0.4886025119029199 * (
+        n[2] * light.irradiance[2] - n[1] * light.irradiance[1] - n[0] * light.irradiance[3]
+    )
+    e += 1.0925484305920792 * (
+        n[0] * n[1] * light.irradiance[4]
+        - n[1] * n[2] * light.irradiance[5]
+        - n[0] * n[2] * light.irradiance[7]
+    )
+    e += (0.31539156525252005 * (3.0 * n[2] * n[2] - 1.0)) * light.irradiance[6]
+    e += (0.5462742152960396 * (n[0] * n[0] - n[1] * n[1])) * light.irradiance[8]
+    # Nine coefficients ring below zero opposite a strong light.
+    return wp.vec3(wp.max(e[0], 0.0), wp.max(e[1], 0.0), wp.max(e[2], 0.0))
+
+
+@wp.func
+def sample_specular_copy(light: Light, copy: int, uv: wp.vec2) -> wp.vec3:
+    """Bilinear value of one blurred copy."""
+    x = uv[0] * float(SPECULAR_WIDTH) - 0.5
+    y = uv[1] * float(SPECULAR_HEIGHT) - 0.5
+    left = int(wp.floor(x))
+    top = int(wp.floor(y))
+    x0 = (left + SPECULAR_WIDTH) % SPECULAR_WIDTH
+    x1 = (left + 1) % SPECULAR_WIDTH
+    y0 = wp.clamp(top, 0, SPECULAR_HEIGHT - 1)
+    y1 = wp.clamp(top + 1, 0, SPECULAR_HEIGHT - 1)
+    above = wp.lerp(light.specular[copy, y0, x0], light.specular[copy, y0, x1], x - float(left))
+    below = wp.lerp(light.specular[copy, y1, x0], light.specular[copy, y1, x1], x - float(left))
+    return wp.lerp(above, below, y - float(top))
+
+
+@wp.func
+def specular_light(light: Light, reflected: wp.vec3, roughness: float) -> wp.vec3:
+    """Light that arrives around the reflected ray, averaged over the lobe of ``roughness``."""
+    position = wp.clamp(roughness, 0.0, 1.0) * float(SPECULAR_COPIES) - 1.0
+    uv = panorama_uv(reflected)
+    if position < 0.0:
+        sharp = sample_panorama(light.panorama, reflected, light.mirror_level)
+        return wp.lerp(sharp, sample_specular_copy(light, 0, uv), position + 1.0)
+    copy = wp.min(int(wp.floor(position)), SPECULAR_COPIES - 2)
+    smooth = sample_specular_copy(light, copy, uv)
+    return wp.lerp(smooth, sample_specular_copy(light, copy + 1, uv), position - float(copy))
+
+
+@wp.kernel
+def _blur_kernel(
+    first: int,
+    panorama: Panorama,
+    # outputs
+    specular: wp.array3d(dtype=wp.vec3),
+):
+    """Average the panorama over the GGX lobe of a copy's roughness (Karis 2013, with n = v = r).
+
+    Each of the samples reads the pyramid level whose texels are as large as its share of the lobe
+    (filtered importance sampling, Krivanek and Colbert, GPU Gems 3, chapter 20, 2008).
+    """
+    index = first + wp.tid()
+    column = index % SPECULAR_WIDTH
+    row = (index // SPECULAR_WIDTH) % SPECULAR_HEIGHT
+    copy = index // (SPECULAR_WIDTH * SPECULAR_HEIGHT)
+    azimuth = (0.5 - (float(column) + 0.5) / float(SPECULAR_WIDTH)) * TWO_PI
+    polar = (float(row) + 0.5) / float(SPECULAR_HEIGHT) * PI
+    n = wp.vec3(
+        wp.sin(polar) * wp.cos(azimuth), wp.sin(polar) * wp.sin(azimuth), wp.cos(polar)
+    )
+    helper = wp.where(wp.abs(n[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
+    tangent = wp.normalize(wp.cross(helper, n))
+    bitangent = wp.cross(n, tangent)
+
+    roughness = float(copy + 1) / float(SPECULAR_COPIES)
+    a2 = wp.pow(roughness, 4.0)
+    texel = 4.0 * PI / float(panorama.sizes[0][0] * panorama.sizes[0][1])
+    total = wp.vec3(0.0)
+    weight = float(0.0)
+    for i in range(SPECULAR_SAMPLES):
+        share = (float(i) + 0.5) / float(SPECULAR_SAMPLES)
+        cos2 = (1.0 - share) / (1.0 + (a2 - 1.0) * share)
+        cos_h = wp.sqrt(cos2)
+        sin_h = wp.sqrt(1.0 - cos2)
+        turn = float(i) * 2.399963229728653  # golden angle
+        half = sin_h * (wp.cos(turn) * tangent + wp.sin(turn) * bitangent) + cos_h * n
+        incoming = 2.0 * cos_h * half - n
+        cos_l = wp.dot(incoming, n)
+        if cos_l > 0.0:
+            # Density of the half vector over that of directions, with n = v: D / 4.
+            root = cos2 * (a2 - 1.0) + 1.0
+            density = a2 / (4.0 * PI * root * root)
+            solid_angle = 1.0 / (float(SPECULAR_SAMPLES) * density)
+            level = 0.5 * wp.log2(solid_angle / texel) + 1.0
+            total += cos_l * sample_panorama(panorama, incoming, level)
+            weight += cos_l
+    specular[copy, row, column] = total / weight
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentLight:
+    """An environment made ready for the kernels; ``exposure`` is already multiplied in."""
+
+    exposure: float
+    struct: Light
+
+
+def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
+    """Return spherical-harmonics coefficients, shape (9, 3), of E(n) / pi.
+
+    ``sh_basis(n, 2) @ coefficients`` is the light that a white matte surface of normal n sends back.
+    """
+    height, width = radiance.shape[:2]
+    basis = sh_basis(panorama_directions(width, height), 2)
+    return np.einsum(
+        "hwk,hwc->kc", basis * solid_angles(width, height)[..., None], radiance
+    ) * (COSINE_LOBE / np.pi)[:, None]
+
+
+def solid_angles(width: int, height: int) -> np.ndarray:
+    """Return the solid angle of each panorama row's pixels [sr], shape (height, 1)."""
+    edges = np.cos(np.arange(height + 1) / height * np.pi)
+    return ((edges[:-1] - edges[1:]) * 2 * np.pi / width)[:, None]
+
+
+def prepare_light(environment: Environment, threads: int = 0) -> EnvironmentLight:
+    """Build pyramid, irradiance and blurred copies, and fix the exposure of a recording."""
+    radiance = environment.radiance
+    height, width = radiance.shape[:2]
+    mean = float((radiance.mean(axis=2) * solid_angles(width, height)).sum() / (4 * np.pi))
+    exposure = WHITE_CARD / max(mean, 1e-12)
+    levels = mip_chain(radiance * np.float32(exposure))
+    small = next(level for level in levels if level.shape[1] <= 2 * SPECULAR_WIDTH)
+
+    panorama = Panorama()
+    panorama.texels = wp.array(
+        np.concatenate([level.reshape(-1, 3) for level in levels]), dtype=wp.vec3, device="cpu"
+    )
+    sizes = np.array([(level.shape[1], level.shape[0]) for level in levels], dtype=np.int32)
+    panorama.sizes = wp.array(sizes, dtype=wp.vec2i, device="cpu")
+    starts = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))[:-1]]).astype(np.int32)
+    panorama.offsets = wp.array(starts, dtype=int, device="cpu")
+    panorama.levels = len(levels)
+
+    specular = wp.zeros((SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH), wp.vec3, device="cpu")
+    launch_parallel(_blur_kernel, specular.size, [panorama, specular], threads=threads)
+
+    light = Light()
+    light.panorama = panorama
+    light.irradiance = wp.array(
+        irradiance_coefficients(small).astype(np.float32), dtype=wp.vec3, device="cpu"
+    )
+    light.specular = specular
+    light.mirror_level = float(max(0.0, np.log2(width / MIRROR_WIDTH)))
+    return EnvironmentLight(exposure, light)

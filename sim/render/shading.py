@@ -1,0 +1,140 @@
+"""How a surface point looks: material, texture, and the light of the environment.
+
+The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat. The coat's
+reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
+Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured per vertex, with the bounces
+between coloured walls put back (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect
+Occlusion", 2016, eq. 20).
+"""
+
+import warp as wp
+
+from sim.render.lighting import Light, diffuse_light, specular_light
+from sim.render.textures import TextureSet, sample_texture
+
+wp.set_module_options({"enable_backward": False})
+
+# Reflectance of glass, plastic and paint at normal incidence.
+DIELECTRIC_REFLECTANCE = wp.constant(0.04)
+
+# A ray cone at a grazing angle would stretch without bound.
+MIN_COSINE = wp.constant(0.1)
+
+
+@wp.struct
+class Surface:
+    """The scene's triangles and materials on the device; arrays in the order of `sim.scene.Scene`."""
+
+    mesh: wp.uint64  # wp.Mesh
+    corners: wp.array(dtype=int)  # [3 m] vertex of each corner
+    normals: wp.array(dtype=wp.vec3)  # [n]
+    uvs: wp.array(dtype=wp.vec2)  # [n]
+    colors: wp.array(dtype=wp.vec3)  # [n]
+    openness: wp.array(dtype=wp.vec2)  # [n] unoccluded share in front of and behind the normal
+    materials: wp.array(dtype=int)  # [m]
+    texel_levels: wp.array(dtype=float)  # [m] log2(texels per metre)
+    base_colors: wp.array(dtype=wp.vec3)  # [materials]
+    roughness: wp.array(dtype=float)  # [materials]
+    metallic: wp.array(dtype=float)  # [materials]
+    material_textures: wp.array(dtype=int)  # [materials] -1: none
+    textures: TextureSet
+
+
+@wp.func
+def viewer_side_normal(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3) -> wp.vec3:
+    """Interpolated unit normal, turned toward the viewer; surfaces have two sides."""
+    corner = 3 * hit.face
+    w = 1.0 - hit.u - hit.v
+    normal = (
+        hit.u * surface.normals[surface.corners[corner]]
+        + hit.v * surface.normals[surface.corners[corner + 1]]
+        + w * surface.normals[surface.corners[corner + 2]]
+    )
+    length = wp.length(normal)
+    # Opposite vertex normals may cancel out; the triangle's own is always there.
+    normal = wp.where(length > 1.0e-6, normal / wp.max(length, 1.0e-6), hit.normal)
+    return wp.where(wp.dot(hit.normal, direction) > 0.0, -normal, normal)
+
+
+@wp.func
+def base_color(
+    surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
+) -> wp.vec3:
+    """Linear colour of the hit: factor times vertex colour times filtered texture."""
+    corner = 3 * hit.face
+    a = surface.corners[corner]
+    b = surface.corners[corner + 1]
+    c = surface.corners[corner + 2]
+    w = 1.0 - hit.u - hit.v
+    material = surface.materials[hit.face]
+    color = hit.u * surface.colors[a] + hit.v * surface.colors[b] + w * surface.colors[c]
+    color = wp.cw_mul(color, surface.base_colors[material])
+    texture = surface.material_textures[material]
+    if texture >= 0:
+        uv = hit.u * surface.uvs[a] + hit.v * surface.uvs[b] + w * surface.uvs[c]
+        cosine = wp.max(wp.abs(wp.dot(hit.normal, direction)), MIN_COSINE)
+        level = surface.texel_levels[hit.face] + wp.log2(cone_width / cosine)
+        color = wp.cw_mul(color, sample_texture(surface.textures, texture, uv, level))
+    return color
+
+
+@wp.func
+def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3) -> float:
+    """Share of the hemisphere on the viewer's side that sees the environment."""
+    corner = 3 * hit.face
+    w = 1.0 - hit.u - hit.v
+    both = (
+        hit.u * surface.openness[surface.corners[corner]]
+        + hit.v * surface.openness[surface.corners[corner + 1]]
+        + w * surface.openness[surface.corners[corner + 2]]
+    )
+    return wp.where(wp.dot(hit.normal, direction) > 0.0, both[1], both[0])
+
+
+@wp.func
+def with_bounces(openness: float, albedo: float) -> float:
+    """Openness for one colour channel after light bounced between walls of that albedo."""
+    a = 2.0404 * albedo - 0.3324
+    b = -4.7951 * albedo + 0.6417
+    c = 2.7552 * albedo + 0.6903
+    return wp.max(openness, ((openness * a + b) * openness + c) * openness)
+
+
+@wp.func
+def coat_reflectance(f0: wp.vec3, roughness: float, cosine: float) -> wp.vec3:
+    """Share of the light around the mirrored ray that reaches the viewer (Karis 2014)."""
+    x = 1.0 - roughness
+    y = 0.0425 - 0.0275 * roughness
+    z = 1.04 - 0.572 * roughness
+    w = 0.022 * roughness - 0.04
+    a004 = wp.min(x * x, wp.pow(2.0, -9.28 * cosine)) * x + y
+    return (z - 1.04 * a004) * f0 + wp.vec3(wp.max(w + 1.04 * a004, 0.0))
+
+
+@wp.func
+def shade(
+    surface: Surface, light: Light, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
+) -> wp.vec3:
+    """Linear, exposed radiance that leaves the hit toward the viewer."""
+    normal = viewer_side_normal(surface, hit, direction)
+    color = base_color(surface, hit, direction, cone_width)
+    material = surface.materials[hit.face]
+    metallic = surface.metallic[material]
+    roughness = surface.roughness[material]
+    openness = interpolated_openness(surface, hit, direction)
+
+    albedo = (1.0 - metallic) * color
+    open_rgb = wp.vec3(
+        with_bounces(openness, albedo[0]),
+        with_bounces(openness, albedo[1]),
+        with_bounces(openness, albedo[2]),
+    )
+    diffuse = wp.cw_mul(wp.cw_mul(albedo, open_rgb), diffuse_light(light, normal))
+
+    # Interpolated normals may point away from the viewer near a silhouette.
+    cosine = wp.clamp(-wp.dot(normal, direction), 0.0, 1.0)
+    f0 = wp.lerp(wp.vec3(DIELECTRIC_REFLECTANCE), color, metallic)
+    reflected = wp.normalize(direction - 2.0 * wp.dot(direction, normal) * normal)
+    coat = coat_reflectance(f0, roughness, cosine)
+    # The part of the lobe that meets the object itself shows its dim side, here: nothing.
+    return diffuse + openness * wp.cw_mul(coat, specular_light(light, reflected, roughness))

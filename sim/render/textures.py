@@ -1,0 +1,137 @@
+"""Textures as mip pyramids in one flat array, and their filtered lookup inside kernels.
+
+The level of a lookup follows from the ray cone: the width of a pixel's cone where it meets the surface,
+stretched by the angle of incidence, against the size of a texel there (Akenine-Moller et al., "Texture
+Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019, eq. 20-6).
+
+Texels are sRGB bytes packed into one 32-bit word: a quarter of the memory traffic of linear floats. The
+pyramid is averaged in linear light, and a table of 256 values decodes.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from digs_warp.images import linear_from_srgb, srgb_from_linear, to_uint8
+
+wp.set_module_options({"enable_backward": False})
+
+# sRGB byte -> linear value.
+DECODE = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+
+
+@wp.struct
+class TextureSet:
+    """All textures of a scene; texture t owns levels first_level[t] .. first_level[t + 1] - 1."""
+
+    texels: wp.array(dtype=wp.uint32)  # 0x00BBGGRR, sRGB
+    decode: wp.array(dtype=float)  # [256]
+    offsets: wp.array(dtype=int)  # [levels] first texel of a level
+    sizes: wp.array(dtype=wp.vec2i)  # [levels] width, height
+    first_level: wp.array(dtype=int)  # [textures + 1]
+
+
+@wp.func
+def fetch_texel(textures: TextureSet, index: int) -> wp.vec3:
+    """One texel in linear light."""
+    word = int(textures.texels[index])
+    return wp.vec3(
+        textures.decode[word & 255],
+        textures.decode[(word >> 8) & 255],
+        textures.decode[(word >> 16) & 255],
+    )
+
+
+@wp.func
+def sample_texture_level(textures: TextureSet, level: int, uv: wp.vec2) -> wp.vec3:
+    """Bilinear value of one level; coordinates repeat, v = 0 is the bottom row."""
+    width = textures.sizes[level][0]
+    height = textures.sizes[level][1]
+    # Whole turns are taken off first: far-out coordinates would lose their fraction otherwise.
+    x = (uv[0] - wp.floor(uv[0])) * float(width) - 0.5
+    y = (1.0 - (uv[1] - wp.floor(uv[1]))) * float(height) - 0.5
+    left = int(wp.floor(x))
+    top = int(wp.floor(y))
+    fx = x - float(left)
+    fy = y - float(top)
+    x0 = (left + width) % width
+    x1 = (left + 1) % width
+    first = textures.offsets[level]
+    row0 = first + ((top + height) % height) * width
+    row1 = first + ((top + 1) % height) * width
+    above = wp.lerp(fetch_texel(textures, row0 + x0), fetch_texel(textures, row0 + x1), fx)
+    below = wp.lerp(fetch_texel(textures, row1 + x0), fetch_texel(textures, row1 + x1), fx)
+    return wp.lerp(above, below, fy)
+
+
+@wp.func
+def sample_texture(textures: TextureSet, texture: int, uv: wp.vec2, level: float) -> wp.vec3:
+    """Trilinear linear-light colour; level 0 is the finest, fractions blend two levels."""
+    first = textures.first_level[texture]
+    last = textures.first_level[texture + 1] - 1
+    level = wp.clamp(level, 0.0, float(last - first))
+    fine = int(wp.floor(level))
+    blend = level - float(fine)
+    color = sample_texture_level(textures, first + fine, uv)
+    if blend > 0.0:
+        color = wp.lerp(color, sample_texture_level(textures, first + fine + 1, uv), blend)
+    return color
+
+
+def mip_chain(image: np.ndarray) -> list[np.ndarray]:
+    """Return the image and its successive halvings down to one pixel, float32; all have the same mean.
+
+    Args:
+        image: linear values, shape (height, width, channels).
+    """
+    levels = [image.astype(np.float32, copy=False)]
+    while levels[-1].shape[0] > 1 or levels[-1].shape[1] > 1:
+        levels.append(_halve(_halve(levels[-1], 0), 1))
+    return levels
+
+
+def _halve(image: np.ndarray, axis: int) -> np.ndarray:
+    """Halve one axis with a box filter; odd lengths take the exact three-tap box (equal means)."""
+    length = image.shape[axis]
+    if length == 1:
+        return image
+    image = np.moveaxis(image, axis, 0)
+    half = length // 2
+    if length % 2 == 0:
+        halved = 0.5 * (image[0::2] + image[1::2])
+    else:
+        i = np.arange(half, dtype=np.float32).reshape(-1, *[1] * (image.ndim - 1))
+        left, middle, right = image[0:-1:2], image[1::2], image[2::2]
+        halved = ((half - i) * left + half * middle + (i + 1) * right) / np.float32(length)
+    return np.moveaxis(halved, 0, axis)
+
+
+def pack_textures(images: Sequence[np.ndarray]) -> TextureSet:
+    """Build the pyramids of sRGB uint8 images, shape (height, width, 3)."""
+    words: list[np.ndarray] = []
+    sizes: list[tuple[int, int]] = []
+    first_level = [0]
+    for image in images:
+        chain = mip_chain(DECODE[image])
+        # Level 0 is the image itself, not its decoded and encoded copy.
+        encoded = [image, *(to_uint8(srgb_from_linear(level)) for level in chain[1:])]
+        words += [_pack_words(level) for level in encoded]
+        sizes += [(level.shape[1], level.shape[0]) for level in encoded]
+        first_level.append(len(sizes))
+    counts = [len(word) for word in words]
+    textures = TextureSet()
+    # An empty set keeps one word: Warp arrays of length zero have no address.
+    flat = np.concatenate([*words, np.zeros(1, np.uint32)])
+    textures.texels = wp.array(flat, dtype=wp.uint32, device="cpu")
+    textures.decode = wp.array(DECODE, dtype=float, device="cpu")
+    starts = np.cumsum([0, *counts])
+    textures.offsets = wp.array(starts.astype(np.int32), dtype=int, device="cpu")
+    textures.sizes = wp.array(np.array([*sizes, (1, 1)], np.int32), dtype=wp.vec2i, device="cpu")
+    textures.first_level = wp.array(np.array(first_level, np.int32), dtype=int, device="cpu")
+    return textures
+
+
+def _pack_words(image: np.ndarray) -> np.ndarray:
+    r, g, b = np.moveaxis(image.astype(np.uint32), -1, 0)
+    return (r | (g << 8) | (b << 16)).reshape(-1)

@@ -1,0 +1,1 @@
+"""Models of the depth sensor, from a closed-form law to real matching."""

@@ -1,0 +1,46 @@
+"""The 'law' tier: depth noise as the geometry of a stereo pair dictates it, and nothing else.
+
+A matcher finds the disparity d = f b / Z with an error of sigma_d pixels, whatever the distance, and
+reports it in steps. Back in depth this gives the quadratic law
+
+    sigma_Z = Z^2 sigma_d / (f b)
+
+with f the focal length [px] and b the baseline [m]. Noise is white from pixel to pixel: no occlusion
+holes, no texture failures.
+"""
+
+import numpy as np
+
+from digs_warp.checks import check_shape
+from sim.rig import StereoRig
+
+# Identifies this effect in the seeds, so that effects added later draw other numbers.
+EFFECT_ID = 1
+
+
+def sense_depth(depth_true: np.ndarray, rig: StereoRig, seed: int, frame: int) -> np.ndarray:
+    """Return what the sensor reports for a true depth image.
+
+    Args:
+        depth_true: planar depth [m], shape (height, width), NaN where there is nothing.
+        rig: focal length, baseline, noise, step and range.
+        seed: of the recording, >= 0.
+        frame: number of the frame, >= 0; frames may be sensed in any order.
+
+    Returns:
+        Planar depth [m], float32, NaN outside the rig's range.
+    """
+    check_shape("depth_true", depth_true, (rig.intrinsics.height, rig.intrinsics.width))
+    focal_baseline = rig.intrinsics.fx * rig.baseline
+    # float64: with noise and step at zero the way to disparity and back gives the same float32 again.
+    disparity = focal_baseline / depth_true.astype(np.float64)
+    if rig.disparity_sigma > 0:
+        rng = np.random.default_rng(np.random.SeedSequence([seed, frame, EFFECT_ID]))
+        disparity += rig.disparity_sigma * rng.standard_normal(disparity.shape, dtype=np.float32)
+    if rig.disparity_step > 0:
+        disparity = np.round(disparity / rig.disparity_step) * rig.disparity_step
+    with np.errstate(divide="ignore"):
+        depth = (focal_baseline / disparity).astype(np.float32)
+    # A disparity of zero or below has no depth; it comes out infinite or negative.
+    depth[~((depth >= rig.min_depth) & (depth <= rig.max_depth))] = np.nan
+    return depth
