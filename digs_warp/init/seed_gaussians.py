@@ -1,0 +1,60 @@
+"""Points -> Gaussians, as 3D Gaussian splatting starts (paper section 3.4; Kerbl et al. 2023, section 4)."""
+
+import numpy as np
+
+from digs_warp.gaussians import Gaussians
+from digs_warp.point_cloud import PointCloud
+from digs_warp.sh import coefficient_count, sh_from_rgb
+
+NEIGHBOURS = 3
+INITIAL_OPACITY = 0.1
+
+# Limits of the scale, relative to the median over all points. A stray point far from the surface would
+# otherwise become a blob that hides the object; a near-duplicate a needle point that no pixel sees.
+MAX_SCALE_RATIO = 5.0
+MIN_SCALE_RATIO = 0.1
+
+# The standard deviation [m] where there is no other point, or none elsewhere, to measure against.
+LONELY_SCALE = 0.01
+
+
+def seed_gaussians(
+    points: PointCloud, sh_degree: int = 0, opacity: float = INITIAL_OPACITY
+) -> Gaussians:
+    """Return one round Gaussian per point, coloured alike from all sides.
+
+    Args:
+        points: any number of points, duplicates allowed.
+        sh_degree: degree of the colour's spherical harmonics, 0 to 3; all bands above 0 start at zero.
+        opacity: the same for all, above 0 and below 1.
+    """
+    count = len(points)
+    if not 0 < opacity < 1:
+        raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
+    sh = np.zeros((count, coefficient_count(sh_degree), 3))
+    sh[:, 0] = sh_from_rgb(points.colors)
+    return Gaussians(
+        means=points.points_world,
+        log_scales=np.repeat(np.log(neighbour_scales(points.points_world))[:, None], 3, axis=1),
+        quats=np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
+        opacity_logits=np.full(count, np.log(opacity / (1.0 - opacity))),
+        sh=sh,
+    )
+
+
+def neighbour_scales(points_world: np.ndarray) -> np.ndarray:
+    """Return the root mean squared distance [m] to the three nearest neighbours, shape (n,), limited.
+
+    With fewer than four points the neighbours are all others.
+    """
+    from scipy.spatial import KDTree
+
+    count = len(points_world)
+    neighbours = min(NEIGHBOURS, count - 1)
+    if neighbours < 1:
+        return np.full(count, LONELY_SCALE)
+    # The nearest hit of each query is the point itself (or its duplicate, as far away).
+    distances, _ = KDTree(points_world).query(points_world, k=neighbours + 1, workers=-1)
+    scales = np.sqrt(np.mean(np.square(distances[:, 1:]), axis=1))
+    typical = np.median(scales[scales > 0]) if np.any(scales > 0) else LONELY_SCALE
+    return np.clip(scales, MIN_SCALE_RATIO * typical, MAX_SCALE_RATIO * typical)

@@ -1,0 +1,99 @@
+"""The edge filter on closed forms: planes, parabolas, steps, holes."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from digs_warp.init.edges import LAPLACIAN_5X5, depth_laplacian, edge_threshold, smooth_depth
+
+# A plane of about 2 m in float32: 44 weighted differences of values with a step of 1.2e-7 * 2.
+PLANE_ROUNDING = 1e-4
+
+
+def plane(height: int = 24, width: int = 32) -> np.ndarray:
+    rows, columns = np.mgrid[:height, :width]
+    return (1.0 + 0.013 * columns - 0.021 * rows).astype(np.float32)
+
+
+def step(height: int = 24, width: int = 32) -> np.ndarray:
+    depth = plane(height, width)
+    depth[:, width // 2 :] += 1.0
+    return depth
+
+
+def test_without_holes_it_is_the_usual_laplacian() -> None:
+    depth = np.random.default_rng(0).uniform(0.5, 2.0, (20, 30)).astype(np.float32)
+    expected = ndimage.correlate(depth.astype(np.float64), LAPLACIAN_5X5)
+    np.testing.assert_allclose(
+        depth_laplacian(depth)[2:-2, 2:-2], expected[2:-2, 2:-2], atol=PLANE_ROUNDING
+    )
+
+
+def test_kernel_is_symmetric_and_sums_to_zero() -> None:
+    assert LAPLACIAN_5X5.sum() == 0
+    np.testing.assert_array_equal(LAPLACIAN_5X5, LAPLACIAN_5X5[::-1, ::-1])
+
+
+def test_curvature_has_its_closed_form() -> None:
+    columns = np.arange(32) - 16.0
+    depth = np.tile(2.0 + 0.01 * columns**2, (24, 1)).astype(np.float32)
+    # (1, 0, -2, 0, 1) on c x^2 gives 8 c, times the smoothing's sum of 16.
+    np.testing.assert_allclose(depth_laplacian(depth)[4:-4, 4:-4], 8 * 0.01 * 16, rtol=1e-3)
+
+
+@pytest.mark.parametrize("missing_fraction", [0.0, 0.05, 0.1])
+def test_a_slanted_plane_with_holes_has_no_edges(missing_fraction: float) -> None:
+    depth = plane(60, 80)
+    depth[np.random.default_rng(1).random(depth.shape) < missing_fraction] = np.nan
+    response = depth_laplacian(depth)
+    known = ~np.isnan(response)
+    assert np.count_nonzero(known) > 0.4 * depth.size
+    np.testing.assert_allclose(response[known], 0.0, atol=PLANE_ROUNDING)
+
+
+def test_one_missing_pixel_costs_only_itself() -> None:
+    depth = plane()
+    depth[12, 16] = np.nan
+    lost = np.isnan(depth_laplacian(depth)) & ~np.isnan(depth_laplacian(plane()))
+    assert np.argwhere(lost).tolist() == [[12, 16]]
+
+
+def test_rim_of_a_large_hole_is_dropped() -> None:
+    depth = plane()
+    depth[:, 20:] = np.nan
+    kept = ~np.isnan(depth_laplacian(depth))
+    assert kept[4:-4, 17].all()
+    assert not kept[:, 18:].any()
+
+
+def test_pixels_within_two_of_a_step_are_dropped_and_the_others_kept() -> None:
+    smooth = smooth_depth(step())
+    edge_columns = slice(14, 18)  # the step lies between columns 15 and 16
+    assert not smooth[:, edge_columns].any()
+    assert smooth[2:-2, 2:14].all()
+    assert smooth[2:-2, 18:-2].all()
+
+
+def test_holes_do_not_hide_a_step() -> None:
+    depth = step(60, 80)
+    depth[np.random.default_rng(2).random(depth.shape) < 0.1] = np.nan
+    smooth = smooth_depth(depth)
+    assert not smooth[:, 38:42].any()
+    assert smooth.mean() > 0.5
+
+
+def test_threshold_is_mean_plus_a_tenth_of_the_deviation() -> None:
+    magnitude = np.array([0.0, 1.0, 2.0, 5.0, np.nan])
+    assert edge_threshold(magnitude) == pytest.approx(2.0 + 0.1 * np.sqrt(14 / 4))
+
+
+def test_a_flat_map_passes_whole() -> None:
+    smooth = smooth_depth(np.full((12, 16), 1.5, dtype=np.float32))
+    assert smooth[2:-2, 2:-2].all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (4, 4), (1, 30), (12, 16)])
+def test_nothing_measured_or_too_small_to_judge_keeps_nothing(shape: tuple[int, int]) -> None:
+    assert not smooth_depth(np.full(shape, np.nan, dtype=np.float32)).any()
+    if min(shape) < 5:
+        assert not smooth_depth(np.ones(shape, dtype=np.float32)).any()

@@ -1,0 +1,211 @@
+"""The whole recipe on a ball in front of a wall, captured by cameras around it, and every error."""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.capture import Capture, CaptureWriter, Frame, FrameImages
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.geometry import look_at
+from digs_warp.init.recipes import InitConfig, initial_points
+
+RADIUS = 0.2
+WALL_RADIUS = 3.0
+INTRINSICS = Intrinsics.from_fov(80, 60, 50.0)
+CONFIG = InitConfig(voxel_size=0.02)
+
+
+def ball_view(angle: float) -> tuple[Camera, FrameImages]:
+    """A ball at the origin inside a large sphere; colour = (unit normal + 1) / 2."""
+    eye = 0.9 * np.array([np.cos(angle), np.sin(angle), 0.3])
+    camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+    directions = camera.unproject(pixel_centers(80, 60), np.ones((60, 80))) - eye
+    a, b = (directions**2).sum(-1), directions @ eye
+    discriminant = b * b - a * (eye @ eye - RADIUS**2)
+    hit = discriminant > 0
+    near = (-b - np.sqrt(np.maximum(discriminant, 0))) / a
+    far = (-b + np.sqrt(b * b - a * (eye @ eye - WALL_RADIUS**2))) / a
+    depth = np.where(hit, near, far).astype(np.float32)
+    normals = (eye + near[..., None] * directions) / RADIUS
+    image = np.where(hit[..., None], 127.5 * (normals + 1), 255).astype(np.uint8)
+    return camera, FrameImages(image, depth, (255 * hit).astype(np.uint8))
+
+
+def write_capture(folder: Path, views: list[tuple[Camera, FrameImages]]) -> Capture:
+    writer = CaptureWriter(folder, INTRINSICS)
+    for number, (camera, images) in enumerate(views):
+        writer.write_frame(number, images)
+        writer.add_pose(number, camera.world_from_cam, time=float(number))
+    return writer.finish()
+
+
+@pytest.fixture(scope="module")
+def views() -> list[tuple[Camera, FrameImages]]:
+    return [ball_view(angle) for angle in np.linspace(0, 2 * np.pi, 8, endpoint=False)]
+
+
+def without(frame: Frame, key: str) -> Frame:
+    return replace(frame, files={k: path for k, path in frame.files.items() if k != key})
+
+
+def test_points_lie_on_the_ball_with_its_colours_and_cover_its_sides(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    capture = write_capture(tmp_path, views)
+    points = initial_points(capture.frames, CONFIG)
+    radii = np.linalg.norm(points.points_world, axis=1)
+    # The mean of surface points inside a voxel lies below the surface by its sagitta at most:
+    # (diagonal / 2)^2 / (2 radius) = 0.75 mm.
+    assert radii.max() < RADIUS * (1 + 1e-5)
+    assert radii.min() > RADIUS - 0.00075
+    # 8 bits round the colour by 1/255; inside a voxel the normals differ by less than 5 degrees.
+    np.testing.assert_allclose(points.colors, points.points_world / RADIUS / 2 + 0.5, atol=0.006)
+    azimuth = np.degrees(np.arctan2(points.points_world[:, 1], points.points_world[:, 0]))
+    assert np.histogram(azimuth, bins=12, range=(-180, 180))[0].min() > 20
+
+
+def test_the_order_of_the_frames_does_not_matter(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    capture = write_capture(tmp_path, views)
+    points = initial_points(capture.frames, CONFIG)
+    reversed_points = initial_points(capture.frames[::-1], CONFIG)
+    np.testing.assert_allclose(reversed_points.points_world, points.points_world, atol=1e-7)
+    np.testing.assert_allclose(reversed_points.colors, points.colors, atol=1e-7)
+
+
+def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = write_capture(tmp_path, views)
+    found = []
+    for threads in ("1", "4"):
+        monkeypatch.setenv("DIGS_WARP_THREADS", threads)
+        found.append(initial_points(capture.frames, CONFIG))
+    np.testing.assert_array_equal(found[0].points_world, found[1].points_world)
+    np.testing.assert_array_equal(found[0].colors, found[1].colors)
+
+
+def test_edge_filter_removes_the_pixels_between_ball_and_wall(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    # A mask one pixel too large lets the wall in, as a segmentation network's does.
+    grown = []
+    for camera, images in views:
+        mask = np.maximum.reduce([np.roll(images.mask, s, axis=1) for s in (-1, 0, 1)])
+        grown.append((camera, replace(images, mask=mask)))
+    capture = write_capture(tmp_path, grown)
+    # Eight views see a voxel of the wall as rarely as one of the ball: support cannot tell them apart.
+    config = replace(CONFIG, min_support=0.0)
+    filtered = initial_points(capture.frames, config)
+    unfiltered = initial_points(capture.frames, replace(config, edge_filter=False))
+    assert np.linalg.norm(filtered.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
+    assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
+
+
+def test_a_view_without_foreground_is_skipped_with_a_warning(
+    tmp_path: Path,
+    views: list[tuple[Camera, FrameImages]],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    camera, images = views[1]
+    empty = replace(images, mask=np.full_like(images.mask, CONFIG.mask_threshold))
+    capture = write_capture(tmp_path, [views[0], (camera, empty), *views[2:]])
+    with caplog.at_level(logging.WARNING):
+        points = initial_points(capture.frames, CONFIG)
+    assert [record.getMessage() for record in caplog.records] == [
+        "frame '0001': no mask pixel above 20, skipped"
+    ]
+    others = [frame for frame in capture.frames if frame.name != "0001"]
+    expected = initial_points(others, CONFIG)
+    np.testing.assert_array_equal(points.points_world, expected.points_world)
+
+
+def test_missing_depth_everywhere_tells_the_counts(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    camera, images = views[0]
+    images = replace(images, depth=np.full_like(images.depth, np.nan))
+    in_mask = np.count_nonzero(images.mask)
+    capture = write_capture(tmp_path, [(camera, images)])
+    with pytest.raises(DigsError, match=f"1 frames: {in_mask} pixels inside the masks, 0 of them"):
+        initial_points(capture.frames, CONFIG)
+
+
+def test_empty_masks_everywhere_tell_to_check_the_masks(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    camera, images = views[0]
+    capture = write_capture(tmp_path, [(camera, replace(images, mask=images.mask * 0))])
+    with pytest.raises(DigsError, match=r"0 pixels inside the masks.*check the masks"):
+        initial_points(capture.frames, CONFIG)
+
+
+def test_depth_too_sparse_for_the_edge_filter_says_so(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    camera, images = views[0]
+    sparse = np.full_like(images.depth, np.nan)
+    sparse[::3, ::3] = images.depth[::3, ::3]
+    capture = write_capture(tmp_path, [(camera, replace(images, depth=sparse))])
+    with pytest.raises(DigsError, match=r"0 after the edge filter; .*turn it off"):
+        initial_points(capture.frames, CONFIG)
+    assert len(initial_points(capture.frames, replace(CONFIG, edge_filter=False))) > 20
+
+
+@pytest.mark.parametrize(
+    ("key", "advice"), [("depth_file_path", "EXR"), ("mask_path", "8-bit PNG")]
+)
+def test_frames_without_depth_or_mask_are_named(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]], key: str, advice: str
+) -> None:
+    first, second, third = write_capture(tmp_path, views[:3]).frames
+    with pytest.raises(DigsError, match=rf"1 of 3 frames have no '{key}' .*'0001'.*{advice}"):
+        initial_points([first, without(second, key), third], CONFIG)
+
+
+def test_an_unreadable_file_is_named_although_threads_read_it(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    capture = write_capture(tmp_path, views)
+    path = capture.frames[5].files["depth_file_path"]
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(DigsError, match=r"depth '.*0005\.exr'"):
+        initial_points(capture.frames, CONFIG)
+
+
+def test_no_frames_raise() -> None:
+    with pytest.raises(DigsError, match="no frames"):
+        initial_points([], CONFIG)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"voxel_size": 0.0},
+        {"voxel_size": float("nan")},
+        {"mask_threshold": 255},
+        {"mask_threshold": -1},
+        {"min_support": 1.5},
+        {"opacity": 0.0},
+        {"opacity": 1.0},
+    ],
+)
+def test_settings_that_make_no_sense_raise(wrong: dict[str, float]) -> None:
+    with pytest.raises(DigsError, match=next(iter(wrong))):
+        InitConfig(**wrong)  # pyright: ignore[reportArgumentType]
+
+
+def test_depth_of_another_size_than_the_image_raises(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    from digs_warp.images import write_image
+
+    capture = write_capture(tmp_path, views[:2])
+    write_image(capture.frames[1].files["depth_file_path"], np.ones((30, 40), dtype=np.float32))
+    with pytest.raises(CaptureError, match=r"0001\.exr': 40x30 pixels, expected 80x60"):
+        initial_points(capture.frames, CONFIG)

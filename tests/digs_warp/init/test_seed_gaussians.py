@@ -1,0 +1,83 @@
+"""Seeding: closed forms for the scale, and finite Gaussians whatever the points are."""
+
+import numpy as np
+import pytest
+
+from digs_warp.gaussians import FIELDS
+from digs_warp.init.seed_gaussians import (
+    LONELY_SCALE,
+    MAX_SCALE_RATIO,
+    MIN_SCALE_RATIO,
+    neighbour_scales,
+    seed_gaussians,
+)
+from digs_warp.point_cloud import PointCloud
+from digs_warp.sh import rgb_from_sh
+
+
+def grid(side: int, spacing: float) -> np.ndarray:
+    return np.stack(np.meshgrid(*[np.arange(side) * spacing] * 3), axis=-1).reshape(-1, 3)
+
+
+def test_on_a_grid_the_scale_is_the_spacing() -> None:
+    # Even a corner of a cubic grid has three neighbours at one spacing.
+    np.testing.assert_allclose(neighbour_scales(grid(4, 0.02)), 0.02, rtol=1e-12)
+
+
+def test_scale_is_the_root_mean_square_of_three_distances() -> None:
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype=float)
+    squared = np.array([[1, 4, 9], [1, 5, 10], [4, 5, 13], [9, 10, 13]])
+    np.testing.assert_allclose(neighbour_scales(points), np.sqrt(squared.mean(axis=1)))
+
+
+def test_brute_force_distances_agree() -> None:
+    points = np.random.default_rng(0).uniform(0, 1, (200, 3))
+    squared = np.sort(((points[:, None] - points[None]) ** 2).sum(axis=-1), axis=1)[:, 1:4]
+    np.testing.assert_allclose(neighbour_scales(points), np.sqrt(squared.mean(axis=1)))
+
+
+def test_a_stray_point_and_a_duplicate_stay_within_the_limits() -> None:
+    points = np.concatenate([grid(5, 0.01), [[50.0, 0, 0]], np.full((4, 3), 0.005)])
+    scales = neighbour_scales(points)
+    typical = np.median(scales)
+    assert scales[125] == pytest.approx(MAX_SCALE_RATIO * typical)
+    np.testing.assert_allclose(scales[126:], MIN_SCALE_RATIO * typical)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4])
+@pytest.mark.parametrize("duplicates", [False, True])
+@pytest.mark.parametrize("sh_degree", [0, 3])
+def test_few_points_and_duplicates_give_finite_gaussians(
+    count: int, duplicates: bool, sh_degree: int
+) -> None:
+    points = np.zeros((count, 3)) if duplicates else np.eye(4, 3)[:count]
+    gaussians = seed_gaussians(PointCloud(points, np.full((count, 3), 0.5)), sh_degree)
+    assert len(gaussians) == count
+    assert gaussians.sh_degree == sh_degree
+    for name in FIELDS:
+        assert np.isfinite(getattr(gaussians, name)).all(), name
+    if duplicates and count > 1:
+        np.testing.assert_allclose(gaussians.scales, MIN_SCALE_RATIO * LONELY_SCALE, rtol=1e-6)
+
+
+def test_two_points_see_each_other() -> None:
+    np.testing.assert_allclose(neighbour_scales(np.array([[0, 0, 0], [0, 3.0, 4.0]])), 5.0)
+
+
+def test_gaussians_show_the_colours_of_the_points_from_every_side() -> None:
+    rng = np.random.default_rng(0)
+    points = PointCloud(rng.normal(size=(50, 3)), rng.uniform(0, 1, (50, 3)))
+    gaussians = seed_gaussians(points, sh_degree=2, opacity=0.25)
+    directions = rng.normal(size=(50, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    np.testing.assert_allclose(rgb_from_sh(gaussians.sh, directions), points.colors, atol=1e-6)
+    np.testing.assert_array_equal(gaussians.means, points.points_world)
+    np.testing.assert_allclose(gaussians.opacities, 0.25, rtol=1e-6)
+    assert gaussians.quats.tolist() == [[0, 0, 0, 1]] * 50
+    assert (np.ptp(gaussians.log_scales, axis=1) == 0).all()
+
+
+@pytest.mark.parametrize("opacity", [0.0, 1.0, -0.1, float("nan")])
+def test_an_opacity_without_a_logit_raises(opacity: float) -> None:
+    with pytest.raises(ValueError, match="opacity"):
+        seed_gaussians(PointCloud(np.zeros((1, 3)), np.zeros((1, 3))), opacity=opacity)
