@@ -1,0 +1,85 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""The frames of a USD stage and of our world (z up, metres), and the way from one to the other.
+
+Matrices are (4, 4) and act on column vectors, ``points_b = b_from_a @ points_a``; `pxr.Gf` matrices act
+on row vectors and are transposed at this door.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from digs_warp.checks import UsdError
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+# Our scenes are Y-up, the frame most viewers expect: (x, y, z) -> (x, z, -y). A signed permutation, so
+# that baking it into positions is exact.
+ASSET_FROM_WORLD = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+
+# How far a transform may be from uniform scale and rotation: float32 matrices and Euler angles in
+# degrees stay below it, a visible shear does not.
+SIMILARITY_TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """``points_b = scale * rotation @ points_a + translation``; scale > 0, rotation right-handed."""
+
+    scale: float
+    rotation: np.ndarray
+    translation: np.ndarray
+
+
+def similarity_from_matrix(b_from_a: np.ndarray, what: str) -> Similarity:
+    """Split a (4, 4) matrix into uniform scale, rotation and translation.
+
+    Raises:
+        UsdError: the matrix mirrors, shears, scales the axes differently, or is not finite.
+    """
+    linear = b_from_a[:3, :3]
+    volume = np.linalg.det(linear) if np.isfinite(b_from_a).all() else np.nan
+    if not volume > 0:
+        raise UsdError(
+            f"{what}: the transform mirrors, collapses or is not finite (determinant {volume:.3g}); "
+            "expected rotation, translation and uniform scale. Bake the transform first."
+        )
+    scale = float(np.cbrt(volume))
+    rotation = linear / scale
+    error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    if error > SIMILARITY_TOLERANCE:
+        raise UsdError(
+            f"{what}: the transform shears or scales its axes differently (off by {error:.2g}); "
+            "expected rotation, translation and uniform scale. Bake the transform first."
+        )
+    return Similarity(scale, rotation, b_from_a[:3, 3])
+
+
+def world_from_prim(prim: "Usd.Prim", what: str) -> Similarity:
+    """Return the transform from a prim's local frame to our world (z up, metres).
+
+    It is composed of the prim's transform in the stage, ``metersPerUnit`` and ``upAxis``.
+
+    Raises:
+        UsdError: the composition is not a similarity, or ``metersPerUnit`` is not above 0.
+    """
+    from pxr import Usd, UsdGeom
+
+    metres = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
+    if not (np.isfinite(metres) and metres > 0):
+        raise UsdError(f"{what}: metersPerUnit is {metres}, expected a finite number above 0")
+    up_axis = UsdGeom.GetStageUpAxis(prim.GetStage())
+    world_from_stage = np.eye(4) if up_axis == UsdGeom.Tokens.z else ASSET_FROM_WORLD.T.copy()
+    world_from_stage[:3] *= metres
+    # A prim of a type this USD does not know is no Xformable to the cache; its operations still count.
+    cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    stage_from_prim = np.array(cache.GetLocalToWorldTransform(prim)).T
+    if not prim.IsA(UsdGeom.Xformable):
+        local = UsdGeom.Xformable(prim).GetLocalTransformation(Usd.TimeCode.EarliestTime())
+        stage_from_prim = stage_from_prim @ np.array(local).T
+    return similarity_from_matrix(world_from_stage @ stage_from_prim, what)

@@ -1,0 +1,88 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""JSON-like metadata <-> dictionaries of a USD layer.
+
+USD dictionaries hold booleans, numbers, text, dictionaries and arrays of one type. What they cannot
+hold (None, empty, nested or mixed lists, huge integers) is stored as JSON text after ``json:`` and comes
+back as it was.
+"""
+
+import json
+from pathlib import PurePosixPath, PureWindowsPath
+from typing import Any
+
+from digs_warp.checks import UsdError
+from digs_warp.log import to_json
+
+JSON_MARK = "json:"
+
+
+def usd_from_json(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return a dictionary that USD can hold; dataclasses, paths and NumPy values are welcome.
+
+    Absolute paths are cut down to the last part: a scene travels, the folders of one machine do not.
+
+    Raises:
+        UsdError: a value has no JSON form, or a number is NaN or infinite.
+    """
+    try:
+        plain = json.loads(to_json(metadata))
+    except (TypeError, ValueError) as error:
+        raise UsdError(f"metadata of a USD scene: {error}; expected JSON-like values") from error
+    return {key: _to_usd(_portable(value)) for key, value in plain.items()}
+
+
+def json_from_usd(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return what `usd_from_json` was given, in plain Python types."""
+    return {str(key): _to_json(value) for key, value in metadata.items()}
+
+
+def _portable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _portable(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_portable(item) for item in value]
+    if isinstance(value, str):
+        for path in (PurePosixPath(value), PureWindowsPath(value)):
+            if path.is_absolute():
+                return path.name
+    return value
+
+
+def _to_usd(value: Any) -> Any:
+    from pxr import Vt
+
+    if isinstance(value, dict):
+        return {key: _to_usd(item) for key, item in value.items()}
+    if isinstance(value, list) and value:
+        kinds = {type(item) for item in value}
+        if kinds == {bool}:
+            return Vt.BoolArray(value)
+        if kinds == {str}:
+            return Vt.StringArray(value)
+        if kinds == {int} and all(_fits_int64(item) for item in value):
+            return Vt.Int64Array(value)
+        if kinds == {float}:
+            return Vt.DoubleArray(value)
+    elif isinstance(value, bool | str | float) or (isinstance(value, int) and _fits_int64(value)):
+        return value
+    return JSON_MARK + json.dumps(value)
+
+
+def _fits_int64(value: int) -> bool:
+    return -(2**63) <= value < 2**63
+
+
+def _to_json(value: Any) -> Any:
+    if isinstance(value, dict):
+        return json_from_usd(value)
+    if isinstance(value, str) and value.startswith(JSON_MARK):
+        try:
+            return json.loads(value.removeprefix(JSON_MARK))
+        except json.JSONDecodeError:
+            return value
+    if isinstance(value, bool | int | float | str):
+        return value
+    if hasattr(value, "__len__"):  # an array, ours or another program's
+        return [_to_json(item) for item in value]
+    return str(value)  # a type of USD that JSON does not know, such as an asset path

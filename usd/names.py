@@ -1,0 +1,46 @@
+"""Names of the USD schema and of our own metadata, each in one place.
+
+The attributes are those of ``UsdVol.ParticleField3DGaussianSplat`` (OpenUSD 26.03 and later). Every
+array has a half-precision twin of the same name plus ``h``.
+"""
+
+SUFFIXES = (".usda", ".usdc", ".usdz")
+
+# Where things lie in our scenes.
+ASSET_PATH = "/Asset"
+GAUSSIANS_PATH = "/Asset/Gaussians"
+# Importers take the package member with this stem for the scene (3dgrut does).
+PACKAGE_ROOT = "default.usdc"
+
+# The prim type and its attributes.
+FIELD_TYPE = "ParticleField3DGaussianSplat"
+POSITIONS = "positions"  # point3f[], local frame; its length is the number of splats
+ORIENTATIONS = "orientations"  # quatf[]: wxyz in text and Gf, xyzw in the buffer
+SCALES = "scales"  # float3[], linear standard deviations
+OPACITIES = "opacities"  # float[], 0..1
+SH_DEGREE = "radiance:sphericalHarmonicsDegree"
+SH_COEFFICIENTS = "radiance:sphericalHarmonicsCoefficients"  # float3[], splat after splat
+HALF_SUFFIX = "h"
+PROJECTION_HINT = "projectionModeHint"
+SORTING_HINT = "sortingModeHint"
+EXTENT = "extent"
+DISPLAY_COLOR = "primvars:displayColor"
+
+# What the schema says an unauthored degree means.
+FALLBACK_DEGREE = 3
+
+# Our rasterizer projects with the local affine approximation and sorts by planar depth.
+PROJECTION_MODE = "perspective"
+SORTING_MODE = "zDepth"
+
+# Splat colours are optimized and blended as sRGB values. OpenUSD knows no name for that; this one is
+# KHR_gaussian_splatting's and NVIDIA's, and the asset defines it, so that it resolves everywhere.
+SPLAT_COLOR_SPACE = "srgb_rec709_display"
+COLOR_SPACE_INSTANCE = "display"
+# Displayed by viewers that do not draw splats; linear as USD expects of displayColor.
+DISPLAY_COLOR_SPACE = "lin_rec709_scene"
+
+# Our metadata: a dictionary of the layer, and one of the asset prim.
+METADATA_KEY = "digs_warp"
+VERSION_KEY = "version"
+SOURCE_TO_ASSET_KEY = "digs_warp:sourceToAsset"
