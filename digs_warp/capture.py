@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.checks import CaptureError, DigsError, check_finite
+from digs_warp.checks import CaptureError, DigsError, check_finite, check_positive
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.images import read_image, write_image
 from digs_warp.log import read_json, to_json, write_atomically
@@ -99,7 +99,7 @@ class Frame:
     def _load_depth(self, key: str) -> np.ndarray:
         pixels = self._load(key)
         if pixels.dtype == np.uint16:  # 16-bit PNG: millimetres, 0 where unknown
-            depth = pixels[..., 0].astype(np.float32) * np.float32(1e-3)
+            depth = pixels[..., 0].astype(np.float32) / np.float32(1000)
         elif pixels.dtype == np.float32:
             depth = pixels[..., 0].copy()
         else:
@@ -164,9 +164,23 @@ def read_capture(folder: Path) -> Capture:
     if not isinstance(entries, list) or not entries:
         raise CaptureError(f"capture '{folder}': {INDEX_NAME} lists no frames")
     ours = index.get("digs_warp", {})
-    rig = Rig(float(ours["rig"]["baseline"])) if "rig" in ours else None
+    rig = _read_rig(folder, ours)
     frames = tuple(_read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
     return Capture(folder, frames, rig, metadata=ours)
+
+
+def _read_rig(folder: Path, ours: Any) -> Rig | None:
+    try:
+        return (
+            Rig(check_positive("baseline", float(ours["rig"]["baseline"])))
+            if "rig" in ours
+            else None
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise CaptureError(
+            f"capture '{folder}', digs_warp in {INDEX_NAME}: unusable rig ({error!r}), expected "
+            '{"rig": {"baseline": metres above 0}} or no rig'
+        ) from error
 
 
 def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], number: int) -> Frame:
@@ -181,6 +195,7 @@ def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], numb
         )
         world_from_cam = np.array(entry["transform_matrix"], dtype=np.float64) @ OPENCV_FROM_OPENGL
         camera = Camera(intrinsics, world_from_cam)
+        time = float(entry.get("time", number))
         files = {
             key: _inside(folder, entry[key], f"{where}, {key}") for key in _FILES if key in entry
         }
@@ -190,7 +205,7 @@ def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], numb
         raise CaptureError(f"{where}: {error}") from error
     if "file_path" not in files:
         raise CaptureError(f"{where}: {INDEX_NAME} has no 'file_path'")
-    return Frame(files["file_path"].stem, camera, float(entry.get("time", number)), files)
+    return Frame(files["file_path"].stem, camera, time, files)
 
 
 def _lookup(entry: dict[str, Any], index: dict[str, Any], key: str) -> Any:

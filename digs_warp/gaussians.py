@@ -1,5 +1,6 @@
 """The Gaussians of a scene, as the optimizer sees them (raw) and as a renderer sees them (activated)."""
 
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from zipfile import BadZipFile
@@ -8,7 +9,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_shape, require_file
 from digs_warp.log import write_atomically
-from digs_warp.sh import coefficient_count, degree_from_count
+from digs_warp.sh import degree_from_count
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 
@@ -40,7 +41,8 @@ class Gaussians:
         check_shape("Gaussians.log_scales", self.log_scales, (count, 3))
         check_shape("Gaussians.quats", self.quats, (count, 4))
         check_shape("Gaussians.opacity_logits", self.opacity_logits, (count,))
-        check_shape("Gaussians.sh", self.sh, (count, coefficient_count(self.sh_degree), 3))
+        check_shape("Gaussians.sh", self.sh, (count, None, 3))
+        degree_from_count(self.sh.shape[1])
 
     def __len__(self) -> int:
         return len(self.means)
@@ -58,8 +60,10 @@ class Gaussians:
     @property
     def opacities(self) -> np.ndarray:
         """Opacities in 0..1, shape (n,)."""
-        # In float64: exp of a large logit overflows in float32.
-        return (1.0 / (1.0 + np.exp(-self.opacity_logits.astype(np.float64)))).astype(np.float32)
+        # 1 / (1 + exp(-x)) without overflow at large negative logits.
+        return np.exp(-np.logaddexp(0.0, -self.opacity_logits.astype(np.float64))).astype(
+            np.float32
+        )
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""
@@ -80,7 +84,15 @@ class Gaussians:
         try:
             with np.load(path, allow_pickle=False) as arrays:
                 return Gaussians(**{name: arrays[name] for name in FIELDS})
-        except (BadZipFile, KeyError, EOFError, OSError, ValueError) as error:
+        except (
+            BadZipFile,
+            KeyError,
+            EOFError,
+            OSError,
+            TypeError,
+            ValueError,
+            zlib.error,
+        ) as error:
             raise DigsError(
                 f"Gaussians '{path}': {error}; expected an .npz with {', '.join(FIELDS)} "
                 "as 'digs-warp reconstruct' writes it"

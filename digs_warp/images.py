@@ -20,7 +20,10 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
     import OpenImageIO as oiio
 
     require_file(path, what)
-    source = oiio.ImageInput.open(str(path))
+    # Without this, colours of transparent pixels come multiplied by their alpha.
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), config)
     if source is None:
         raise DigsError(f"{what} '{path}': cannot be opened as an image ({oiio.geterror()})")
     try:
@@ -55,6 +58,7 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     image = np.ascontiguousarray(pixels.reshape(*pixels.shape[:2], -1))
     height, width, channels = image.shape
     spec = oiio.ImageSpec(width, height, channels, kinds[str(pixels.dtype)])
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # colours are stored as they are
     spec.attribute("compression", "zip" if path.suffix == ".exr" else "")
     spec.attribute(
         "png:compressionLevel", 3

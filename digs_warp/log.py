@@ -78,6 +78,8 @@ def read_json(path: Path, what: str) -> dict[str, Any]:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DigsError(f"{what} '{path}': no such file") from None
+    except OSError as error:
+        raise DigsError(f"{what} '{path}': cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise DigsError(f"{what} '{path}': not valid JSON ({error}); write it again") from error
     if not isinstance(content, dict):

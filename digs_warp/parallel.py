@@ -14,6 +14,8 @@ from typing import Any
 
 import warp as wp
 
+from digs_warp.checks import DigsError
+
 # More chunks than threads even out uneven chunks; a launch costs about 10 us.
 CHUNKS_PER_THREAD = 8
 
@@ -22,7 +24,11 @@ def default_threads() -> int:
     """Return the number of cores this process may use; DIGS_WARP_THREADS overrides it."""
     override = os.environ.get("DIGS_WARP_THREADS", "")
     if override:
-        return max(1, int(override))
+        if not override.isdecimal() or int(override) == 0:
+            raise DigsError(
+                f"DIGS_WARP_THREADS='{override}': expected a number of threads, 1 or more"
+            )
+        return int(override)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -45,7 +51,7 @@ class ParallelLaunch:
         self.threads = threads or default_threads()
         pieces = self.threads * CHUNKS_PER_THREAD if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
-        self._inputs = inputs  # keeps the arrays alive: a recorded launch holds raw addresses
+        self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
         self._launches: list[Any] = [
             wp.launch(
                 kernel,

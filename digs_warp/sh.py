@@ -8,6 +8,8 @@ to the splat. The constants and signs are those of the 3DGS PLY and the USD refe
 
 import numpy as np
 
+from digs_warp.checks import DigsError
+
 MAX_DEGREE = 3
 
 C0 = 0.28209479177387814
@@ -33,7 +35,7 @@ C3 = (
 def coefficient_count(degree: int) -> int:
     """Return K, the number of coefficients a colour channel of ``degree`` (0..3) has."""
     if degree not in range(MAX_DEGREE + 1):
-        raise ValueError(f"spherical harmonics degree {degree}, expected 0 to {MAX_DEGREE}")
+        raise DigsError(f"spherical harmonics degree {degree}, expected 0 to {MAX_DEGREE}")
     return (degree + 1) ** 2
 
 
@@ -42,7 +44,7 @@ def degree_from_count(count: int) -> int:
     for degree in range(MAX_DEGREE + 1):
         if coefficient_count(degree) == count:
             return degree
-    raise ValueError(f"{count} spherical harmonics coefficients, expected 1, 4, 9 or 16")
+    raise DigsError(f"{count} spherical harmonics coefficients, expected 1, 4, 9 or 16")
 
 
 def sh_basis(directions: np.ndarray, degree: int) -> np.ndarray:

@@ -1,0 +1,116 @@
+"""run.json, atomic writing, progress bars."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp import log
+from digs_warp.checks import DigsError
+from digs_warp.log import RunLog, read_json, to_json, write_atomically
+
+
+@dataclass(frozen=True)
+class Settings:
+    size: int
+    folder: Path
+    weights: np.ndarray
+
+
+def test_a_write_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "x.bin"
+    for data in (b"a long first version", b"short"):
+        write_atomically(path, data)
+        assert path.read_bytes() == data
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "x.bin"
+    write_atomically(path, b"old")
+
+    def disk_full(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(log.os, "replace", disk_full)
+    with pytest.raises(OSError, match="disk full"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_json_of_everything_a_run_holds_round_trips(tmp_path: Path) -> None:
+    value = {
+        "settings": Settings(3, Path("a/b"), np.arange(3)),
+        "number": np.float32(0.5),
+        "count": np.int64(7),
+        "matrix": np.eye(2),
+        "flag": np.True_,
+    }
+    (tmp_path / "x.json").write_text(to_json(value))
+    assert read_json(tmp_path / "x.json", "test") == {
+        "settings": {"size": 3, "folder": "a/b", "weights": [0, 1, 2]},
+        "number": 0.5,
+        "count": 7,
+        "matrix": [[1, 0], [0, 1]],
+        "flag": True,
+    }
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, np.array([np.nan]), np.float32("inf")])
+def test_nan_is_refused_because_it_is_not_json(value: object) -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        to_json({"x": value})
+
+
+def test_unknown_types_are_named() -> None:
+    with pytest.raises(TypeError, match="object"):
+        to_json({"x": object()})
+
+
+def test_broken_json_says_where(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    path.write_text('{\n "a": 1,\n "b": }')
+    with pytest.raises(DigsError, match=r"record '.*x\.json': not valid JSON .*line 3"):
+        read_json(path, "record")
+    with pytest.raises(DigsError, match=r"record '.*gone\.json': no such file"):
+        read_json(tmp_path / "gone.json", "record")
+    with pytest.raises(DigsError, match=r"record"):
+        read_json(tmp_path, "record")
+
+
+def test_times_of_a_stage_add_up_even_when_it_fails(tmp_path: Path) -> None:
+    run = RunLog("test", Settings(1, Path("."), np.zeros(1)))
+    with run.stage("a"):
+        pass
+    first = run.seconds["a"]
+    with pytest.raises(ZeroDivisionError), run.stage("a"):
+        raise ZeroDivisionError
+    with run.stage("b"):
+        pass
+    assert run.seconds["a"] > first >= 0
+    assert list(run.seconds) == ["a", "b"]
+
+    run.results["psnr"] = np.float64(33.5)
+    run.save(tmp_path / "run.json")
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["results"] == {"psnr": 33.5}
+    assert record["settings"]["size"] == 1
+    assert {"python", "numpy", "warp-lang", "digs-warp"} <= set(record["versions"])
+    assert record["machine"]["cores"] >= 1
+
+
+def test_bars_are_silent_until_turned_on(capfd: pytest.CaptureFixture[str]) -> None:
+    with log.progress(3, "quiet") as bar:
+        bar.update(3)
+    assert capfd.readouterr().err == ""
+    log.show_progress()
+    try:
+        with log.progress(3, "loud") as bar:
+            bar.update(3)
+    finally:
+        log.show_progress(False)
+    assert "loud: 100%" in capfd.readouterr().err
