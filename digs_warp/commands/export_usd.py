@@ -2,12 +2,17 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
-from digs_warp.commands.layout import find_gaussians
+from digs_warp.commands.layout import EVALUATION, RUN_RECORD, find_gaussians
 from digs_warp.commands.output import check_output_file
+from digs_warp.commands.quality import read_quality
+from digs_warp.log import read_json
+
+if TYPE_CHECKING:
+    from digs_warp.gaussians import Gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +33,23 @@ class ExportUsd:
     def execute(self) -> str:
         """Read, write, say what was written."""
         from digs_warp.gaussians import Gaussians
-        from usd.writer import write_gaussians
 
         check_output_file(self.out, self.overwrite)
-        gaussians = Gaussians.load(find_gaussians(self.source))
-        write_gaussians(self.out, gaussians)
+        source = find_gaussians(self.source)
+        gaussians = Gaussians.load(source)
+        write_scene(gaussians, source.parent, self.out)
         size = self.out.stat().st_size / 1e6
         return f"{self.out}: {len(gaussians):,} Gaussians, {size:.1f} MB"
+
+
+def write_scene(gaussians: "Gaussians", reconstruction: Path, path: Path) -> None:
+    """Write the scene; what is known about its making goes along as metadata."""
+    from usd.writer import write_gaussians
+
+    metadata: dict[str, Any] = {}
+    if (reconstruction / RUN_RECORD).is_file():
+        record = read_json(reconstruction / RUN_RECORD, "run record")
+        metadata = {key: record[key] for key in ("settings", "versions") if key in record}
+    if (reconstruction / EVALUATION).is_file():
+        metadata["held_out"] = read_quality(reconstruction).mean
+    write_gaussians(path, gaussians, metadata)

@@ -10,8 +10,9 @@ import tyro
 from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands import layout
-
-Facts = dict[str, str]
+from digs_warp.commands.facts import Facts, format_facts
+from digs_warp.commands.output import is_ours
+from digs_warp.log import read_json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,13 +59,12 @@ def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
         return summaries.of_reconstruction
     if (path / layout.CAPTURE).is_dir():
         return summaries.of_run
+    if is_ours(path):
+        command = read_json(path / layout.RUN_RECORD, "run record")["command"]
+        raise DigsError(
+            f"'{path}': 'digs-warp {command}' has not finished here; run it again with --resume"
+        )
     raise DigsError(
         f"'{path}': holds neither a capture ({INDEX_NAME}) nor a reconstruction ({layout.GAUSSIANS}) "
         f"nor the results of 'digs-warp run' ({layout.CAPTURE}/)"
     )
-
-
-def format_facts(facts: Facts) -> str:
-    """Return the facts as two aligned columns."""
-    width = max(map(len, facts))
-    return "\n".join(f"{name.ljust(width)}  {value}" for name, value in facts.items())

@@ -4,12 +4,11 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands.layout import RUN_RECORD
-from digs_warp.log import RunLog, read_json
+from digs_warp.log import read_json
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +28,10 @@ class OutputFolder:
         if self.resume and self.overwrite:
             raise DigsError("--resume and --overwrite contradict each other; give one of them")
 
-    def prepare(self, command: str, settings: Any, inputs: Sequence[Path | None] = ()) -> Path:
-        """Make the folder ready, put a first run.json into it, and return it.
+    def prepare(self, inputs: Sequence[Path | None] = ()) -> Path:
+        """Make the folder ready to be written and return it.
 
         Args:
-            command: name of the command that is going to write.
-            settings: its settings, for run.json.
             inputs: what the command reads; --overwrite must not delete any of it.
 
         Raises:
@@ -50,9 +47,6 @@ class OutputFolder:
                 f"--out '{self.out}': the folder is not empty. Add --resume to go on with an "
                 "interrupted run, --overwrite to start anew, or name another folder."
             )
-        if not (self.out / RUN_RECORD).exists():
-            # From now on the folder is known as ours, even when the run breaks off in its first stage.
-            RunLog(command, settings).save(self.out / RUN_RECORD)
         return self.out
 
 

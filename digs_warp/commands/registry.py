@@ -5,6 +5,7 @@ from typing import ClassVar, Protocol
 from digs_warp.commands.bench import Bench
 from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
+from digs_warp.commands.simulate import Simulate
 
 
 class Command(Protocol):
@@ -18,6 +19,7 @@ class Command(Protocol):
 
 
 COMMANDS: dict[str, type[Command]] = {
+    "simulate": Simulate,
     "export-usd": ExportUsd,
     "info": Info,
     "bench": Bench,

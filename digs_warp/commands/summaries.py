@@ -7,10 +7,10 @@ import numpy as np
 from digs_warp.capture import Frame, read_capture
 from digs_warp.checks import DigsError
 from digs_warp.commands import layout
+from digs_warp.commands.facts import Facts
+from digs_warp.commands.quality import read_quality
 from digs_warp.gaussians import Gaussians
 from digs_warp.log import read_json
-
-Facts = dict[str, str]
 
 _LAYER_NAMES = {
     "file_path": "left image",
@@ -74,10 +74,7 @@ def of_reconstruction(folder: Path) -> Facts:
     """The Gaussians, how well they match the held-out views, and how long it took."""
     facts = of_gaussians(folder / layout.GAUSSIANS) | {"kind": "reconstruction"}
     if (folder / layout.EVALUATION).is_file():
-        evaluation = read_json(folder / layout.EVALUATION, "evaluation")
-        facts["held-out views"] = (
-            f"{len(evaluation['views'])}: {format_quality(evaluation['mean'])}"
-        )
+        facts["quality"] = str(read_quality(folder))
     return facts | _of_record(folder)
 
 
@@ -86,7 +83,7 @@ def of_run(folder: Path) -> Facts:
     facts = {"kind": "results of 'digs-warp run'"}
     parts = {
         "capture": (layout.CAPTURE, of_capture, ("frames", "image size")),
-        "reconstruction": (layout.RECONSTRUCTION, of_reconstruction, ("number", "held-out views")),
+        "reconstruction": (layout.RECONSTRUCTION, of_reconstruction, ("number", "quality")),
     }
     for name, (place, summary, keys) in parts.items():
         try:
@@ -101,15 +98,20 @@ def of_run(folder: Path) -> Facts:
 
 
 def of_usd(path: Path) -> Facts:
-    """The Gaussians that the scene holds."""
-    from usd.reader import read_gaussians
+    """The Gaussians that the scene holds, without loading them."""
+    from usd.info import describe
 
-    gaussians = read_gaussians(path)
-    return {
+    scene = describe(path)
+    facts = {
         "kind": "USD scene",
-        "Gaussians": f"{len(gaussians.means):,}",
+        "Gaussians": f"{scene['splats']:,} at {scene['prim_path']}",
+        "spherical harmonics": f"degree {scene['sh_degree']}",
+        "axes and unit": f"{scene['up_axis']} up, {scene['meters_per_unit']:g} m per unit",
         "file size": _megabytes(path),
     }
+    if scene["extent"]:
+        facts["extent"] = _extent(np.array(scene["extent"]) * scene["meters_per_unit"])
+    return facts
 
 
 def of_mesh(path: Path) -> Facts:
@@ -138,11 +140,6 @@ def _of_record(folder: Path) -> Facts:
     if not seconds:
         return {}
     return {"seconds": ", ".join(f"{name} {value:.1f}" for name, value in seconds.items())}
-
-
-def format_quality(mean: dict[str, float]) -> str:
-    """Return the mean quality of the held-out views in words."""
-    return f"PSNR {mean['psnr']:.2f} dB, SSIM {mean['ssim']:.4f}"
 
 
 def _extent(points: np.ndarray) -> str:

@@ -1,0 +1,50 @@
+"""`digs-warp reconstruct`: a capture folder -> Gaussians."""
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from digs_warp.commands import layout
+from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.quality import read_quality
+from digs_warp.init.config import InitConfig
+from digs_warp.train.config import TrainConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reconstruct:
+    """Reconstruct a capture as Gaussian splats.
+
+    The depth maps give the points to start from, the images of the training views give everything else; every
+    eighth view is held out and tells how good the result is.
+    """
+
+    capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
+    """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md)."""
+
+    output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
+    initialization: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=InitConfig
+    )
+    training: Annotated[TrainConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=TrainConfig)
+
+    can_resume: ClassVar[bool] = True
+
+    def execute(self) -> str:
+        """Reconstruct and say how well it went."""
+        from digs_warp.capture import read_capture
+        from digs_warp.reconstruct import ReconstructConfig, reconstruct
+
+        start = time.perf_counter()
+        capture = read_capture(self.capture)
+        folder = self.output.prepare(inputs=[self.capture])
+        config = ReconstructConfig(init=self.initialization, train=self.training)
+        gaussians = reconstruct(capture, config, folder, resume=self.output.resume)
+        seconds = time.perf_counter() - start
+        return (
+            f"{folder / layout.GAUSSIANS}: {len(gaussians):,} Gaussians from {len(capture)} frames, "
+            f"{read_quality(folder)}, {seconds:.1f} s"
+        )

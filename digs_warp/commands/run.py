@@ -1,0 +1,93 @@
+"""`digs-warp run`: from a mesh to a USD scene, all stages in one go."""
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from digs_warp.commands import layout
+from digs_warp.commands.export_usd import write_scene
+from digs_warp.commands.facts import format_facts
+from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.quality import read_quality
+from digs_warp.init.config import InitConfig
+from digs_warp.log import RunLog
+from digs_warp.train.config import TrainConfig
+from sim.record import SimulateConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TrainOptions(TrainConfig):
+    """How the Gaussians are optimized. The seed is that of the recording."""
+
+    seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
+
+    def with_seed(self, seed: int) -> TrainConfig:
+        """Return the plain settings: one --seed serves all stages."""
+        values = {f.name: getattr(self, f.name) for f in fields(TrainConfig)}
+        return TrainConfig(**values | {"seed": seed})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """Do everything: record an object, reconstruct it, write the USD scene and a report.
+
+    Without --mesh and --environment it takes the built-in object in the built-in room.
+    """
+
+    output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
+    recording: Annotated[SimulateConfig, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=SimulateConfig
+    )
+    initialization: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=InitConfig
+    )
+    training: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=_TrainOptions
+    )
+
+    can_resume: ClassVar[bool] = True
+
+    def execute(self) -> str:
+        """Run the stages; run.json holds the times of those that are done."""
+        from digs_warp.reconstruct import ReconstructConfig, reconstruct
+        from digs_warp.report import write_report
+        from sim.record import simulate
+
+        folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
+        config = ReconstructConfig(
+            init=self.initialization, train=self.training.with_seed(self.recording.seed)
+        )
+        log = RunLog("run", {"recording": self.recording, "reconstruction": config})
+        record = folder / layout.RUN_RECORD
+        reconstruction = folder / layout.RECONSTRUCTION
+        log.save(record)
+        with log.stage("simulate"):
+            capture = simulate(self.recording, folder / layout.CAPTURE, self.output.resume)
+        log.save(record)
+        with log.stage("reconstruct"):
+            gaussians = reconstruct(capture, config, reconstruction, self.output.resume)
+        with log.stage("export"):
+            write_scene(gaussians, reconstruction, folder / layout.SCENE)
+        quality = read_quality(reconstruction)
+        log.results = {"gaussians": len(gaussians), "held_out": quality.mean}
+        log.save(record)  # the report shows the times of the stages so far
+        with log.stage("report"):
+            write_report(capture, reconstruction, folder / layout.REPORT)
+        log.save(record)
+        what = f"{len(gaussians):,} Gaussians from {len(capture)} frames, {quality}"
+        return _summary(folder, log, what)
+
+
+def _summary(folder: Path, log: RunLog, what: str) -> str:
+    places = {
+        "capture": layout.CAPTURE,
+        "reconstruction": layout.RECONSTRUCTION,
+        "scene": layout.SCENE,
+        "report": layout.REPORT,
+    }
+    facts = {name: str(folder / place) for name, place in places.items()}
+    facts["seconds"] = ", ".join(f"{name} {value:.1f}" for name, value in log.seconds.items())
+    facts["done"] = f"{what}, {sum(log.seconds.values()):.0f} s"
+    return format_facts(facts)
