@@ -1,4 +1,4 @@
-"""The house has floors: a file imports only from lower ones, never sideways into a sibling (see README.md)."""
+"""Floors: a file imports only from lower ones, never sideways (docs/design/0001-packages-and-floors.md)."""
 
 import ast
 from pathlib import Path
@@ -78,7 +78,9 @@ def test_every_file_imports_only_from_lower_floors(module: str) -> None:
 
 def test_every_file_has_a_floor() -> None:
     homeless = [
-        m for m in module_files() if room_of(m.removesuffix(".__init__")) is None and m.count(".") < 2
+        m
+        for m in module_files()
+        if room_of(m.removesuffix(".__init__")) is None and m.count(".") < 2
     ]
     assert homeless == ["digs_warp.__init__"], "give the new file a floor in FLOORS"
 

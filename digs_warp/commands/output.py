@@ -32,15 +32,20 @@ class OutputFolder:
         """Make the folder ready to be written and return it.
 
         Args:
-            inputs: what the command reads; --overwrite must not delete any of it.
+            inputs: what the command reads; it has to be there, and --overwrite must not delete it.
 
         Raises:
-            DigsError: the folder is in use and no flag says what to do, or it cannot be overwritten.
+            DigsError: an input is missing, the folder is in use and no flag says what to do, or it cannot
+                be overwritten.
         """
+        needed = [path for path in inputs if path is not None]
+        for path in needed:
+            if not path.exists():  # found out now, before anything is deleted
+                raise DigsError(f"'{path}': no such file or folder")
         if self.out.exists() and not self.out.is_dir():
             raise DigsError(f"--out '{self.out}': this is a file; name a folder")
         if self.overwrite and _is_used(self.out):
-            _check_may_delete(self.out, [path for path in inputs if path is not None])
+            _check_may_delete(self.out, needed)
             shutil.rmtree(self.out)
         elif _is_used(self.out) and not self.resume:
             raise DigsError(

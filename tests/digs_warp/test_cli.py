@@ -1,0 +1,312 @@
+"""The command line: exit codes, messages, and the rules that protect what lies in the output folder."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp import cli
+from digs_warp.camera import Intrinsics
+from digs_warp.capture import CaptureWriter, FrameImages, Rig
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.output import OutputFolder, is_ours
+from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.simulate import Simulate
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import look_at
+from digs_warp.log import RunLog
+
+WIDTH, HEIGHT = 32, 24
+
+
+@pytest.fixture
+def capture_folder(tmp_path: Path) -> Path:
+    """Three tiny frames: half of every image is object, a quarter has no depth."""
+    k = Intrinsics(WIDTH, HEIGHT, fx=30.0, fy=30.0, cx=16.0, cy=12.0)
+    writer = CaptureWriter(tmp_path / "capture", k, Rig(baseline=0.12))
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[:, : WIDTH // 2] = 255
+    depth = np.full((HEIGHT, WIDTH), 0.8, np.float32)
+    depth[: HEIGHT // 4] = np.nan
+    image = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    for number in range(3):
+        writer.write_frame(number, FrameImages(image=image, depth=depth, mask=mask))
+        eye = np.array([0.8, 0.1 * number, 0.2])
+        writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])), number / 2)
+    return writer.finish().folder
+
+
+@pytest.fixture
+def gaussians_file(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(0)
+    gaussians = Gaussians(
+        means=rng.uniform(-0.2, 0.2, (5, 3)),
+        log_scales=np.full((5, 3), np.log(0.01)),
+        quats=np.tile([0.0, 0.0, 0.0, 1.0], (5, 1)),
+        opacity_logits=np.zeros(5),
+        sh=np.zeros((5, 4, 3)),
+    )
+    gaussians.save(tmp_path / "gaussians.npz")
+    return tmp_path / "gaussians.npz"
+
+
+def our_folder(path: Path) -> Path:
+    """A folder as an earlier run left it."""
+    RunLog("simulate", {"frames": 3}).save(path / "run.json")
+    (path / "old.txt").write_text("from an earlier run")
+    return path
+
+
+# Help and usage
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_every_command_explains_every_flag(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "--help"]) == EXIT_OK
+    lines = [line.strip("│ ") for line in capsys.readouterr().out.splitlines()]
+    flags = [number for number, line in enumerate(lines) if line.startswith(("--", "PATH", "NAME"))]
+    assert flags
+    for number in flags:
+        # The explanation stands behind the flag or, behind a long one, in the next line.
+        words = (lines[number] + " " + lines[number + 1]).split("(")[0].split()
+        assert len(words) >= 4, f"{command}: no help for '{lines[number]}'"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["nonsense"],
+        ["info"],
+        ["info", "x", "--nonsense"],
+        ["simulate", "--out", "x", "--frames", "many"],
+        ["simulate", "--out", "x", "--frames", "0"],
+        ["simulate", "--out", "x", "--tier", "perfect"],
+        ["simulate", "--out", "x", "--resume", "--overwrite"],
+        ["bench", "nonsense"],
+    ],
+)
+def test_wrong_usage_exits_with_2_and_says_something(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == EXIT_WRONG_USAGE
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.strip()
+
+
+def test_flags_are_kebab_case_and_need_no_prefix() -> None:
+    command = cli.parse(["simulate", "--out", "x", "--samples-per-pixel", "7", "--mesh", "a.glb"])
+    assert isinstance(command, Simulate)
+    assert command.recording.samples_per_pixel == 7
+    assert command.recording.mesh == Path("a.glb")
+    assert command.output == OutputFolder(out=Path("x"))
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["info", "{missing}"],
+        ["info", "{missing}.npz"],
+        ["export-usd", "{missing}", "--out", "{out}.usdz"],
+        ["simulate", "--mesh", "{missing}.glb", "--out", "{out}"],
+        ["simulate", "--environment", "{missing}.hdr", "--out", "{out}"],
+    ],
+)
+def test_a_missing_file_exits_with_1_and_a_message_that_names_it(
+    arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = str(tmp_path / "missing")
+    filled = [a.format(missing=missing, out=tmp_path / "out") for a in arguments]
+    assert main(filled) == EXIT_BAD_INPUT
+    captured = capsys.readouterr()
+    assert missing in captured.err
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize(
+    "name", ["scene.blend", "truncated.npz", "truncated.usdz", "truncated.glb"]
+)
+def test_info_on_an_unusable_file_names_it(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).write_bytes(b"PK\x03\x04 not what it seems")
+    assert main(["info", str(tmp_path / name)]) == EXIT_BAD_INPUT
+    assert name in capsys.readouterr().err
+
+
+# The output folder
+
+
+def test_a_new_and_an_empty_folder_are_fine(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for name in ("new", "empty"):
+        assert OutputFolder(out=tmp_path / name).prepare() == tmp_path / name
+
+
+def test_a_folder_in_use_is_refused_and_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = our_folder(tmp_path / "out")
+    assert main(["simulate", "--out", str(folder)]) == EXIT_BAD_INPUT
+    message = capsys.readouterr().err
+    assert str(folder) in message
+    assert "--resume" in message
+    assert "--overwrite" in message
+    assert (folder / "old.txt").exists()
+
+
+def test_resume_keeps_what_is_there(tmp_path: Path) -> None:
+    folder = our_folder(tmp_path / "out")
+    OutputFolder(out=folder, resume=True).prepare()
+    assert (folder / "old.txt").exists()
+
+
+def test_overwrite_deletes_what_we_wrote(tmp_path: Path, capture_folder: Path) -> None:
+    for folder in (our_folder(tmp_path / "out"), capture_folder):
+        OutputFolder(out=folder, overwrite=True).prepare()
+        assert not folder.exists() or not any(folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    "record", [None, "", "{", "[]", '{"command": "train"}', '{"frames": [], "h": 3}']
+)
+@pytest.mark.parametrize("name", ["run.json", "transforms.json"])
+def test_overwrite_refuses_a_folder_that_we_did_not_write(
+    record: str | None, name: str, tmp_path: Path
+) -> None:
+    (tmp_path / "photo.jpg").write_text("precious")
+    if record is not None:
+        (tmp_path / name).write_text(record)
+    assert not is_ours(tmp_path)
+    assert main(["simulate", "--out", str(tmp_path), "--overwrite"]) == EXIT_BAD_INPUT
+    assert (tmp_path / "photo.jpg").read_text() == "precious"
+
+
+def test_overwrite_refuses_to_delete_its_own_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = our_folder(tmp_path / "out")
+    mesh = folder / "object.glb"
+    mesh.write_text("the user's mesh")
+    arguments = ["simulate", "--mesh", str(mesh), "--out", str(folder), "--overwrite"]
+    assert main(arguments) == EXIT_BAD_INPUT
+    assert str(mesh) in capsys.readouterr().err
+    assert mesh.exists()
+
+
+def test_overwrite_deletes_nothing_when_an_input_is_missing(tmp_path: Path) -> None:
+    folder = our_folder(tmp_path / "out")
+    arguments = ["simulate", "--mesh", str(tmp_path / "typo.glb"), "--out", str(folder)]
+    assert main([*arguments, "--overwrite"]) == EXIT_BAD_INPUT
+    assert (folder / "old.txt").exists()
+
+
+def test_overwrite_refuses_to_delete_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = our_folder(tmp_path / "out")
+    monkeypatch.chdir(folder)
+    assert main(["simulate", "--out", str(folder), "--overwrite"]) == EXIT_BAD_INPUT
+    assert (folder / "old.txt").exists()
+
+
+def test_a_file_is_no_output_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    assert main(["simulate", "--out", str(tmp_path / "file"), "--overwrite"]) == EXIT_BAD_INPUT
+    assert "name a folder" in capsys.readouterr().err
+    assert (tmp_path / "file").exists()
+
+
+# The commands
+
+
+def test_info_describes_a_capture(capture_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(capture_folder)]) == EXIT_OK
+    facts = dict(line.split("  ", 1) for line in capsys.readouterr().out.splitlines())
+    facts = {name: value.strip() for name, value in facts.items()}
+    assert facts["frames"] == "3 in 1.0 s"
+    assert facts["image size"] == "32 x 24"
+    assert facts["baseline"] == "120.0 mm"
+    assert facts["layers"] == "left image, depth, mask"
+    assert facts["object"].startswith("50.0%")
+    assert facts["depth"].startswith("known at 75.0%")
+
+
+def test_info_on_an_interrupted_run_says_how_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", str(our_folder(tmp_path / "out"))]) == EXIT_BAD_INPUT
+    assert "--resume" in capsys.readouterr().err
+
+
+def test_export_and_info_agree_on_the_number_of_gaussians(
+    gaussians_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "scene.usdz"
+    assert main(["export-usd", str(gaussians_file), "--out", str(scene)]) == EXIT_OK
+    assert f"{scene}: 5 Gaussians" in capsys.readouterr().out
+    for path in (gaussians_file, scene):
+        assert main(["info", str(path)]) == EXIT_OK
+        assert "5" in capsys.readouterr().out.splitlines()[1].split()
+
+
+def test_export_replaces_a_file_only_when_told(gaussians_file: Path, tmp_path: Path) -> None:
+    scene = tmp_path / "scene.usda"
+    scene.write_text("precious")
+    arguments = ["export-usd", str(gaussians_file), "--out", str(scene)]
+    assert main(arguments) == EXIT_BAD_INPUT
+    assert scene.read_text() == "precious"
+    assert main([*arguments, "--overwrite"]) == EXIT_OK
+    assert scene.read_text().startswith("#usda")
+
+
+TINY = ["--frames", "2", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]
+
+
+def test_simulate_writes_a_capture_and_resumes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "capture"
+    arguments = ["simulate", *TINY, "--out", str(folder)]
+    assert main(arguments) == EXIT_OK
+    assert "2 frames of 32 x 18" in capsys.readouterr().out
+    before = {path: path.read_bytes() for path in (folder / "images").iterdir()}
+    lost = folder / "images" / "0001.png"
+    lost.unlink()
+    assert main([*arguments, "--resume"]) == EXIT_OK
+    assert {path: path.read_bytes() for path in (folder / "images").iterdir()} == before
+
+
+def test_an_interrupted_command_says_how_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: Simulate) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Simulate, "execute", interrupted)
+    out = str(tmp_path / "my capture")
+    assert main(["simulate", "--overwrite", "--out", out]) == EXIT_INTERRUPTED
+    assert capsys.readouterr().err.endswith(f"digs-warp simulate --out '{out}' --resume\n")
+
+
+def test_the_installed_command_prints_results_to_stdout_and_complaints_to_stderr(
+    capture_folder: Path, tmp_path: Path
+) -> None:
+    program = str(Path(sys.executable).with_name("digs-warp"))
+    good, bad = (
+        subprocess.run([program, "info", str(path)], capture_output=True, text=True, check=False)
+        for path in (capture_folder, tmp_path / "missing")
+    )
+    assert (good.returncode, good.stderr) == (EXIT_OK, "")
+    assert good.stdout.startswith("kind")
+    assert (bad.returncode, bad.stdout) == (EXIT_BAD_INPUT, "")
+    assert bad.stderr.startswith("digs-warp: ")

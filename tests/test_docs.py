@@ -1,0 +1,94 @@
+"""The documents stay true: files they name exist, commands they show parse, code they show runs."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from digs_warp import cli
+from digs_warp.capture import read_capture
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")])
+NAMES = [str(path.relative_to(REPOSITORY)) for path in DOCUMENTS]
+CODE_FOLDERS = ("digs_warp", "sim", "usd", "tests", "docs", "scripts", r"\.ci")
+
+each_document = pytest.mark.parametrize("document", DOCUMENTS, ids=NAMES)
+
+
+def blocks(document: Path, language: str) -> list[str]:
+    """The fenced blocks of a language."""
+    pattern = rf"^```{language}\n(.*?)^```$"
+    return re.findall(pattern, document.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def shell_lines(document: Path, program: str) -> list[list[str]]:
+    """The command lines in a document that start with ``program``, without it."""
+    lines = "\n".join(blocks(document, "sh")).replace("\\\n", " ").splitlines()
+    words = [shlex.split(line, comments=True) for line in lines]
+    return [line[1:] for line in words if line and line[0] == program]
+
+
+@each_document
+def test_links_lead_somewhere(document: Path) -> None:
+    targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
+    local = [target for target in targets if "://" not in target]
+    assert [target for target in local if not (document.parent / target).exists()] == []
+
+
+@each_document
+def test_files_named_in_code_spans_exist(document: Path) -> None:
+    spans = re.findall(r"`([^`\n]+)`", document.read_text(encoding="utf-8"))
+    named = [span for span in spans if re.match(rf"({'|'.join(CODE_FOLDERS)})/[\w./-]*$", span)]
+    assert [name for name in named if not (REPOSITORY / name).exists()] == []
+
+
+@each_document
+def test_command_lines_parse(document: Path) -> None:
+    for arguments in shell_lines(document, "digs-warp"):
+        cli.parse(arguments)
+
+
+@each_document
+def test_mentioned_commands_exist(document: Path) -> None:
+    mentioned = re.findall(r"`digs-warp ([a-z][a-z-]*)", document.read_text(encoding="utf-8"))
+    assert set(mentioned) <= cli.COMMANDS.keys()
+
+
+@each_document
+def test_make_targets_exist(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    shown = {line[0] for line in shell_lines(document, "make") if line}
+    mentioned = set(re.findall(r"`make ([a-z]+)", text)) | shown
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    assert mentioned <= set(re.findall(r"^([a-z]+):", makefile, re.MULTILINE))
+
+
+def test_the_readme_shows_every_command() -> None:
+    shown = {arguments[0] for arguments in shell_lines(REPOSITORY / "README.md", "digs-warp")}
+    assert shown == cli.COMMANDS.keys()
+
+
+def test_the_readme_maps_every_folder() -> None:
+    folders = {
+        str(path.parent.relative_to(REPOSITORY)) + "/"
+        for package in ("digs_warp", "sim", "usd")
+        for path in (REPOSITORY / package).rglob("__init__.py")
+    }
+    mapped = re.findall(r"^\| `([^`]+)` \|", (REPOSITORY / "README.md").read_text(), re.MULTILINE)
+    assert folders <= set(mapped)
+    assert len(mapped) == len(set(mapped))
+
+
+def test_the_example_of_the_capture_format_writes_what_the_page_describes(tmp_path: Path) -> None:
+    page = REPOSITORY / "docs" / "capture-format.md"
+    (example,) = blocks(page, "python")
+    folder = tmp_path / "capture"
+    exec(compile(example, str(page), "exec"), {"folder": folder})
+    capture = read_capture(folder)
+    assert len(capture) == 3
+    assert capture.frames[1].load_depth()[0, 0] == pytest.approx(0.8)
+    described = set(re.findall(r"`(\w+)`", page.read_text(encoding="utf-8")))
+    written = set(re.findall(r'"(\w+)":', (folder / "transforms.json").read_text()))
+    assert written <= described
