@@ -32,8 +32,8 @@ class SplatArrays:
 
     Attributes:
         positions: centres, shape (n, 3).
-        orientations: unit quaternions xyzw with w >= 0, frame-from-local, (n, 4).
-        scales: standard deviations along the local axes, above 0, (n, 3).
+        orientations: quaternions xyzw, frame-from-local, zero for no rotation, (n, 4).
+        scales: standard deviations along the local axes, (n, 3).
         opacities: in 0..1, (n,).
         sh: coefficients, splat after splat, in the order of `digs_warp.sh`, (n, K, 3).
     """
@@ -54,15 +54,14 @@ def arrays_from_gaussians(gaussians: Gaussians) -> SplatArrays:
     Raises:
         UsdError: rows hold NaN or infinite values (also after activation); says how many.
     """
-    with np.errstate(over="ignore"):  # an overflow is reported below
-        scales = gaussians.scales
-    arrays = SplatArrays(
-        gaussians.means,
-        unit_quats(gaussians.quats),
-        np.maximum(scales, np.float32(MIN_SCALE)),
-        np.clip(gaussians.opacities, 0.0, 1.0),
-        gaussians.sh,
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below, by splat
+        arrays = SplatArrays(
+            gaussians.means,
+            gaussians.quats,
+            np.maximum(gaussians.scales, np.float32(MIN_SCALE)),
+            np.clip(gaussians.opacities, 0.0, 1.0),
+            gaussians.sh,
+        )
     check_rows(arrays, "Gaussians")
     return arrays
 
@@ -80,30 +79,29 @@ def gaussians_from_arrays(arrays: SplatArrays) -> Gaussians:
 
 
 def transformed(arrays: SplatArrays, b_from_a: Similarity) -> SplatArrays:
-    """Return the splats of frame a in frame b: positions, orientations, scales and SH all turned."""
-    turn = quat_xyzw_from_matrix(b_from_a.rotation)
-    # quat_multiply(turn, q) is linear in q: row i of this matrix is its value for unit vector i.
-    turn_rows = quat_multiply(turn, np.eye(4))
+    """Return the splats of frame a in frame b: positions, orientations, scales and SH all turned.
+
+    The orientations become unit quaternions with w >= 0.
+    """
     linear = b_from_a.scale * b_from_a.rotation
     return replace(
         arrays,
         positions=(arrays.positions @ linear.T + b_from_a.translation).astype(np.float32),
-        orientations=unit_quats(arrays.orientations @ turn_rows),
+        orientations=_turned_quats(arrays.orientations, b_from_a.rotation),
         scales=arrays.scales * np.float32(b_from_a.scale),
         sh=rotate_sh(arrays.sh, b_from_a.rotation),
     )
 
 
-def unit_quats(quats: np.ndarray) -> np.ndarray:
-    """Return float32 unit quaternions xyzw with w >= 0; a zero quaternion gives the identity."""
+def _turned_quats(quats: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     quats = quats.astype(np.float64)  # squares of float32 values neither overflow nor vanish
     norm = np.sqrt(np.einsum("ni,ni->n", quats, quats))
-    zero = norm == 0
-    if zero.any():
-        quats[zero] = (0.0, 0.0, 0.0, 1.0)
-        norm[zero] = 1.0
-    quats /= np.copysign(norm, quats[:, 3])[:, None]
-    return quats.astype(np.float32)
+    quats[norm == 0] = (0.0, 0.0, 0.0, 1.0)
+    norm[norm == 0] = 1.0
+    # The product is linear in its second factor: row i of this matrix is its value for unit vector i.
+    turned = quats @ quat_multiply(quat_xyzw_from_matrix(rotation), np.eye(4))
+    turned /= np.copysign(norm, turned[:, 3])[:, None]
+    return turned.astype(np.float32)
 
 
 def check_rows(arrays: SplatArrays, what: str) -> None:
@@ -120,18 +118,20 @@ def check_rows(arrays: SplatArrays, what: str) -> None:
     )
 
 
-def check_activated(scales: np.ndarray, opacities: np.ndarray, what: str) -> None:
+def check_activated(arrays: SplatArrays, what: str) -> None:
     """Raise a `UsdError` when scales look like logarithms or opacities like logits."""
-    if scales.size and scales.min() < 0:
+    if len(arrays) == 0:
+        return
+    smallest = arrays.scales.min()
+    if smallest < 0:
         raise UsdError(
-            f"{what}: scales as low as {scales.min():.3g}, expected linear standard deviations of 0 "
+            f"{what}: scales as low as {smallest:.3g}, expected linear standard deviations of 0 "
             "or more; the file seems to hold logarithms. Export it again with activated scales."
         )
-    if opacities.size and not (
-        opacities.min() >= -OPACITY_SLACK and opacities.max() <= 1 + OPACITY_SLACK
-    ):
+    low, high = arrays.opacities.min(), arrays.opacities.max()
+    if low < -OPACITY_SLACK or high > 1 + OPACITY_SLACK:
         raise UsdError(
-            f"{what}: opacities from {opacities.min():.3g} to {opacities.max():.3g}, expected 0 to 1; "
+            f"{what}: opacities from {low:.3g} to {high:.3g}, expected 0 to 1; "
             "the file seems to hold logits. Export it again with activated opacities."
         )
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from usd import names
+from usd.field import find_field, splat_count, stored_sh_degree
 from usd.files import open_stage
-from usd.reader import find_field, read_metadata, sh_layout, splat_count
+from usd.reader import read_metadata
 
 
 def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
@@ -29,7 +30,7 @@ def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
     extent = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
     return {
         "splats": count,
-        "sh_degree": sh_layout(prim, count, f"USD scene '{path}', {prim.GetPath()}")[0],
+        "sh_degree": stored_sh_degree(prim, count, f"USD scene '{path}'") or 0,
         "extent": [list(corner) for corner in extent] if extent and count else None,
         "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
         "meters_per_unit": UsdGeom.GetStageMetersPerUnit(stage),

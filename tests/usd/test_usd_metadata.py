@@ -1,0 +1,58 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import UsdError
+from usd.metadata import json_from_usd, usd_from_json
+from usd.writer import write_gaussians
+
+
+def test_absolute_paths_are_cut_down_to_their_names():
+    given = {
+        "mesh": Path("/home/someone/meshes/bottle.glb"),
+        "windows": "C:\\Users\\someone\\bottle.glb",
+        "relative": "meshes/bottle.glb",
+        "nested": {"list": ["/a/b.png", "c/d.png"]},
+        "ratio": "3/4",
+    }
+    assert json_from_usd(usd_from_json(given)) == {
+        "mesh": "bottle.glb",
+        "windows": "bottle.glb",
+        "relative": "meshes/bottle.glb",
+        "nested": {"list": ["b.png", "c/d.png"]},
+        "ratio": "3/4",
+    }
+
+
+def test_no_path_of_this_machine_is_in_the_file(tmp_path: Path, random_gaussians):
+    path = tmp_path / "scene.usda"
+    write_gaussians(path, random_gaussians(1), {"capture": tmp_path / "capture"})
+    assert str(tmp_path) not in path.read_text()
+
+
+def test_numpy_values_become_plain_ones():
+    given = {"psnr": np.float32(31.5), "counts": np.arange(3), "flag": np.bool_(True)}
+    assert json_from_usd(usd_from_json(given)) == {
+        "psnr": 31.5,
+        "counts": [0, 1, 2],
+        "flag": True,
+    }
+
+
+def test_text_that_only_looks_like_ours_stays_text():
+    assert json_from_usd({"note": "json: see the manual"}) == {"note": "json: see the manual"}
+
+
+def test_values_of_usd_that_json_does_not_know_become_text_or_lists():
+    from pxr import Gf, Sdf
+
+    read = json_from_usd({"v": Gf.Vec2f(1, 2), "a": Sdf.AssetPath("x.png")})
+    assert read["v"] == [1.0, 2.0]
+    assert "x.png" in read["a"]
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), object(), {1, 2}])
+def test_values_without_a_json_form_are_refused(value: object):
+    with pytest.raises(UsdError, match="metadata"):
+        usd_from_json({"bad": value})

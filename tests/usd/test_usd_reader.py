@@ -1,0 +1,281 @@
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from digs_warp.checks import UsdError
+from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.sh import rgb_from_sh
+from usd.reader import read_gaussians, read_scene
+from usd.writer import write_gaussians
+
+HALF_EPS = 2.0**-11
+
+# Two splats as another program might write them: no type, half precision, centimetres, and a parent
+# that turns by 90 degrees about the stage's y axis, doubles and moves. The first splat lies on x.
+FOREIGN = """#usda 1.0
+(
+    metersPerUnit = 0.01
+    upAxis = "Y"
+)
+def Xform "Root"
+{
+    double3 xformOp:translate = (0, 10, 0)
+    double xformOp:rotateY = 90
+    double3 xformOp:scale = (2, 2, 2)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:scale"]
+
+    def "Splats"
+    {
+        point3h[] positionsh = [(1, 0, 0), (0, 3, 0)]
+        quath[] orientationsh = [(1, 0, 0, 0), (0.5, 0.5, 0.5, 0.5)]
+        half3[] scalesh = [(0.5, 0.25, 0.125), (1, 2, 4)]
+        half[] opacitiesh = [0.5, 1]
+        uniform int radiance:sphericalHarmonicsDegree = 1
+        half3[] radiance:sphericalHarmonicsCoefficientsh = [
+            (0.5, 0.25, 0), (0.5, 0, 0), (0, 0, 0), (0, 0.25, 0),
+            (0, 0, 0), (0, 0, 0), (0, 0.5, 0), (0, 0, 0)]
+    }
+}
+"""
+
+
+def scene(tmp_path: Path, body: str, header: str = 'metersPerUnit = 1\n    upAxis = "Z"') -> Path:
+    path = tmp_path / "scene.usda"
+    path.write_text(f"#usda 1.0\n(\n    {header}\n)\n{body}")
+    return path
+
+
+def field(inside: str, name: str = "G") -> str:
+    return f'def ParticleField3DGaussianSplat "{name}"\n{{\n{inside}\n}}\n'
+
+
+def test_untyped_half_precision_splats_under_a_transform_come_to_our_world(tmp_path: Path):
+    path = tmp_path / "foreign.usda"
+    path.write_text(FOREIGN)
+    gaussians = read_gaussians(path)
+    # By hand. Stage: (1, 0, 0) turned about y is (0, 0, -1), doubled, raised by 10 -> (0, 10, -2);
+    # our world: (x, -z, y) in metres.
+    assert_allclose(gaussians.means, [(0, 0.02, 0.10), (0, 0, 0.16)], atol=1e-7)
+    assert_allclose(
+        gaussians.scales, 0.02 * np.array([(0.5, 0.25, 0.125), (1, 2, 4)]), rtol=HALF_EPS
+    )
+    assert_allclose(gaussians.opacities, (0.5, 1.0), atol=1e-7)
+    # Local x goes to the stage's -z, that is our y; local y goes up; local z to the stage's x.
+    world_from_local = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    assert_allclose(matrix_from_quat_xyzw(gaussians.quats[0]), world_from_local, atol=1e-6)
+    cycle = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])  # wxyz (.5, .5, .5, .5): x -> y -> z -> x
+    assert_allclose(matrix_from_quat_xyzw(gaussians.quats[1]), world_from_local @ cycle, atol=1e-6)
+    directions = np.random.default_rng(0).normal(size=(2, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    local_sh = np.array(
+        [
+            [(0.5, 0.25, 0), (0.5, 0, 0), (0, 0, 0), (0, 0.25, 0)],
+            [(0, 0, 0), (0, 0, 0), (0, 0.5, 0), (0, 0, 0)],
+        ]
+    )
+    assert_allclose(
+        rgb_from_sh(gaussians.sh, directions),
+        rgb_from_sh(local_sh, directions @ world_from_local),
+        atol=1e-6,
+    )
+
+
+def test_transform_of_an_untyped_prim_itself_counts(tmp_path: Path):
+    body = """def "G"
+{
+    double3 xformOp:translate = (1, 2, 3)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    point3f[] positions = [(0, 0, 0)]
+    float[] opacities = [0.5]
+}
+"""
+    assert_allclose(read_gaussians(scene(tmp_path, body)).means, [(1, 2, 3)])
+
+
+def test_float_is_preferred_unless_it_is_empty(tmp_path: Path):
+    body = field(
+        """point3f[] positions = [(1, 2, 3)]
+        point3h[] positionsh = [(9, 9, 9), (9, 9, 9)]
+        float[] opacities = []
+        half[] opacitiesh = [0.25]
+        quatf[] orientations = []
+        quath[] orientationsh = [(0, 1, 0, 0)]
+        float3[] scales = []
+        half3[] scalesh = [(0.5, 0.5, 0.25)]
+        uniform int radiance:sphericalHarmonicsDegree = 0
+        float3[] radiance:sphericalHarmonicsCoefficients = []
+        half3[] radiance:sphericalHarmonicsCoefficientsh = [(1, 0.5, 0)]"""
+    )
+    gaussians = read_gaussians(scene(tmp_path, body))
+    assert_array_equal(gaussians.means, [(1, 2, 3)])
+    assert_allclose(gaussians.opacities, 0.25)
+    assert_allclose(gaussians.quats, [(1, 0, 0, 0)], atol=1e-7)
+    assert_allclose(gaussians.scales, [(0.5, 0.5, 0.25)])
+    assert_allclose(gaussians.sh, [[(1, 0.5, 0)]])
+
+
+def test_absent_attributes_have_the_defaults_of_the_schema(tmp_path: Path):
+    path = scene(tmp_path, field("point3f[] positions = [(1, 2, 3)]"))
+    gaussians = read_gaussians(path)
+    assert_allclose(gaussians.scales, 1.0)
+    assert_allclose(gaussians.opacities, 1.0, atol=1e-7)
+    assert np.isfinite(gaussians.opacity_logits).all()
+    assert_allclose(gaussians.quats, [(0, 0, 0, 1)])
+    assert_allclose(rgb_from_sh(gaussians.sh, np.array([[0, 0, 1.0]])), 0.5)
+
+
+def test_absent_metres_per_unit_means_centimetres_as_usd_says(tmp_path: Path):
+    path = scene(tmp_path, field("point3f[] positions = [(100, 0, 0)]"), header='upAxis = "Z"')
+    assert_allclose(read_gaussians(path).means, [(1, 0, 0)])
+
+
+@pytest.mark.parametrize(("stored", "kept"), [(1, 1), (4, 4), (9, 9), (16, 16), (25, 16)])
+def test_degree_follows_the_array_where_they_disagree(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, stored: int, kept: int
+):
+    degree = 2 if stored != 9 else 3
+    triplets = ", ".join(f"({i}, 0, 0)" for i in range(2 * stored))
+    body = field(
+        f"""point3f[] positions = [(0, 0, 0), (1, 1, 1)]
+        uniform int radiance:sphericalHarmonicsDegree = {degree}
+        float3[] radiance:sphericalHarmonicsCoefficients = [{triplets}]"""
+    )
+    with caplog.at_level(logging.WARNING):
+        gaussians = read_gaussians(scene(tmp_path, body))
+    assert f"the SH degree is {degree}" in caplog.text
+    expected = np.arange(2.0 * stored).reshape(2, stored)[:, :kept]
+    assert_allclose(gaussians.sh[..., 0], expected, atol=1e-5)
+
+
+def test_arrays_of_a_wrong_length_are_cut_or_ignored_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    body = field(
+        """point3f[] positions = [(0, 0, 0), (1, 1, 1)]
+        float[] opacities = [0.25, 0.5, 0.75]
+        float3[] scales = [(2, 2, 2)]
+        float3[] radiance:sphericalHarmonicsCoefficients = [(1, 1, 1), (1, 1, 1), (1, 1, 1)]"""
+    )
+    with caplog.at_level(logging.WARNING):
+        gaussians = read_gaussians(scene(tmp_path, body))
+    assert_allclose(gaussians.opacities, (0.25, 0.5))
+    assert_allclose(gaussians.scales, 1.0)
+    assert_allclose(gaussians.sh, 0.0)
+    for message in ("3 opacities for 2 splats", "1 scales for 2 splats", "fit no degree"):
+        assert message in caplog.text
+
+
+def test_animated_attributes_are_read_at_their_first_sample(tmp_path: Path):
+    body = field("point3f[] positions.timeSamples = { 3: [(1, 2, 3)], 9: [(7, 8, 9)] }")
+    assert_allclose(read_gaussians(scene(tmp_path, body)).means, [(1, 2, 3)])
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        "(1, 0, 0, 0), (0, 2, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # scales one axis
+        "(1, 0, 0, 0), (0.2, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # shears
+        "(-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # mirrors
+        "(0, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",  # collapses
+        "(nan, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)",
+    ],
+)
+def test_transforms_that_deform_splats_are_refused(tmp_path: Path, matrix: str):
+    body = field(
+        f"""point3f[] positions = [(0, 0, 0)]
+        matrix4d xformOp:transform = ( {matrix} )
+        uniform token[] xformOpOrder = ["xformOp:transform"]"""
+    )
+    with pytest.raises(UsdError, match=r"scene\.usda', /G: the transform"):
+        read_gaussians(scene(tmp_path, body))
+
+
+def test_several_fields_are_listed_and_one_can_be_chosen(tmp_path: Path):
+    body = field("point3f[] positions = [(1, 0, 0)]", "A") + field(
+        "point3f[] positions = [(2, 0, 0)]", "B"
+    )
+    path = scene(tmp_path, body)
+    with pytest.raises(UsdError, match=r"found 2: /A, /B"):
+        read_gaussians(path)
+    chosen = read_scene(path, "/B")
+    assert_allclose(chosen.gaussians.means, [(2, 0, 0)])
+    assert chosen.prim_path == "/B"
+    for wrong in ("/C", "B", "not a path", ""):
+        with pytest.raises(UsdError, match=rf"at '{wrong}'; found: /A, /B"):
+            read_gaussians(path, wrong)
+
+
+def test_a_point_instancer_is_no_field(tmp_path: Path):
+    body = """def PointInstancer "P"
+{
+    point3f[] positions = [(0, 0, 0)]
+    float3[] scales = [(1, 1, 1)]
+}
+"""
+    with pytest.raises(UsdError, match="holds no Gaussian splats"):
+        read_gaussians(scene(tmp_path, body))
+
+
+def test_wrong_types_are_refused_by_name(tmp_path: Path):
+    body = """def "G"
+{
+    point3f[] positions = [(0, 0, 0)]
+    string[] opacities = ["a"]
+}
+"""
+    with pytest.raises(UsdError, match="'opacities' holds StringArray"):
+        read_gaussians(scene(tmp_path, body))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "message"),
+    [
+        ("float3[] scales = [(-4, -5, -4)]", "logarithms"),
+        ("float[] opacities = [-2.5]", "logits"),
+        ("float[] opacities = [7]", "logits"),
+        ("float3[] scales = [(1, nan, 1)]", "1 of 1 splats hold NaN"),
+        ("float[] opacities = [inf]", "1 of 1 splats hold NaN"),
+    ],
+)
+def test_values_that_are_not_activated_or_not_finite_are_refused(
+    tmp_path: Path, attribute: str, message: str
+):
+    with pytest.raises(UsdError, match=message):
+        read_gaussians(scene(tmp_path, field(f"point3f[] positions = [(0, 0, 0)]\n{attribute}")))
+
+
+@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])
+@pytest.mark.parametrize("keep", [0.0, 0.02, 0.5, 0.9])
+def test_truncated_files_are_an_error_that_names_them(
+    tmp_path: Path, random_gaussians, suffix: str, keep: float
+):
+    path = tmp_path / f"scene{suffix}"
+    write_gaussians(path, random_gaussians(20))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(keep * len(whole))])
+    with pytest.raises(UsdError, match=rf"scene\{suffix}") as caught:
+        read_gaussians(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "scene.usda", "scene.usdc", "scene.usdz"])
+def test_other_files_are_an_error_that_names_them(tmp_path: Path, name: str):
+    (tmp_path / name).write_bytes(b"these are not the splats you are looking for" * 10)
+    with pytest.raises(UsdError, match=rf"{name}.*not a USD file"):
+        read_gaussians(tmp_path / name)
+
+
+def test_missing_file_and_folder_are_errors(tmp_path: Path):
+    with pytest.raises(UsdError, match="no such file"):
+        read_gaussians(tmp_path / "scene.usdz")
+    with pytest.raises(UsdError, match="found a folder"):
+        read_gaussians(tmp_path)
+
+
+def test_metadata_of_other_programs_is_not_taken_for_ours(tmp_path: Path):
+    header = 'customLayerData = { string digs_warp = "text" }\n    upAxis = "Z"'
+    path = scene(tmp_path, field("point3f[] positions = [(0, 0, 0)]"), header)
+    assert read_scene(path).metadata == {}

@@ -1,0 +1,354 @@
+# pyright: reportAttributeAccessIssue=false
+import hashlib
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from digs_warp.checks import UsdError
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.images import linear_from_srgb
+from digs_warp.sh import rgb_from_sh
+from usd.files import MAX_PACKAGE_MEMBER, check_package_size
+from usd.writer import write_gaussians
+
+SUFFIXES = (".usda", ".usdc", ".usdz")
+
+# Y-up from z-up, written out by hand: x stays, up is y, what came towards the viewer goes to -z.
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def field_of(path: Path):
+    from pxr import Usd
+
+    stage = Usd.Stage.Open(str(path))
+    return stage, stage.GetPrimAtPath("/Asset/Gaussians")
+
+
+def values(path: Path, name: str) -> np.ndarray:
+    stage, field = field_of(path)
+    return np.array(field.GetAttribute(name).Get())
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("count", [0, 1, 50])
+def test_stock_validators_find_nothing(tmp_path: Path, random_gaussians, suffix: str, count: int):
+    from pxr import Usd, UsdValidation
+
+    path = tmp_path / f"scene{suffix}"
+    write_gaussians(path, random_gaussians(count), {"psnr": 30.0})
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) >= 20
+    stage = Usd.Stage.Open(str(path))
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [error.GetErrorAsString() for error in errors] == []
+
+
+def test_stage_is_a_metric_y_up_component_with_one_typed_field(tmp_path: Path, random_gaussians):
+    from pxr import Usd, UsdGeom, UsdVol
+
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(5))
+    stage = Usd.Stage.Open(str(path))
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
+    assert stage.HasAuthoredMetadata("metersPerUnit")
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
+    asset = stage.GetDefaultPrim()
+    assert str(asset.GetPath()) == "/Asset"
+    assert Usd.ModelAPI(asset).GetKind() == "component"
+    fields = [prim for prim in stage.TraverseAll() if prim.IsA(UsdVol.ParticleField)]
+    assert [str(prim.GetPath()) for prim in fields] == ["/Asset/Gaussians"]
+    assert fields[0].IsA(UsdVol.ParticleField3DGaussianSplat)
+    assert UsdGeom.XformCache().GetLocalToWorldTransform(fields[0]) == type(
+        UsdGeom.XformCache().GetLocalToWorldTransform(fields[0])
+    )(1.0)
+    recorded = asset.GetCustomDataByKey("digs_warp:sourceToAsset")
+    # Gf matrices act on row vectors.
+    assert_array_equal(np.array(recorded)[:3, :3], Y_UP.T)
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_coefficients_carry_degree_element_size_and_interpolation(
+    tmp_path: Path, random_gaussians, degree: int
+):
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(7, degree))
+    stage, field = field_of(path)
+    coefficients = field.GetAttribute("radiance:sphericalHarmonicsCoefficients")
+    assert field.GetAttribute("radiance:sphericalHarmonicsDegree").Get() == degree
+    assert len(coefficients.Get()) == 7 * (degree + 1) ** 2
+    assert coefficients.GetMetadata("elementSize") == (degree + 1) ** 2
+    assert coefficients.GetMetadata("interpolation") == "vertex"
+    assert field.GetAttribute("projectionModeHint").HasAuthoredValue()
+    assert field.GetAttribute("projectionModeHint").Get() == "perspective"
+    assert field.GetAttribute("sortingModeHint").HasAuthoredValue()
+    assert field.GetAttribute("sortingModeHint").Get() == "zDepth"
+
+
+def test_values_are_activated_and_unit_quaternions_have_w_of_0_or_more(
+    tmp_path: Path, random_gaussians
+):
+    gaussians = random_gaussians(500)
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, gaussians)
+    assert_allclose(values(path, "scales"), np.exp(gaussians.log_scales), rtol=1e-6)
+    logistic = 1 / (1 + np.exp(-gaussians.opacity_logits.astype(np.float64)))
+    assert_allclose(values(path, "opacities"), logistic, rtol=1e-6)
+    stage, field = field_of(path)
+    quats = field.GetAttribute("orientations").Get()
+    assert min(quat.GetReal() for quat in quats) >= 0
+    assert_allclose([quat.GetLength() for quat in quats], 1.0, atol=1e-6)
+
+
+def test_positions_and_covariances_turn_with_the_world(tmp_path: Path, random_gaussians):
+    gaussians = random_gaussians(100)
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, gaussians)
+    assert_array_equal(
+        values(path, "positions"), (gaussians.means @ Y_UP.T).astype(np.float32) + 0.0
+    )
+    in_world = covariances(gaussians.quats, gaussians.scales)
+    in_asset = covariances(values(path, "orientations"), values(path, "scales"))
+    scale = np.abs(in_world).max(axis=(1, 2), keepdims=True)
+    assert_allclose(in_asset / scale, (Y_UP @ in_world @ Y_UP.T) / scale, atol=2e-6)
+
+
+def test_every_splat_shows_the_same_colour_to_the_same_camera(tmp_path: Path, random_gaussians):
+    gaussians = random_gaussians(200)
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, gaussians)
+    stored = values(path, "radiance:sphericalHarmonicsCoefficients").reshape(200, 16, 3)
+    random = np.random.default_rng(1)
+    for _ in range(5):
+        directions = random.normal(size=(200, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        assert_allclose(
+            rgb_from_sh(stored, directions @ Y_UP.T),
+            rgb_from_sh(gaussians.sh, directions),
+            atol=2e-6,
+        )
+
+
+def test_quaternion_text_is_wxyz(tmp_path: Path):
+    # A turn about the world's z by 60 degrees is one about y in a Y-up asset: after the quarter turn
+    # from z-up to Y-up (-90 degrees about x) the quaternion is (w, x, y, z) =
+    # (cos 45 cos 30, -sin 45 cos 30, sin 45 sin 30, cos 45 sin 30).
+    half = np.deg2rad(30)
+    gaussians = Gaussians(
+        means=np.zeros((1, 3)),
+        log_scales=np.zeros((1, 3)),
+        quats=np.array([[0, 0, np.sin(half), np.cos(half)]]),
+        opacity_logits=np.zeros(1),
+        sh=np.zeros((1, 1, 3)),
+    )
+    path = tmp_path / "scene.usda"
+    write_gaussians(path, gaussians)
+    match = re.search(r"orientations = \[\((.*?)\)\]", path.read_text())
+    assert match
+    text = [float(number) for number in match.group(1).split(",")]
+    assert_allclose(text, (0.6123724, -0.6123724, 0.3535534, 0.3535534), atol=1e-6)
+
+
+def test_extent_contains_the_three_sigma_box_of_every_splat_and_no_more(
+    tmp_path: Path, random_gaussians
+):
+    gaussians = random_gaussians(40_000)
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, gaussians)
+    # An independent way: the support function of the stored ellipsoids, in float64.
+    rotations = matrix_from_quat_xyzw(values(path, "orientations"))
+    scales = values(path, "scales").astype(np.float64)
+    centers = values(path, "positions").astype(np.float64)
+    low, high = values(path, "extent").astype(np.float64)
+    for axis in range(3):
+        reach = 3 * np.linalg.norm(rotations[:, axis, :] * scales, axis=1)
+        assert (centers[:, axis] - reach >= low[axis]).all()
+        assert (centers[:, axis] + reach <= high[axis]).all()
+        assert_allclose(low[axis], (centers[:, axis] - reach).min(), rtol=1e-6)
+        assert_allclose(high[axis], (centers[:, axis] + reach).max(), rtol=1e-6)
+        # The box of the centres alone would cut splats off.
+        assert low[axis] < centers[:, axis].min() - 1e-3
+
+
+def test_extent_of_no_splats_is_the_empty_box_of_usd(tmp_path: Path, random_gaussians):
+    from pxr import UsdGeom, Vt
+
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(0))
+    empty = UsdGeom.PointBased.ComputeExtent(Vt.Vec3fArray())
+    assert_array_equal(values(path, "extent"), np.array(empty))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_colour_spaces_resolve_to_srgb_and_linear(tmp_path: Path, random_gaussians, suffix: str):
+    from pxr import Gf, Usd
+
+    path = tmp_path / f"scene{suffix}"
+    write_gaussians(path, random_gaussians(2))
+    stage, field = field_of(path)
+    cache = Usd.ColorSpaceHashCache()
+    assert Usd.ColorSpaceAPI.ComputeColorSpaceName(field, cache) == "srgb_rec709_display"
+    space = Usd.ColorSpaceAPI.ComputeColorSpace(field, cache)
+    encoded = np.array([0.01, 0.2, 0.9])
+    linear = Gf.ColorSpace("lin_rec709_scene").Convert(space, Gf.Vec3f(*encoded)).GetRGB()
+    assert_allclose(linear, linear_from_srgb(encoded), atol=1e-4)
+    # displayColor is linear, whatever the splats are.
+    color = field.GetAttribute("primvars:displayColor")
+    assert Usd.ColorSpaceAPI.ComputeColorSpaceName(color, cache) == "lin_rec709_scene"
+
+
+def test_display_color_is_the_linear_mean_weighted_by_opacity(tmp_path: Path, random_gaussians):
+    from digs_warp.sh import sh_from_rgb
+
+    gaussians = random_gaussians(2, degree=1)
+    gaussians.sh[:, 0] = sh_from_rgb(np.array([[0.9, 0.5, 0.1], [0.1, 0.5, 0.9]]))
+    gaussians.opacity_logits[:] = (30.0, -30.0)  # the second splat is invisible
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, gaussians)
+    expected = linear_from_srgb(np.array([[0.9, 0.5, 0.1]]))
+    assert_allclose(values(path, "primvars:displayColor"), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_same_input_gives_the_same_bytes_in_another_process(
+    tmp_path: Path, random_gaussians, suffix: str
+):
+    import os
+
+    gaussians = random_gaussians(300)
+    gaussians.save(tmp_path / "gaussians.npz")
+    here = tmp_path / f"here{suffix}"
+    write_gaussians(here, gaussians, {"b": 1, "a": {"d": [1.5], "c": "text"}})
+    there = tmp_path / f"there{suffix}"
+    program = (
+        "from pathlib import Path; from digs_warp.gaussians import Gaussians\n"
+        "from usd.writer import write_gaussians\n"
+        f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
+        f"write_gaussians(Path({str(there)!r}), gaussians,"
+        " {'b': 1, 'a': {'d': [1.5], 'c': 'text'}})\n"
+    )
+    # Another time zone: packages must not carry local times.
+    subprocess.run(
+        [sys.executable, "-c", program], check=True, env=os.environ | {"TZ": "Asia/Tokyo"}
+    )
+    assert_same_bytes(here, there)
+
+
+def test_packages_written_at_different_times_have_the_same_bytes(tmp_path: Path, random_gaussians):
+    with_times = tmp_path / "first.usdz", tmp_path / "second.usdz"
+    for path in with_times:
+        write_gaussians(path, random_gaussians(10))
+    with zipfile.ZipFile(with_times[0]) as package:
+        assert package.infolist()[0].date_time == (1980, 1, 1, 0, 0, 0)
+    assert_same_bytes(*with_times)
+
+
+def test_package_stores_one_aligned_member_named_default(tmp_path: Path, random_gaussians):
+    path = tmp_path / "scene.usdz"
+    write_gaussians(path, random_gaussians(100))
+    with zipfile.ZipFile(path) as package:
+        (member,) = package.infolist()
+    assert member.filename == "default.usdc"
+    assert member.compress_type == zipfile.ZIP_STORED
+    header = path.read_bytes()[member.header_offset :]
+    name_length, extra_length = np.frombuffer(header[26:30], dtype="<u2")
+    start = member.header_offset + 30 + int(name_length) + int(extra_length)
+    assert start % 64 == 0
+    assert path.read_bytes()[start : start + 8] == b"PXR-USDC"
+
+
+def test_files_of_the_same_name_and_other_suffixes_are_left_alone(tmp_path: Path, random_gaussians):
+    others = [tmp_path / name for name in ("scene.usda", "scene.usdc", "default.usdc", "scene")]
+    for path in others:
+        path.write_bytes(b"mine")
+    write_gaussians(tmp_path / "scene.usdz", random_gaussians(3))
+    assert all(path.read_bytes() == b"mine" for path in others)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "scene.usdz",
+        *(path.name for path in others),
+    }
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_write_that_runs_out_of_space_leaves_the_old_file(
+    tmp_path: Path, random_gaussians, suffix: str
+):
+    path = tmp_path / f"scene{suffix}"
+    write_gaussians(path, random_gaussians(3))
+    before = path.read_bytes()
+    random_gaussians(2000).save(tmp_path / "gaussians.npz")
+    # The system refuses files of more than 100 kB to this process.
+    program = (
+        "import resource, signal; from pathlib import Path\n"
+        "from digs_warp.checks import UsdError; from digs_warp.gaussians import Gaussians\n"
+        "from usd.writer import write_gaussians\n"
+        f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "try:\n"
+        f"    write_gaussians(Path({str(path)!r}), gaussians)\n"
+        "except UsdError as error:\n"
+        "    print(error)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert f"scene{suffix}" in result.stdout
+    assert "too large" in result.stdout
+    assert path.read_bytes() == before
+    assert {entry.name for entry in tmp_path.iterdir()} == {path.name, "gaussians.npz"}
+
+
+def test_a_folder_in_the_place_of_the_file_is_an_error(tmp_path: Path, random_gaussians):
+    (tmp_path / "scene.usdc").mkdir()
+    with pytest.raises(UsdError, match=r"scene\.usdc.*cannot be written"):
+        write_gaussians(tmp_path / "scene.usdc", random_gaussians(1))
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.usdc"]
+
+
+def test_missing_folders_are_created(tmp_path: Path, random_gaussians):
+    path = tmp_path / "new" / "folder" / "scene.usdc"
+    write_gaussians(path, random_gaussians(1))
+    assert path.is_file()
+
+
+@pytest.mark.parametrize("name", ["scene.ply", "scene", "scene.usd"])
+def test_another_suffix_is_refused(tmp_path: Path, random_gaussians, name: str):
+    with pytest.raises(UsdError, match=r"expected one of \.usda, \.usdc, \.usdz"):
+        write_gaussians(tmp_path / name, random_gaussians(1))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("field", ["means", "log_scales", "quats", "opacity_logits", "sh"])
+def test_nan_and_infinite_splats_are_refused_with_their_number(
+    tmp_path: Path, random_gaussians, field: str
+):
+    gaussians = random_gaussians(20)
+    array = getattr(gaussians, field)
+    array[3], array[7] = np.nan, np.inf
+    if field == "opacity_logits":
+        array[7] = np.nan  # an infinite logit is an opacity of 1
+    with pytest.raises(UsdError, match=r"2 of 20 splats hold NaN or infinite.*first is number 3"):
+        write_gaussians(tmp_path / "scene.usdc", gaussians)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_package_members_stay_below_4_gib(tmp_path: Path):
+    check_package_size(MAX_PACKAGE_MEMBER, tmp_path / "scene.usdz")
+    with pytest.raises(UsdError, match=r"write a \.usdc"):
+        check_package_size(2**32, tmp_path / "scene.usdz")
+
+
+def covariances(quats: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    axes = matrix_from_quat_xyzw(quats) * scales[:, None, :].astype(np.float64)
+    return axes @ axes.transpose(0, 2, 1)
+
+
+def assert_same_bytes(first: Path, second: Path) -> None:
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in (first, second)]
+    assert digests[0] == digests[1]

@@ -1,0 +1,173 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""A field of Gaussian splats in a stage: finding the prim, its attributes as NumPy arrays.
+
+Attributes are found by name, so that files open in versions of USD that do not know the splat schema.
+What a file leaves out, or holds too little of, has the schema's default.
+"""
+
+import logging
+from math import isqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from digs_warp.checks import UsdError
+from digs_warp.sh import MAX_DEGREE, coefficient_count
+from usd import names
+from usd.convert import SplatArrays
+from usd.files import HINT
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+_log = logging.getLogger(__name__)
+
+
+def find_field(stage: "Usd.Stage", path: Path, prim_path: str | None = None) -> "Usd.Prim":
+    """Return the prim that holds the splats: the only one, or the one at ``prim_path``.
+
+    Raises:
+        UsdError: there is none, or there are several and no ``prim_path``; the message lists them.
+    """
+    from pxr import Sdf, Usd
+
+    prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    fields = [prim for prim in prims if _is_field(prim)]
+    found = ", ".join(str(prim.GetPath()) for prim in fields) or "none"
+    if prim_path is not None:
+        valid = Sdf.Path.IsValidPathString(prim_path) and Sdf.Path(prim_path).IsAbsolutePath()
+        prim = stage.GetPrimAtPath(prim_path) if valid else None
+        if not prim or not _has_positions(prim):
+            raise UsdError(
+                f"USD scene '{path}': no Gaussian splats at '{prim_path}'; found: {found}"
+            )
+        return prim
+    if not fields:
+        raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
+    if len(fields) > 1:
+        raise UsdError(
+            f"USD scene '{path}': expected one field of Gaussian splats, found {len(fields)}: {found}; "
+            "choose one by its prim path"
+        )
+    return fields[0]
+
+
+def splat_count(prim: "Usd.Prim") -> int:
+    """Return the number of splats: the length of the positions."""
+    positions = _value(prim, names.POSITIONS)
+    return 0 if positions is None else len(positions)
+
+
+def stored_sh_degree(prim: "Usd.Prim", count: int, what: str) -> int | None:
+    """Return the degree of the coefficients of ``count`` splats; None when there are no usable ones.
+
+    The length of the array decides where the authored degree does not fit it.
+    """
+    attribute = prim.GetAttribute(names.SH_DEGREE)
+    authored = attribute.Get() if attribute else None
+    degree = names.FALLBACK_DEGREE if authored is None else max(0, authored)
+    values = _value(prim, names.SH_COEFFICIENTS)
+    if count == 0:
+        return degree
+    if values is None:
+        return None
+    per_splat, rest = divmod(len(values), count)
+    actual = isqrt(per_splat) - 1
+    if rest or actual < 0 or (actual + 1) ** 2 != per_splat:
+        _log.warning(
+            "%s: %d SH coefficients fit no degree for %d splats; they are ignored",
+            what,
+            len(values),
+            count,
+        )
+        return None
+    if actual != degree:
+        _log.warning(
+            "%s: the SH degree is %s, but the array holds degree %d", what, authored, actual
+        )
+    return actual
+
+
+def read_arrays(prim: "Usd.Prim", what: str) -> SplatArrays:
+    """Return the splats in the prim's local frame.
+
+    The arrays may still lie in the mapped file: they must not outlive the stage, else USD copies them.
+
+    Raises:
+        UsdError: an attribute has another type than the schema gives it.
+    """
+    count = splat_count(prim)
+    positions = _array(prim, names.POSITIONS, count, 3, what)
+    quats = _array(prim, names.ORIENTATIONS, count, 4, what)
+    scales = _array(prim, names.SCALES, count, 3, what)
+    opacities = _array(prim, names.OPACITIES, count, None, what)
+    return SplatArrays(
+        positions=np.zeros((0, 3), dtype=np.float32) if positions is None else positions,
+        orientations=np.zeros((count, 4), dtype=np.float32) if quats is None else quats,
+        scales=np.ones((count, 3), dtype=np.float32) if scales is None else scales,
+        opacities=np.ones(count, dtype=np.float32) if opacities is None else opacities,
+        sh=_read_sh(prim, count, what),
+    )
+
+
+def _read_sh(prim: "Usd.Prim", count: int, what: str) -> np.ndarray:
+    stored = stored_sh_degree(prim, count, what)
+    degree = min(stored or 0, MAX_DEGREE)
+    if stored is None or count == 0:  # the schema's default is mid grey from every side
+        return np.zeros((count, coefficient_count(degree), 3), dtype=np.float32)
+    if stored > MAX_DEGREE:
+        _log.warning("%s: SH degree %d is cut down to %d", what, stored, MAX_DEGREE)
+    rows = _array(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, 3, what)
+    assert rows is not None  # stored_sh_degree has seen the array
+    return rows.reshape(count, -1, 3)[:, : coefficient_count(degree)]
+
+
+def _array(
+    prim: "Usd.Prim", name: str, count: int, width: int | None, what: str
+) -> np.ndarray | None:
+    """Return ``count`` rows as float32, or None where the default applies (absent or too short)."""
+    value = _value(prim, name)
+    if value is None or count == 0:
+        return None
+    array = np.asarray(value)
+    if array.shape[1:] != (() if width is None else (width,)) or array.dtype.kind != "f":
+        raise UsdError(
+            f"{what}: attribute '{name}' holds {type(value).__name__}, expected floating-point "
+            + ("numbers" if width is None else f"vectors of {width}")
+        )
+    if len(array) != count:
+        remedy = "the default is used" if len(array) < count else "the rest is ignored"
+        _log.warning("%s: %d %s for %d splats; %s", what, len(array), name, count, remedy)
+    return array[:count].astype(np.float32, copy=False) if len(array) >= count else None
+
+
+def _value(prim: "Usd.Prim", name: str) -> Any:
+    """Return the array of an attribute, else of its half-precision twin; None when both are empty."""
+    from pxr import Usd
+
+    for twin in (name, name + names.HALF_SUFFIX):
+        attribute = prim.GetAttribute(twin)
+        if not attribute or not attribute.GetTypeName().isArray:
+            continue
+        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        if value is not None and len(value):
+            return value
+    return None
+
+
+def _is_field(prim: "Usd.Prim") -> bool:
+    if prim.GetTypeName() == names.FIELD_TYPE:
+        return True
+    # A prim without a type that carries the attributes. Positions alone would also fit other prims.
+    own = (names.SH_COEFFICIENTS, names.OPACITIES)
+    return (
+        not prim.GetTypeName()
+        and _has_positions(prim)
+        and any(_value(prim, name) is not None for name in own)
+    )
+
+
+def _has_positions(prim: "Usd.Prim") -> bool:
+    return any(prim.HasAttribute(names.POSITIONS + suffix) for suffix in ("", names.HALF_SUFFIX))
