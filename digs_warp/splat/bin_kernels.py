@@ -1,0 +1,223 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Kernels of `digs_warp.splat.bin_tiles`: spans, counts, and the two ways to build the tile lists."""
+
+import warp as wp
+
+from digs_warp.splat.config import TILE_SIZE
+from digs_warp.splat.project import (
+    SPLAT_A,
+    SPLAT_B,
+    SPLAT_HALF_HEIGHT,
+    SPLAT_HALF_WIDTH,
+    SPLAT_TAU,
+    SPLAT_U,
+    SPLAT_V,
+)
+
+wp.set_module_options({"enable_backward": False})
+
+_TILE = wp.constant(TILE_SIZE)
+# A span packs the first and one past the last tile column into one integer: images up to 2^19 px wide.
+_SPAN_BITS = wp.constant(15)
+MAX_TILE_COLUMNS = 1 << 15
+
+
+@wp.func
+def half_chord(dy: float, half_height: float, tau: float, a: float) -> float:
+    """Half the width of the ellipse at height dy from its centre."""
+    share = dy / half_height
+    return wp.sqrt(wp.max(0.0, tau * (1.0 - share * share)) / a)
+
+
+@wp.kernel
+def span_kernel(
+    first: int,
+    splats: wp.array2d[float],  # [n, SPLAT_FIELDS]
+    first_tile_rows: wp.array[int],  # [n]
+    row_starts: wp.array[int],  # [n + 1] spans of splat g: row_starts[g] .. row_starts[g + 1]
+    slack: float,
+    width: int,
+    # outputs
+    spans: wp.array[int],  # [rows] packed tile columns
+    span_starts: wp.array[int],  # [rows] pairs of the splat before this span
+    pair_counts: wp.array[int],  # [n]
+):
+    """Find the tile columns that each splat touches in each of its tile rows."""
+    g = first + wp.tid()
+    pairs = int(0)
+    begin = row_starts[g]
+    end = row_starts[g + 1]
+    if begin < end:
+        u = splats[g, SPLAT_U]
+        v = splats[g, SPLAT_V]
+        a = splats[g, SPLAT_A]
+        shear = splats[g, SPLAT_B] / a
+        tau = splats[g, SPLAT_TAU]
+        half_width = splats[g, SPLAT_HALF_WIDTH]
+        half_height = splats[g, SPLAT_HALF_HEIGHT]
+        # Height above the centre at which the ellipse is furthest to the right.
+        right_dy = -half_width * splats[g, SPLAT_B] / splats[g, SPLAT_A + 2]
+        for row in range(begin, end):
+            top = float((first_tile_rows[g] + row - begin) * _TILE) + 0.5 - v
+            low = wp.max(top, -half_height)
+            high = wp.min(top + float(_TILE - 1), half_height)
+            dy_right = wp.clamp(right_dy, low, high)
+            dy_left = wp.clamp(-right_dy, low, high)
+            right = -shear * dy_right + half_chord(dy_right, half_height, tau, a)
+            left = -shear * dy_left - half_chord(dy_left, half_height, tau, a)
+            right = wp.min(right, half_width) + slack
+            left = wp.max(left, -half_width) - slack
+            # Pixel centres lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
+            x0 = int(wp.max(wp.ceil(u + left - 0.5), 0.0))
+            x1 = int(wp.min(wp.floor(u + right - 0.5), float(width - 1)))
+            t0 = x0 // _TILE
+            t1 = t0
+            if low <= high and x0 <= x1:
+                t1 = x1 // _TILE + 1
+            spans[row] = t0 | (t1 << _SPAN_BITS)
+            span_starts[row] = pairs
+            pairs += t1 - t0
+    pair_counts[g] = pairs
+
+
+@wp.func
+def span_first(span: int) -> int:
+    """First tile column of a packed span."""
+    return span & ((1 << _SPAN_BITS) - 1)
+
+
+@wp.func
+def span_end(span: int) -> int:
+    """One past the last tile column of a packed span."""
+    return span >> _SPAN_BITS
+
+
+@wp.kernel
+def exclusive_scan_kernel(counts: wp.array[int], count: int, starts: wp.array[int]):
+    """Running sum; ``starts`` has one element more than ``counts``. One thread."""
+    total = int(0)
+    for i in range(count):
+        starts[i] = total
+        total += counts[i]
+    starts[count] = total
+
+
+@wp.kernel
+def tile_count_kernel(
+    count: int,
+    first_tile_rows: wp.array[int],
+    row_starts: wp.array[int],
+    spans: wp.array[int],
+    columns: int,
+    # outputs
+    tile_counts: wp.array[int],  # [tiles]
+):
+    """Count the splats of every tile. One thread."""
+    for i in range(tile_counts.shape[0]):
+        tile_counts[i] = 0
+    for g in range(count):
+        begin = row_starts[g]
+        for row in range(begin, row_starts[g + 1]):
+            base = (first_tile_rows[g] + row - begin) * columns
+            for column in range(span_first(spans[row]), span_end(spans[row])):
+                tile_counts[base + column] = tile_counts[base + column] + 1
+
+
+@wp.kernel
+def depth_key_kernel(
+    first: int, depths: wp.array[float], keys: wp.array[int], order: wp.array[int]
+):
+    """Sort keys: the bits of a positive float order like the float itself."""
+    g = first + wp.tid()
+    keys[g] = wp.cast(depths[g], wp.int32)
+    order[g] = g
+
+
+@wp.kernel
+def emit_kernel(
+    first: int,
+    bands: int,
+    count: int,
+    order: wp.array[int],  # [n] splats, nearest first
+    first_tile_rows: wp.array[int],
+    row_starts: wp.array[int],
+    spans: wp.array[int],
+    span_starts: wp.array[int],
+    pair_starts: wp.array[int],
+    tile_starts: wp.array[int],
+    columns: int,
+    rows: int,
+    # outputs
+    cursors: wp.array[int],  # [tiles]
+    tile_splats: wp.array[int],  # [pairs] splats by tile, nearest first
+    pair_slots: wp.array[int],  # [pairs] by splat: position in tile_splats
+):
+    """Deal the splats out to the tiles of one band of tile rows."""
+    band = first + wp.tid()
+    band_first = rows * band // bands
+    band_end = rows * (band + 1) // bands
+    for tile in range(band_first * columns, band_end * columns):
+        cursors[tile] = tile_starts[tile]
+    for i in range(count):
+        g = order[i]
+        begin = row_starts[g]
+        end = row_starts[g + 1]
+        top = first_tile_rows[g]
+        inner_first = wp.max(top, band_first)
+        inner_end = wp.min(top + end - begin, band_end)
+        for tile_row in range(inner_first, inner_end):
+            row = begin + tile_row - top
+            pair = pair_starts[g] + span_starts[row]
+            x0 = span_first(spans[row])
+            for column in range(x0, span_end(spans[row])):
+                tile = tile_row * columns + column
+                slot = cursors[tile]
+                cursors[tile] = slot + 1
+                tile_splats[slot] = g
+                pair_slots[pair + column - x0] = slot
+
+
+@wp.kernel
+def pair_key_kernel(
+    first_tile_rows: wp.array[int],
+    row_starts: wp.array[int],
+    spans: wp.array[int],
+    span_starts: wp.array[int],
+    pair_starts: wp.array[int],
+    depths: wp.array[float],
+    columns: int,
+    # outputs
+    keys: wp.array[wp.int64],
+    pairs: wp.array[int],
+    pair_splats: wp.array[int],
+):
+    """One (tile, depth) key per pair, one thread per splat."""
+    g = wp.tid()
+    begin = row_starts[g]
+    for row in range(begin, row_starts[g + 1]):
+        x0 = span_first(spans[row])
+        for column in range(x0, span_end(spans[row])):
+            pair = pair_starts[g] + span_starts[row] + column - x0
+            tile = (first_tile_rows[g] + row - begin) * columns + column
+            keys[pair] = (wp.int64(tile) << wp.int64(32)) | wp.int64(wp.cast(depths[g], wp.int32))
+            pairs[pair] = pair
+            pair_splats[pair] = g
+
+
+@wp.kernel
+def unpack_kernel(
+    keys: wp.array[wp.int64],
+    pairs: wp.array[int],
+    pair_splats: wp.array[int],
+    # outputs
+    tile_splats: wp.array[int],
+    pair_slots: wp.array[int],
+    tile_counts: wp.array[int],
+):
+    """Turn sorted keys into tile lists; integer atomics, so the counts are exact on every device."""
+    slot = wp.tid()
+    pair = pairs[slot]
+    tile_splats[slot] = pair_splats[pair]
+    pair_slots[pair] = slot
+    wp.atomic_add(tile_counts, int(keys[slot] >> wp.int64(32)), 1)

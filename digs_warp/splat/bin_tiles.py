@@ -1,0 +1,229 @@
+"""Which splats touch which tile, front to back: the lists that the rasterizer walks.
+
+Per splat and tile row, the exact range of tiles that its ellipse {alpha >= MIN_ALPHA} touches is computed
+once and stored (a *span*), so that counting and emitting can never disagree. Splats are then sorted by
+depth once, and dealt out to the tiles in that order: every tile list comes out sorted, without a sort of
+the (tile, splat) pairs. Threads own bands of tile rows, so nothing is written twice.
+
+`TileBinner(counting=False)` reaches the same lists by one sort of (tile, depth) keys: the path for CUDA,
+and the twin that the counting path is tested against. Splats of equal depth keep the order of their index.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from digs_warp.checks import DigsError
+from digs_warp.parallel import ParallelLaunch, default_threads
+from digs_warp.splat.bin_kernels import (
+    MAX_TILE_COLUMNS,
+    depth_key_kernel,
+    emit_kernel,
+    exclusive_scan_kernel,
+    pair_key_kernel,
+    span_kernel,
+    tile_count_kernel,
+    unpack_kernel,
+)
+from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
+from digs_warp.splat.project import GRADIENT_FIELDS, SPLAT_FIELDS
+
+# Buffers grow by half when a view needs more: a few growths, then none.
+_GROWTH = 1.5
+
+
+@dataclass
+class TileLists:
+    """Device arrays of one view. Pairs are (tile, splat); ``rows`` are (splat, tile row) spans."""
+
+    splats: wp.array  # [n, SPLAT_FIELDS]
+    depths: wp.array  # [n]
+    first_tile_rows: wp.array  # [n]
+    row_counts: wp.array  # [n]
+    row_starts: wp.array  # [n + 1]
+    pair_counts: wp.array  # [n]
+    pair_starts: wp.array  # [n + 1]
+    tile_counts: wp.array  # [tiles]
+    tile_starts: wp.array  # [tiles + 1]
+    cursors: wp.array  # [tiles]
+    spans: wp.array  # [row capacity]
+    span_starts: wp.array  # [row capacity]
+    tile_splats: wp.array  # [pair capacity]
+    pair_slots: wp.array  # [pair capacity]
+    pair_gradients: wp.array  # [pair capacity, GRADIENT_FIELDS]
+
+
+class TileBinner:
+    """Builds `TileLists` for views of one size; call `bin` after every projection.
+
+    ``generation`` counts reallocations: launches recorded on the lists are stale when it changes.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        width: int,
+        height: int,
+        device: str = "cpu",
+        threads: int = 0,
+        counting: bool = True,
+    ) -> None:
+        self.columns = -(-width // TILE_SIZE)
+        self.rows = -(-height // TILE_SIZE)
+        self.tiles = self.columns * self.rows
+        if self.columns >= MAX_TILE_COLUMNS:
+            raise DigsError(
+                f"image width {width}: expected below {MAX_TILE_COLUMNS * TILE_SIZE} px"
+            )
+        self.count = count
+        self.width = width
+        self.device = device
+        self.threads = threads or default_threads()
+        self.counting = counting
+        self.generation = 0
+        self.total_rows = 0
+        self.total_pairs = 0
+        self._keys = self._zeros(2 * max(count, 1))
+        self._order = self._zeros(2 * max(count, 1))
+        self.lists = self._allocate()
+
+    def bin(self) -> TileLists:
+        """Build the lists from ``splats``, ``depths``, ``first_tile_rows`` and ``row_counts``."""
+        lists = self.lists
+        self._scan(lists.row_counts, self.count, lists.row_starts)
+        self.total_rows = self._last(lists.row_starts)
+        if self.total_rows > len(lists.spans):
+            self._grow_rows()
+        self._span_launch.run()
+        self._scan(lists.pair_counts, self.count, lists.pair_starts)
+        self.total_pairs = self._last(lists.pair_starts)
+        if self.total_pairs > len(lists.tile_splats):
+            self._grow_pairs()
+        if self.counting:
+            self._bin_by_counting()
+        else:
+            self._bin_by_sorting()
+        return lists
+
+    def _bin_by_counting(self) -> None:
+        lists = self.lists
+        wp.launch(
+            tile_count_kernel,
+            dim=1,
+            inputs=[self.count, lists.first_tile_rows, lists.row_starts, lists.spans, self.columns],
+            outputs=[lists.tile_counts],
+            device=self.device,
+        )
+        self._scan(lists.tile_counts, self.tiles, lists.tile_starts)
+        self._key_launch.run()
+        if self.count:
+            wp.utils.radix_sort_pairs(self._keys, self._order, self.count)
+        self._emit_launch.run()
+
+    def _bin_by_sorting(self) -> None:
+        lists = self.lists
+        pairs = self.total_pairs
+        keys = wp.zeros(2 * max(pairs, 1), dtype=wp.int64, device=self.device)
+        values = self._zeros(2 * max(pairs, 1))
+        pair_splats = self._zeros(max(pairs, 1))
+        spans = [lists.first_tile_rows, lists.row_starts, lists.spans, lists.span_starts]
+        wp.launch(
+            pair_key_kernel,
+            dim=self.count,
+            inputs=[*spans, lists.pair_starts, lists.depths, self.columns],
+            outputs=[keys, values, pair_splats],
+            device=self.device,
+        )
+        if pairs:
+            wp.utils.radix_sort_pairs(keys, values, pairs)
+        lists.tile_counts.zero_()
+        wp.launch(
+            unpack_kernel,
+            dim=pairs,
+            inputs=[keys, values, pair_splats],
+            outputs=[lists.tile_splats, lists.pair_slots, lists.tile_counts],
+            device=self.device,
+        )
+        self._scan(lists.tile_counts, self.tiles, lists.tile_starts)
+
+    def _allocate(self) -> TileLists:
+        n = max(self.count, 1)
+        # A splat of a dense object touches about two rows and three tiles.
+        rows, pairs = 2 * n + 64, 3 * n + 64
+        lists = TileLists(
+            splats=wp.zeros((n, SPLAT_FIELDS), dtype=float, device=self.device),
+            depths=wp.zeros(n, dtype=float, device=self.device),
+            first_tile_rows=self._zeros(n),
+            row_counts=self._zeros(n),
+            row_starts=self._zeros(n + 1),
+            pair_counts=self._zeros(n),
+            pair_starts=self._zeros(n + 1),
+            tile_counts=self._zeros(self.tiles),
+            tile_starts=self._zeros(self.tiles + 1),
+            cursors=self._zeros(self.tiles),
+            spans=self._zeros(rows),
+            span_starts=self._zeros(rows),
+            tile_splats=self._zeros(pairs),
+            pair_slots=self._zeros(pairs),
+            pair_gradients=wp.zeros((pairs, GRADIENT_FIELDS), dtype=float, device=self.device),
+        )
+        self.lists = lists
+        self._record()
+        return lists
+
+    def _grow_rows(self) -> None:
+        capacity = int(self.total_rows * _GROWTH)
+        self.lists.spans = self._zeros(capacity)
+        self.lists.span_starts = self._zeros(capacity)
+        self._record()
+
+    def _grow_pairs(self) -> None:
+        capacity = int(self.total_pairs * _GROWTH)
+        lists = self.lists
+        lists.tile_splats = self._zeros(capacity)
+        lists.pair_slots = self._zeros(capacity)
+        lists.pair_gradients = wp.zeros(
+            (capacity, GRADIENT_FIELDS), dtype=float, device=self.device
+        )
+        self._record()
+
+    def _record(self) -> None:
+        """Record the launches on the present buffers."""
+        lists = self.lists
+        self.generation += 1
+        bands = min(self.threads, self.rows)
+        spans = [lists.first_tile_rows, lists.row_starts, lists.spans, lists.span_starts]
+        self._span_launch = self._launch(
+            span_kernel,
+            self.count,
+            [lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK, self.width]
+            + [lists.spans, lists.span_starts, lists.pair_counts],
+        )
+        self._key_launch = self._launch(
+            depth_key_kernel, self.count, [lists.depths, self._keys, self._order]
+        )
+        self._emit_launch = self._launch(
+            emit_kernel,
+            bands,
+            [bands, self.count, self._order, *spans, lists.pair_starts, lists.tile_starts]
+            + [self.columns, self.rows, lists.cursors, lists.tile_splats, lists.pair_slots],
+        )
+
+    def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
+        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads)
+
+    def _scan(self, counts: wp.array, count: int, starts: wp.array) -> None:
+        wp.launch(
+            exclusive_scan_kernel,
+            dim=1,
+            inputs=[counts, count],
+            outputs=[starts],
+            device=self.device,
+        )
+
+    def _last(self, starts: wp.array) -> int:
+        return int(starts.numpy()[self.count])
+
+    def _zeros(self, count: int) -> wp.array:
+        return wp.zeros(count, dtype=int, device=self.device)
