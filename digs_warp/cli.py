@@ -22,11 +22,11 @@ EXIT_WRONG_USAGE = 2  # tyro's own code
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 
 PROGRAM = "digs-warp"
-DESCRIPTION = """Simulate a handheld stereo depth camera, reconstruct what it recorded as Gaussian \
-splats, and write them as a USD scene.
+DESCRIPTION = """Simulate a handheld stereo depth camera, reconstruct what it recorded as
+Gaussian splats, and write them as a USD scene.
 
-Start with 'digs-warp run --out out/demo': it needs no input, takes a few minutes and ends by saying \
-where the results are. Every command explains its flags with --help."""
+Start with 'digs-warp run --out out/demo': it needs no input, takes a few minutes
+and ends by saying where the results are. Every command explains its flags with --help."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -67,7 +67,7 @@ def parse(arguments: Sequence[str]) -> Command:
         prog=PROGRAM,
         description=DESCRIPTION,
         args=list(arguments),
-        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone),
+        config=(tyro.conf.DisallowNone,),
     )
 
 

@@ -25,7 +25,7 @@ class ExportUsd:
     out: Path
     """The file to write; its suffix decides: .usdz (package, one file), .usdc (binary), .usda (text)."""
 
-    overwrite: bool = False
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the file if it exists."""
 
     can_resume: ClassVar[bool] = False

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import tyro
+
 from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands.layout import RUN_RECORD
@@ -18,10 +20,10 @@ class OutputFolder:
     out: Path
     """Folder to write; it has to be new or empty, unless --resume or --overwrite is given."""
 
-    resume: bool = False
+    resume: tyro.conf.FlagCreatePairsOff[bool] = False
     """Go on where an interrupted run with the same settings stopped."""
 
-    overwrite: bool = False
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Delete the results of an earlier run in this folder first."""
 
     def __post_init__(self) -> None:
