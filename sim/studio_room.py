@@ -21,7 +21,7 @@ SEED = 20
 
 # Radiance of the light sources.
 SOFT_BOX = 9.0
-SKY = 5.0
+SKY = 1.2
 LAMP = 6.0
 
 Painter = Callable[[np.random.Generator], np.ndarray]
@@ -114,12 +114,25 @@ def _fall_off(top: float, bottom: float) -> np.ndarray:
     return (top + (bottom - top) * (t[:, None] + 1) / 2) * corner[:, None] * corner[None, :]
 
 
-def _frame(image: np.ndarray, box: tuple[int, int, int, int], color: object, border: int) -> np.ndarray:
+def _frame(
+    image: np.ndarray, box: tuple[int, int, int, int], color: object, border: int
+) -> np.ndarray:
     """Draw a border round (top, left, height, width), with a soft shadow under it; return the inside."""
     top, left, height, width = box
     image[top : top + height + 2 * border, left : left + width + 2 * border] *= 0.55
     image[top - border : top + height + border, left - border : left + width + border] = color
     return image[top : top + height, left : left + width]
+
+
+def _light_up(canvas: np.ndarray, radiance: np.ndarray) -> None:
+    """Fill a canvas, (h, w, 3), with a lamp that fades out to its rim: a hard rim would show steps."""
+    t, s = (1 - np.linspace(-1, 1, size) ** 4 for size in canvas.shape[:2])
+    canvas[:] = 0.3 + (t[:, None] * s)[..., None] * radiance
+
+
+def _muted(color: np.ndarray) -> np.ndarray:
+    """Return a colour halfway to its grey: pigments are less pure than random numbers."""
+    return 0.5 * (color + color.mean())
 
 
 # --- The six walls -----------------------------------------------------------------------------------
@@ -136,7 +149,7 @@ def _book_wall(rng: np.random.Generator) -> np.ndarray:
             if rng.random() < 0.06:  # a gap, where the eye rests
                 left += int(rng.integers(15, 50))
             width, height = int(rng.integers(7, 24)), int(rng.integers(46, 70))
-            color = rng.uniform(0.05, 0.9, 3) * rng.uniform(0.3, 1.0)
+            color = _muted(rng.uniform(0.03, 0.8, 3)) * rng.uniform(0.3, 1.0)
             book = wall[top + shelf - 12 - height : top + shelf - 12, left : left + width]
             across = np.linspace(-1, 1, width)
             book[:] = color * (1.0 - 0.5 * across**2)[:, None]
@@ -163,7 +176,7 @@ def _brick_wall(rng: np.random.Generator) -> np.ndarray:
     for left, top in ((120, 250), (430, 300)):
         _paint_picture(rng, _frame(wall, (top, left, 190, 150), 0.85, 5))
     for left in (70, 640):
-        _frame(wall, (150, left, 430, 34), 0.02, 4)[:] = LAMP
+        _light_up(_frame(wall, (150, left, 430, 34), 0.02, 4), LAMP * np.ones(3))
     return wall
 
 
@@ -176,7 +189,7 @@ def _window_wall(rng: np.random.Generator) -> np.ndarray:
     view = view * (1 + 0.12 * _noise(rng, (8, 24, 60)))[..., None]  # clouds
     below = np.arange(WALL_SIZE)[:, None] > 330 + ridge
     leaves = np.array([0.35, 0.55, 0.16]) * np.exp(0.5 * foliage)[..., None]
-    view = np.where(below[..., None], 1.6 * leaves, view)
+    view = np.where(below[..., None], 0.9 * leaves, view)
     for left in (70, 300, 530):
         pane = _frame(wall, (120, left, 360, 170), 0.9, 9)
         pane[:] = view[120:480, left : left + 170]
@@ -195,7 +208,9 @@ def _window_wall(rng: np.random.Generator) -> np.ndarray:
 def _picture_wall(rng: np.random.Generator) -> np.ndarray:
     """Patterned wallpaper with a gallery of pictures."""
     v, u = np.mgrid[0:WALL_SIZE, 0:WALL_SIZE].astype(np.float32)
-    motif = np.sin(u * 0.26) * np.sin(v * 0.26) + 0.5 * np.sin((u + v) * 0.13) * np.cos((u - v) * 0.39)
+    motif = np.sin(u * 0.26) * np.sin(v * 0.26) + 0.5 * np.sin((u + v) * 0.13) * np.cos(
+        (u - v) * 0.39
+    )
     paper = _fall_off(0.9, 0.6) * (1 + 0.16 * motif + 0.12 * _noise(rng))
     wall = _plain((0.34, 0.46, 0.48), paper)
     left = 40
@@ -207,7 +222,9 @@ def _picture_wall(rng: np.random.Generator) -> np.ndarray:
             if top + height > WALL_SIZE - 110:
                 break
             border = int(rng.integers(4, 10))
-            inside = _frame(wall, (top, left, int(height), width), rng.uniform(0.02, 0.7, 3), border)
+            inside = _frame(
+                wall, (top, left, int(height), width), rng.uniform(0.02, 0.7, 3), border
+            )
             _paint_picture(rng, inside)
             top += int(height) + 46
         left += width + 40
@@ -219,7 +236,7 @@ def _paint_picture(rng: np.random.Generator, canvas: np.ndarray) -> None:
     height, width = canvas.shape[:2]
     fields = [_stretch(rng.standard_normal((n, n)), height, width) for n in (4, 9, 24, 60)]
     mix = sum(field / (1 + i) for i, field in enumerate(fields))
-    low, high, line = rng.uniform(0.03, 0.95, (3, 3))
+    low, high, line = (_muted(color) for color in rng.uniform(0.03, 0.95, (3, 3)))
     share = 1 / (1 + np.exp(-3 * mix))[..., None]
     canvas[:] = low * (1 - share) + high * share
     canvas[np.abs(mix % 0.8 - 0.4) < 0.05] = line
@@ -233,12 +250,15 @@ def _ceiling(rng: np.random.Generator) -> np.ndarray:
     for line in range(0, WALL_SIZE, 96):
         wall[line : line + 4] *= 0.5
         wall[:, line : line + 4] *= 0.5
-    for top, left, height, width in ((130, 120, 190, 260), (420, 470, 220, 160), (110, 560, 120, 120)):
+    for top, left, height, width in (
+        (130, 120, 190, 260),
+        (420, 470, 220, 160),
+        (110, 560, 120, 120),
+    ):
         box = _frame(wall, (top, left, height, width), 0.03, 7)
-        t, s = np.linspace(-1, 1, height)[:, None], np.linspace(-1, 1, width)
-        box[:] = (SOFT_BOX * (1 - 0.3 * (t**2 + s**2)))[..., None]
+        _light_up(box, SOFT_BOX * np.ones(3))
     for top, left in ((520, 130), (520, 260), (640, 200)):
-        _frame(wall, (top, left, 26, 26), 0.05, 4)[:] = np.array([LAMP, 0.8 * LAMP, 0.55 * LAMP])
+        _light_up(_frame(wall, (top, left, 26, 26), 0.05, 4), LAMP * np.array([1.0, 0.8, 0.55]))
     return wall
 
 
@@ -264,10 +284,19 @@ def _lay_rug(rng: np.random.Generator, rug: np.ndarray) -> None:
     v, u = np.mgrid[0:height, 0:width].astype(np.float32)
     edge = np.minimum(np.minimum(v, height - 1 - v), np.minimum(u, width - 1 - u))
     colors = np.array(
-        [[0.42, 0.07, 0.06], [0.75, 0.62, 0.40], [0.06, 0.10, 0.24], [0.55, 0.20, 0.08], [0.10, 0.28, 0.22]]
+        [
+            [0.42, 0.07, 0.06],
+            [0.75, 0.62, 0.40],
+            [0.06, 0.10, 0.24],
+            [0.55, 0.20, 0.08],
+            [0.10, 0.28, 0.22],
+        ]
     )
     lozenge = np.abs((u % 64) - 32) + np.abs((v % 88) - 44) * 0.75
-    motif = (lozenge / 11).astype(np.int32) % 5
+    # Every lozenge has rings of its own: a repeated motif would look the same from many places.
+    cell = (v // 88).astype(np.int32) * 16 + (u // 64).astype(np.int32)
+    rings = rng.integers(0, 5, (cell.max() + 1, 8))
+    motif = rings[cell, (lozenge / 11).astype(np.int32)]
     border = (edge / 9).astype(np.int32)
     dashes = ((u + v) / 13).astype(np.int32) % 2
     pick = np.where(edge < 54, (border + dashes * (border % 2)) % 5, motif)

@@ -85,12 +85,16 @@ def handheld_orbits(
         raise DigsError(f"frames: {frames}, expected at least 1")
     check_positive("orbit distance", distance)
     if not elevations_deg or max(abs(e) for e in elevations_deg) > 80:
-        raise DigsError(f"elevations: {elevations_deg}, expected one or more within -80..80 degrees")
+        raise DigsError(
+            f"elevations: {elevations_deg}, expected one or more within -80..80 degrees"
+        )
     times, eyes = _walk(distance, np.deg2rad(elevations_deg))
     position_noise, angle_noise = shake_tracks(len(times), np.random.SeedSequence(seed))
     poses = []
     for moment in np.arange(frames) * (times[-1] / frames):
-        eye, offset, turn = (_at(moment, times, track) for track in (eyes, position_noise, angle_noise))
+        eye, offset, turn = (
+            _at(moment, times, track) for track in (eyes, position_noise, angle_noise)
+        )
         aimed = look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0]))
         shaken = rigid(_rotation(shake * np.deg2rad(turn)), shake * offset)
         poses.append((aimed @ shaken, float(moment)))
@@ -131,9 +135,7 @@ def _at(moment: float, times: np.ndarray, track: np.ndarray) -> np.ndarray:
     return np.array([np.interp(moment, times, axis) for axis in track.T])
 
 
-def _colored_noise(
-    count: int, spectrum: ShakeSpectrum, rng: np.random.Generator
-) -> np.ndarray:
+def _colored_noise(count: int, spectrum: ShakeSpectrum, rng: np.random.Generator) -> np.ndarray:
     """Return three tracks of Gaussian noise with the spectrum, shape (count, 3)."""
     total = count + 2 * int(NOISE_MARGIN * SAMPLE_RATE)
     frequencies = np.fft.rfftfreq(total, 1.0 / SAMPLE_RATE)

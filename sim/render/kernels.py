@@ -4,6 +4,11 @@ A thread writes its own pixel only and draws its random numbers from (seed, pixe
 depend on the number of threads.
 """
 
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 import warp as wp
 
 from sim.render.lighting import Light, sample_panorama
@@ -74,8 +79,8 @@ def color_kernel(
     samples: int,
     seed: int,
     # outputs
-    image: wp.array2d(dtype=wp.uint8),  # [pixels, 3] sRGB
-    mask: wp.array(dtype=wp.uint8),  # [pixels] coverage 0..255
+    image: wp.array2d[wp.uint8],  # [pixels, 3] sRGB
+    mask: wp.array[wp.uint8],  # [pixels] coverage 0..255
 ):
     """Average the samples of a pixel: image (box filter over the pixel) and object coverage."""
     pixel = first + wp.tid()
@@ -86,7 +91,7 @@ def color_kernel(
     column = float(pixel % view.width)
     row = float(pixel // view.width)
     total = wp.vec3(0.0)
-    hits = int(0)
+    hits = wp.int32(0)
     for i in range(samples):
         dx = shift_x + R2_X * float(i)
         dy = shift_y + R2_Y * float(i)
@@ -114,9 +119,9 @@ def geometry_kernel(
     view: View,
     surface: Surface,
     # outputs
-    depth: wp.array(dtype=float),  # [pixels] planar z [m]
-    normals: wp.array(dtype=wp.vec3),  # [pixels] world, toward the viewer
-    materials: wp.array(dtype=int),  # [pixels] -1: surround
+    depth: wp.array[float],  # [pixels] planar z [m]
+    normals: wp.array[wp.vec3],  # [pixels] world, toward the viewer
+    materials: wp.array[int],  # [pixels] -1: surround
 ):
     """Cast one ray through the exact centre of a pixel."""
     pixel = first + wp.tid()
@@ -144,7 +149,7 @@ def open_share(
     helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
     tangent = wp.normalize(wp.cross(helper, normal))
     bitangent = wp.cross(normal, tangent)
-    free = float(0.0)
+    free = wp.float32(0.0)
     for i in range(rays):
         # Malley's method: a sunflower on the disk, lifted to the hemisphere.
         radius2 = (float(i) + 0.5) / float(rays)
@@ -163,13 +168,13 @@ def open_share(
 def openness_kernel(
     first: int,
     mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    vertex_normals: wp.array(dtype=wp.vec3),
+    points: wp.array[wp.vec3],
+    vertex_normals: wp.array[wp.vec3],
     rays: int,
     reach: float,
     offset: float,
     # outputs
-    openness: wp.array(dtype=wp.vec2),
+    openness: wp.array[wp.vec2],
 ):
     """Measure the openness of a vertex on both sides of the surface."""
     vertex = first + wp.tid()

@@ -6,6 +6,11 @@ Karis' split sum ("Real Shading in Unreal Engine 4", 2013): copies of the panora
 lobe of a few roughnesses, looked up along the reflected ray.
 """
 
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,9 +47,9 @@ PI = wp.constant(np.pi)
 class Panorama:
     """The pyramid of an equirectangular image; level 0 is the finest."""
 
-    texels: wp.array(dtype=wp.vec3)  # all levels, one after the other
-    offsets: wp.array(dtype=int)  # [levels] first texel of a level
-    sizes: wp.array(dtype=wp.vec2i)  # [levels] width, height
+    texels: wp.array[wp.vec3]  # all levels, one after the other
+    offsets: wp.array[int]  # [levels] first texel of a level
+    sizes: wp.array[wp.vec2i]  # [levels] width, height
     levels: int
 
 
@@ -53,8 +58,8 @@ class Light:
     """Everything the shading of a surface asks of the environment (radiance times exposure)."""
 
     panorama: Panorama
-    irradiance: wp.array(dtype=wp.vec3)  # [9] spherical harmonics of E(n) / pi
-    specular: wp.array3d(dtype=wp.vec3)  # [SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH]
+    irradiance: wp.array[wp.vec3]  # [9] spherical harmonics of E(n) / pi
+    specular: wp.array3d[wp.vec3]  # [SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH]
     mirror_level: float
 
 
@@ -152,7 +157,7 @@ def _blur_kernel(
     first: int,
     panorama: Panorama,
     # outputs
-    specular: wp.array3d(dtype=wp.vec3),
+    specular: wp.array3d[wp.vec3],
 ):
     """Average the panorama over the GGX lobe of a copy's roughness (Karis 2013, with n = v = r).
 
@@ -165,9 +170,7 @@ def _blur_kernel(
     copy = index // (SPECULAR_WIDTH * SPECULAR_HEIGHT)
     azimuth = (0.5 - (float(column) + 0.5) / float(SPECULAR_WIDTH)) * TWO_PI
     polar = (float(row) + 0.5) / float(SPECULAR_HEIGHT) * PI
-    n = wp.vec3(
-        wp.sin(polar) * wp.cos(azimuth), wp.sin(polar) * wp.sin(azimuth), wp.cos(polar)
-    )
+    n = wp.vec3(wp.sin(polar) * wp.cos(azimuth), wp.sin(polar) * wp.sin(azimuth), wp.cos(polar))
     helper = wp.where(wp.abs(n[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
     tangent = wp.normalize(wp.cross(helper, n))
     bitangent = wp.cross(n, tangent)
@@ -176,7 +179,7 @@ def _blur_kernel(
     a2 = wp.pow(roughness, 4.0)
     texel = 4.0 * PI / float(panorama.sizes[0][0] * panorama.sizes[0][1])
     total = wp.vec3(0.0)
-    weight = float(0.0)
+    weight = wp.float32(0.0)
     for i in range(SPECULAR_SAMPLES):
         share = (float(i) + 0.5) / float(SPECULAR_SAMPLES)
         cos2 = (1.0 - share) / (1.0 + (a2 - 1.0) * share)
@@ -212,9 +215,10 @@ def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
     """
     height, width = radiance.shape[:2]
     basis = sh_basis(panorama_directions(width, height), 2)
-    return np.einsum(
-        "hwk,hwc->kc", basis * solid_angles(width, height)[..., None], radiance
-    ) * (COSINE_LOBE / np.pi)[:, None]
+    return (
+        np.einsum("hwk,hwc->kc", basis * solid_angles(width, height)[..., None], radiance)
+        * (COSINE_LOBE / np.pi)[:, None]
+    )
 
 
 def solid_angles(width: int, height: int) -> np.ndarray:

@@ -1,5 +1,8 @@
 """The default renderer: rays through a Warp BVH, on all cores, without any graphics driver."""
 
+# Warp's type hints take the dtype of an array for a value, and structs for functions.
+# pyright: reportArgumentType=false, reportGeneralTypeIssues=false
+
 from dataclasses import dataclass
 from typing import Any
 
@@ -182,7 +185,10 @@ def _texel_levels(scene: Scene) -> np.ndarray:
     ab, ac = ub - ua, uc - ua
     uv_area = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
     texels = np.array(
-        [1 if m.texture is None else m.texture.shape[0] * m.texture.shape[1] for m in scene.materials]
+        [
+            1 if m.texture is None else m.texture.shape[0] * m.texture.shape[1]
+            for m in scene.materials
+        ]
     )[scene.face_materials]
     # Faces without extent in the texture show one texel: the finest level.
     return (0.5 * np.log2(np.maximum(texels * uv_area, 1e-12) / np.maximum(area, 1e-30))).astype(

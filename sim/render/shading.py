@@ -7,6 +7,10 @@ between coloured walls put back (Jimenez et al., "Practical Realtime Strategies 
 Occlusion", 2016, eq. 20).
 """
 
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+
 import warp as wp
 
 from sim.render.lighting import Light, diffuse_light, specular_light
@@ -26,17 +30,17 @@ class Surface:
     """The scene's triangles and materials on the device; arrays in the order of `sim.scene.Scene`."""
 
     mesh: wp.uint64  # wp.Mesh
-    corners: wp.array(dtype=int)  # [3 m] vertex of each corner
-    normals: wp.array(dtype=wp.vec3)  # [n]
-    uvs: wp.array(dtype=wp.vec2)  # [n]
-    colors: wp.array(dtype=wp.vec3)  # [n]
-    openness: wp.array(dtype=wp.vec2)  # [n] unoccluded share in front of and behind the normal
-    materials: wp.array(dtype=int)  # [m]
-    texel_levels: wp.array(dtype=float)  # [m] log2(texels per metre)
-    base_colors: wp.array(dtype=wp.vec3)  # [materials]
-    roughness: wp.array(dtype=float)  # [materials]
-    metallic: wp.array(dtype=float)  # [materials]
-    material_textures: wp.array(dtype=int)  # [materials] -1: none
+    corners: wp.array[int]  # [3 m] vertex of each corner
+    normals: wp.array[wp.vec3]  # [n]
+    uvs: wp.array[wp.vec2]  # [n]
+    colors: wp.array[wp.vec3]  # [n]
+    openness: wp.array[wp.vec2]  # [n] unoccluded share in front of and behind the normal
+    materials: wp.array[int]  # [m]
+    texel_levels: wp.array[float]  # [m] log2(texels per metre)
+    base_colors: wp.array[wp.vec3]  # [materials]
+    roughness: wp.array[float]  # [materials]
+    metallic: wp.array[float]  # [materials]
+    material_textures: wp.array[int]  # [materials] -1: none
     textures: TextureSet
 
 

@@ -8,6 +8,10 @@ Texels are sRGB bytes packed into one 32-bit word: a quarter of the memory traff
 pyramid is averaged in linear light, and a table of 256 values decodes.
 """
 
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,11 +29,11 @@ DECODE = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
 class TextureSet:
     """All textures of a scene; texture t owns levels first_level[t] .. first_level[t + 1] - 1."""
 
-    texels: wp.array(dtype=wp.uint32)  # 0x00BBGGRR, sRGB
-    decode: wp.array(dtype=float)  # [256]
-    offsets: wp.array(dtype=int)  # [levels] first texel of a level
-    sizes: wp.array(dtype=wp.vec2i)  # [levels] width, height
-    first_level: wp.array(dtype=int)  # [textures + 1]
+    texels: wp.array[wp.uint32]  # 0x00BBGGRR, sRGB
+    decode: wp.array[float]  # [256]
+    offsets: wp.array[int]  # [levels] first texel of a level
+    sizes: wp.array[wp.vec2i]  # [levels] width, height
+    first_level: wp.array[int]  # [textures + 1]
 
 
 @wp.func
