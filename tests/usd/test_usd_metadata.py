@@ -1,3 +1,5 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
 from pathlib import Path
 
 import numpy as np
