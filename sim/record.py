@@ -1,5 +1,6 @@
 """Record a scene with the stereo camera: mesh and environment in, capture folder out."""
 
+import json
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -100,10 +101,9 @@ def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capt
     folder = Path(folder)
     log = RunLog("simulate", config)
     _claim_folder(folder, config, resume)
-    folder.mkdir(parents=True, exist_ok=True)
-    log.save(folder / RUN_NAME)
     with log.stage("load"):
         scene, environment = _load(config)
+    log.save(folder / RUN_NAME)  # from here on the folder belongs to these settings
     with log.stage("prepare"):
         from sim.render.raycast import RaycastRenderer
 
@@ -200,15 +200,13 @@ def _timed_write(writer: CaptureWriter, number: int, images: FrameImages) -> flo
 def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> None:
     """Refuse a folder that holds another recording."""
     record = folder / RUN_NAME
-    if not resume:
-        if record.exists() or (folder / INDEX_NAME).exists():
-            raise DigsError(
-                f"capture '{folder}': the folder already holds a recording; resume it, or choose or "
-                "empty another folder"
-            )
+    if not record.exists() and not (folder / INDEX_NAME).exists():
         return
-    if not record.exists():
-        return  # cut off before anything was written, or a new folder: start
+    if not (resume and record.exists()):
+        raise DigsError(
+            f"capture '{folder}': the folder already holds a recording; resume it if it was cut off, "
+            "or choose another folder"
+        )
     before = read_json(record, "run record").get("settings", {})
     now: dict[str, Any] = _plain_settings(config)
     different = sorted(key for key in now | before if now.get(key) != before.get(key))
@@ -222,8 +220,6 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> None:
 
 def _plain_settings(config: SimulateConfig) -> dict[str, Any]:
     """Return the settings as they read back from run.json."""
-    import json
-
     return json.loads(to_json(config))
 
 

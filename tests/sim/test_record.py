@@ -166,7 +166,7 @@ def test_a_large_object_gets_a_larger_surround(config: SimulateConfig, tmp_path:
 )
 def test_impossible_settings_are_refused(name: str, value: int) -> None:
     with pytest.raises(DigsError, match=f"{name}: {value}"):
-        SimulateConfig(**{name: value})
+        replace(SimulateConfig(), **{name: value})
 
 
 @pytest.mark.parametrize("size", [0.0, -1.0, float("nan")])
@@ -175,7 +175,14 @@ def test_impossible_object_sizes_are_refused(size: float) -> None:
         SimulateConfig(object_size=size)
 
 
-def test_a_missing_mesh_leaves_no_capture(config: SimulateConfig, tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match="no such file"):
-        simulate(replace(config, mesh=tmp_path / "none.glb"), tmp_path / "capture")
-    assert not (tmp_path / "capture" / "transforms.json").exists()
+def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_path: Path) -> None:
+    for wrong in ({"mesh": tmp_path / "none.glb"}, {"environment": tmp_path / "none.hdr"}):
+        with pytest.raises(DigsError, match="no such file"):
+            simulate(replace(config, **wrong), tmp_path / "capture")
+    assert not (tmp_path / "capture").exists()
+
+
+def test_somebody_elses_recording_is_not_resumed(config: SimulateConfig, tmp_path: Path) -> None:
+    (tmp_path / "transforms.json").write_text("{}")
+    with pytest.raises(DigsError, match="already holds a recording"):
+        simulate(config, tmp_path, resume=True)
