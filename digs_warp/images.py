@@ -1,11 +1,12 @@
 """The one door to image files: OpenImageIO reads and writes PNG, EXR and HDR. Rows go top to bottom."""
 
 import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from digs_warp.checks import DigsError, require_file
+from digs_warp.checks import DigsError, check_shape, require_file
 
 
 def read_image(path: Path, what: str = "image") -> np.ndarray:
@@ -76,6 +77,25 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def encode_jpeg(pixels: np.ndarray, quality: int = 88) -> bytes:
+    """Return a JPEG file of sRGB pixels, shape (height, width, 3), uint8, without chroma subsampling."""
+    import OpenImageIO as oiio
+
+    height, width = check_shape("JPEG pixels", pixels, (None, None, 3)).shape[:2]
+    spec = oiio.ImageSpec(width, height, 3, oiio.UINT8)
+    spec.attribute("compression", f"jpeg:{quality}")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "image.jpg"
+        target = oiio.ImageOutput.create(str(path))
+        if target is None or not target.open(str(path), spec):
+            raise DigsError(f"JPEG: cannot be written ({oiio.geterror()})")
+        written = target.write_image(np.ascontiguousarray(pixels))
+        if not (target.close() and written):
+            raise DigsError(f"JPEG: cannot be written ({target.geterror()})")
+        return path.read_bytes()
 
 
 def to_uint8(values: np.ndarray) -> np.ndarray:

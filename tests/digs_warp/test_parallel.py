@@ -1,5 +1,5 @@
-# wp.tid() is typed as a tuple of up to four indices; with one name on the left it is an integer:
-# pyright: reportOperatorIssue=false
+# Warp types its kernel language only in part:
+# pyright: reportOperatorIssue=false, reportIndexIssue=false, reportArgumentType=false
 """Launches shared out over threads: every index once, the same bits for any number of threads."""
 
 from typing import Any

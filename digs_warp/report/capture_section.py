@@ -1,0 +1,133 @@
+"""The contact sheet of a capture: what the cameras saw and what the depth sensor made of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.capture import Capture, Frame
+from digs_warp.report.markup import legend, picture, picture_grid, section
+from digs_warp.report.pictures import (
+    ColorScale,
+    data_uri,
+    depth_scale,
+    error_scale,
+    shrink,
+)
+
+MAX_FRAMES = 6
+THUMBNAIL_WIDTH = 400  # pixels; the columns are about half as wide on a common screen
+
+_OUTSIDE = np.uint8(255)  # white: where errors are not shown
+
+_TRUE, _SENSED = "depth_true_file_path", "depth_file_path"
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One column of the sheet: which files it needs, and how it paints a frame (RGB, uint8)."""
+
+    heading: str
+    alt: str
+    needs: tuple[str, ...]
+    paint: Callable[[Frame], np.ndarray]
+
+
+def capture_section(capture: Capture) -> str:
+    """Return the section; columns whose files no shown frame has are left out."""
+    frames = _evenly(capture.frames, MAX_FRAMES)
+    depths = _depth_scale(frames)
+    errors = _error_scale(frames)
+    columns = [
+        column
+        for column in _columns(depths, errors)
+        if any(all(map(frame.has, column.needs)) for frame in frames)
+    ]
+    rows = [
+        (f"{frame.name}\n{frame.time:.2f} s", [_cell(column, frame) for column in columns])
+        for frame in frames
+    ]
+    headings = [column.heading for column in columns]
+    needed = {key for column in columns for key in column.needs}
+    legends = [legend(depths, missing=True)] if needed & {_TRUE, _SENSED} else []
+    legends += [legend(errors, missing=True)] if needed >= {_TRUE, _SENSED} else []
+    return section(
+        "Capture",
+        f"{len(frames)} of {len(capture)} frames, evenly spaced. Depths share one colour scale that is "
+        "fitted to the object; what lies farther has its darkest colour. Errors are shown on the object.",
+        picture_grid(headings, rows),
+        f"<div class=legends>{''.join(legends)}</div>",
+    )
+
+
+def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
+    def grey(frame: Frame) -> np.ndarray:
+        return np.repeat(frame.load_mask()[..., None], 3, axis=2)
+
+    def error(frame: Frame) -> np.ndarray:
+        # The surround is many times farther and noisier: beside it the object's errors would not show.
+        return np.where(_on_object(frame)[..., None], errors.paint(_error_mm(frame)), _OUTSIDE)
+
+    return [
+        _Column("Left", "left image", ("file_path",), Frame.load_image),
+        _Column("Right", "right image", ("right_file_path",), Frame.load_right_image),
+        _Column(
+            "Depth, true",
+            "true depth in colours",
+            (_TRUE,),
+            lambda frame: depths.paint(frame.load_depth_true()),
+        ),
+        _Column(
+            "Depth, sensed",
+            "sensed depth in colours",
+            (_SENSED,),
+            lambda frame: depths.paint(frame.load_depth()),
+        ),
+        _Column("Depth error", "sensed minus true depth in colours", (_TRUE, _SENSED), error),
+        _Column("Mask", "object mask, white on the object", ("mask_path",), grey),
+    ]
+
+
+def _cell(column: _Column, frame: Frame) -> str:
+    if not all(map(frame.has, column.needs)):
+        return ""
+    image = shrink(column.paint(frame), THUMBNAIL_WIDTH)
+    return picture(
+        data_uri(image), f"Frame {frame.name}: {column.alt}", image.shape[1], image.shape[0]
+    )
+
+
+def _evenly(frames: Sequence[Frame], count: int) -> list[Frame]:
+    chosen = np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)
+    return [frames[i] for i in chosen]
+
+
+def _depth_scale(frames: Sequence[Frame]) -> ColorScale:
+    depths = [
+        load(frame)[_on_object(frame)]
+        for frame in frames
+        for key, load in ((_TRUE, Frame.load_depth_true), (_SENSED, Frame.load_depth))
+        if frame.has(key)
+    ]
+    return depth_scale(np.concatenate([np.zeros(0, np.float32), *depths]))
+
+
+def _error_scale(frames: Sequence[Frame]) -> ColorScale:
+    errors = [
+        _error_mm(frame)[_on_object(frame)]
+        for frame in frames
+        if frame.has(_TRUE) and frame.has(_SENSED)
+    ]
+    return error_scale(np.concatenate([np.zeros(0, np.float32), *errors]))
+
+
+def _error_mm(frame: Frame) -> np.ndarray:
+    return 1000 * (frame.load_depth() - frame.load_depth_true())
+
+
+def _on_object(frame: Frame) -> np.ndarray:
+    """Return which pixels lie on the object, bool; without a mask all do."""
+    k = frame.camera.intrinsics
+    if not frame.has("mask_path"):
+        return np.ones((k.height, k.width), dtype=bool)
+    return frame.load_mask() > 127

@@ -1,0 +1,84 @@
+"""Puts the report together."""
+
+from html import escape
+from pathlib import Path
+
+from digs_warp.capture import Capture
+from digs_warp.log import write_atomically
+from digs_warp.report.capture_section import capture_section
+from digs_warp.report.course_section import course_section
+from digs_warp.report.markup import card, number
+from digs_warp.report.results import Results, read_results
+from digs_warp.report.run_section import (
+    RunRecords,
+    read_run_records,
+    settings_section,
+    times_section,
+)
+from digs_warp.report.style import CSS
+from digs_warp.report.views_section import views_section
+
+
+def write_report(capture: Capture, reconstruction: Path, path: Path) -> None:
+    """Write the report of a reconstruction as one HTML file without outside parts.
+
+    Stage times and settings come from the run.json of the capture, of the reconstruction, and, where
+    there is one, of the folder that the report is written into.
+
+    Raises:
+        DigsError: the reconstruction folder is incomplete or belongs to another capture.
+    """
+    path = Path(path)
+    results = read_results(reconstruction)
+    records = read_run_records(capture, results, path)
+    body = "\n".join(
+        [
+            _header(capture, results, records),
+            views_section(capture, results),
+            course_section(results),
+            capture_section(capture),
+            times_section(records),
+            settings_section(records),
+        ]
+    )
+    name = escape(_subject(capture, records))
+    page = (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{name} · digs-warp report</title>\n<style>{CSS}</style>\n</head>\n"
+        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+    write_atomically(path, page.encode("utf-8"))
+
+
+def _subject(capture: Capture, records: RunRecords) -> str:
+    """Return what was captured: the mesh if the capture tells, else the folder's name."""
+    settings = records.capture.get("settings") or {}
+    if "mesh" in settings:
+        return Path(settings["mesh"]).stem if settings["mesh"] else "Built-in object"
+    return capture.folder.resolve().name
+
+
+def _header(capture: Capture, results: Results, records: RunRecords) -> str:
+    k = capture.frames[0].camera.intrinsics
+    training = results.training[-1] if results.training else {}
+    points = results.initial_points
+    cards = [
+        card("PSNR", number(results.mean.get("psnr"), 2, "dB"), "full frame, held-out views"),
+        card("SSIM", number(results.mean.get("ssim"), 4), "full frame, held-out views"),
+        card("PSNR in mask", number(results.mean.get("psnr_masked"), 2, "dB"), "object only"),
+        card("SSIM in mask", number(results.mean.get("ssim_masked"), 4), "object only"),
+        card("Gaussians", f"{results.splats:,}", f"from {number(points, 0)} points"),
+        card(
+            "Training",
+            number(training.get("seconds"), 1, "s"),
+            f"{number(training.get('iteration'), 0)} iterations",
+        ),
+        card("Total", f"{records.total_seconds:.1f} s", "all stages"),
+    ]
+    held_out = len(results.views)
+    about = f"{len(capture)} frames of {k.width} by {k.height} pixels, {held_out} of them held out."
+    return (
+        f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
+        f"<div class=cards>{''.join(cards)}</div></header>"
+    )

@@ -1,0 +1,107 @@
+"""Where the time went, and the settings and versions that made the result."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from digs_warp.capture import Capture
+from digs_warp.log import read_json
+from digs_warp.report.markup import chart, flat_items, section, table
+from digs_warp.report.plots import Bar, bar_chart
+from digs_warp.report.results import Results
+
+RUN_NAME = "run.json"
+
+
+@dataclass(frozen=True, eq=False)
+class RunRecords:
+    """The run.json of the capture and of the run as a whole, each empty when there is none."""
+
+    capture: dict[str, Any]
+    whole: dict[str, Any]
+    reconstruction: dict[str, Any]
+
+    @property
+    def total_seconds(self) -> float:
+        """Wall-clock time of all stages [s]."""
+        parts = [self.whole] if self.whole else [self.capture, self.reconstruction]
+        return sum(sum(_seconds(part).values()) for part in parts)
+
+
+def read_run_records(capture: Capture, results: Results, report: Path) -> RunRecords:
+    """Read what lies in the capture and beside the report.
+
+    The folder of a whole run holds the capture, the reconstruction and the report; a run.json beside
+    the report that belongs to either of the two is not read again.
+    """
+    beside = report.parent.resolve()
+    own = beside in (capture.folder.resolve(), results.folder.resolve())
+    return RunRecords(
+        capture=_read(capture.folder / RUN_NAME),
+        whole={} if own else _read(beside / RUN_NAME),
+        reconstruction=results.run,
+    )
+
+
+def times_section(records: RunRecords) -> str:
+    """Return the section of the stage times."""
+    bars = [
+        Bar(f"{group}: {stage}", seconds, group)
+        for group, record in (
+            ("simulation", records.capture),
+            ("reconstruction", records.reconstruction),
+        )
+        for stage, seconds in _seconds(record).items()
+    ]
+    # The whole run times the two above as one stage each; what else it did comes last.
+    covered = {"simulate", "reconstruct"}
+    others = {k: v for k, v in _seconds(records.whole).items() if k not in covered}
+    bars += [Bar(stage, seconds, "rest") for stage, seconds in others.items()]
+    if not bars:
+        return section("Times", "No stage times were recorded.")
+    longest = max(bars, key=lambda bar: bar.value)
+    alt = f"Seconds per stage; the longest is {longest.label} with {longest.value:.1f} s"
+    caption = (
+        "Stages that run side by side, such as writing frames while others are rendered, overlap."
+    )
+    rows = [(bar.label, f"{bar.value:.2f}") for bar in bars]
+    rows += [
+        (f"whole run: {stage}", f"{seconds:.2f}")
+        for stage, seconds in _seconds(records.whole).items()
+        if stage in covered
+    ]
+    return section(
+        "Times",
+        f"{records.total_seconds:.1f} seconds in all.",
+        "<div class=columns>",
+        chart(bar_chart(bars, "seconds"), alt, caption),
+        table(["Stage", "Seconds"], rows),
+        "</div>",
+    )
+
+
+def settings_section(records: RunRecords) -> str:
+    """Return the section of settings, versions and machine."""
+    named = {"Simulation": records.capture, "Reconstruction": records.reconstruction}
+    tables = [
+        f"<div><h3>{name}</h3>{table(['Setting', 'Value'], flat_items(record['settings']))}</div>"
+        for name, record in named.items()
+        if record.get("settings")
+    ]
+    versions = flat_items(records.reconstruction.get("versions", {}))
+    versions += flat_items(records.reconstruction.get("machine", {}))
+    if versions:
+        tables.append(f"<div><h3>Versions</h3>{table(['Part', 'Version'], versions)}</div>")
+    return section(
+        "Settings",
+        "All that is needed to make the same result again.",
+        f"<div class=columns>{''.join(tables)}</div>",
+    )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return read_json(path, "run record") if path.is_file() else {}
+
+
+def _seconds(record: dict[str, Any]) -> dict[str, float]:
+    return record.get("seconds", {})

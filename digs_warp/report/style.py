@@ -1,0 +1,56 @@
+"""The look of the report: light and dark, no outside fonts, readable on a phone and on paper."""
+
+CSS = """
+:root { color-scheme: light dark; --ink: #1d2430; --soft: #5d6b7e; --paper: #f6f7f9; --panel: #fff;
+  --rule: #dfe4ea; --accent: #2f7ed8; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e6eaf0; --soft: #9aa7b8; --paper: #12161c;
+  --panel: #1a2029; --rule: #2c3541; --accent: #6aaaf0; } }
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--paper); color: var(--ink);
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif; }
+main { max-width: 1320px; margin: 0 auto; padding: 2.5rem 1.25rem 4rem; }
+h1 { font-size: 1.9rem; margin: 0; letter-spacing: -0.01em; }
+h2 { font-size: 1.25rem; margin: 0 0 .25rem; }
+h3 { font-size: 1rem; margin: 1.25rem 0 .5rem; }
+p { margin: .25rem 0 1rem; color: var(--soft); max-width: 75ch; }
+section { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
+  padding: 1.25rem 1.5rem; margin-top: 1.5rem; }
+.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .75rem;
+  margin-top: 1.5rem; }
+.card { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
+  padding: .75rem 1rem; display: flex; flex-direction: column; }
+.card span, .card small { color: var(--soft); font-size: .82rem; }
+.card b { font-size: 1.45rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; }
+table.pictures { width: 100%; min-width: 56rem; table-layout: fixed; }
+table.pictures th { font-size: .82rem; font-weight: 600; color: var(--soft); padding: .25rem;
+  text-align: left; vertical-align: middle; overflow-wrap: anywhere; }
+table.pictures tr > :first-child { width: 7.5rem; white-space: pre-line; }
+table.pictures td { padding: .25rem; }
+img { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--rule);
+  outline: 1px solid var(--rule); }
+table.values { font-size: .9rem; font-variant-numeric: tabular-nums; }
+table.values th, table.values td { padding: .25rem 1.5rem .25rem 0; text-align: left;
+  border-bottom: 1px solid var(--rule); }
+table.values td { overflow-wrap: anywhere; }
+table.values tr:first-child th { color: var(--soft); }
+table.values th { font-weight: 500; }
+figure { margin: 0 0 .5rem; }
+figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-width: 75ch; }
+.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(25rem, 100%), 1fr));
+  gap: 1.25rem 2rem; }
+.chart svg { width: 100%; height: auto; max-width: 46rem; }
+.chart svg text { font-family: inherit !important; }
+.legends { display: flex; flex-wrap: wrap; gap: .5rem 2.5rem; margin: .5rem 0 1rem; }
+.legend { display: flex; align-items: center; gap: .75rem; font-size: .82rem; color: var(--soft); }
+.ramp { width: 15rem; height: .75rem; border-radius: 3px; }
+.ticks { display: flex; justify-content: space-between; font-variant-numeric: tabular-nums; }
+.missing { width: .75rem; height: .75rem; border-radius: 3px; background: rgb(128 128 128);
+  margin-right: -.35rem; }
+.columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
+  gap: 0 2.5rem; align-items: start; }
+details { margin-top: .75rem; }
+summary { cursor: pointer; color: var(--accent); }
+@media print { body { background: none; } section { break-inside: avoid-page; border: 0; padding: 0; } }
+"""
