@@ -1,5 +1,6 @@
 """Image files: exact round trips and clear errors."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,18 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path: Path) -> None:
         read_image(tmp_path / "text.png")
     with pytest.raises(DigsError, match="found a folder"):
         read_image(tmp_path)
+
+
+@pytest.mark.parametrize(("name", "dtype"), [("x.png", "uint8"), ("x.exr", "float32")])
+def test_the_same_pixels_give_the_same_bytes_at_any_time(
+    tmp_path: Path, name: str, dtype: str
+) -> None:
+    pixels = random_pixels(dtype, (9, 7, 3))
+    write_image(tmp_path / name, pixels)
+    before = (tmp_path / name).read_bytes()
+    time.sleep(1.1)  # dates in image files count in seconds
+    write_image(tmp_path / name, pixels)
+    assert (tmp_path / name).read_bytes() == before
 
 
 @pytest.mark.parametrize(
