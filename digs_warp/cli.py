@@ -90,6 +90,8 @@ class _BesideTheBars(logging.Handler):
 
 
 def _log_to_stderr() -> None:
-    handler = _BesideTheBars(level=logging.WARNING)
+    handler = _BesideTheBars()
     handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    logging.basicConfig(handlers=[handler], force=True)
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+    # The first run compiles kernels for a while: say so.
+    logging.getLogger("digs_warp.kernels").setLevel(logging.INFO)

@@ -15,6 +15,9 @@ from typing import Any
 import warp as wp
 
 from digs_warp.checks import DigsError
+from digs_warp.warp_start import start_warp
+
+start_warp()
 
 # More chunks than threads even out uneven chunks; a launch costs about 10 us.
 CHUNKS_PER_THREAD = 8

@@ -16,7 +16,7 @@ FLOORS = {
     **dict.fromkeys(("digs_warp.imports", "digs_warp.log"), 0),
     **dict.fromkeys(("digs_warp.capture", "digs_warp.images", "digs_warp.point_cloud"), 1),
     **dict.fromkeys(("digs_warp.gaussians", "digs_warp.sfm_model", "digs_warp.ssim"), 1),
-    "digs_warp.parallel": 1,
+    **dict.fromkeys(("digs_warp.parallel", "digs_warp.warp_start", "digs_warp.image_planes"), 1),
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 2),
     **dict.fromkeys(("digs_warp.losses", "digs_warp.metrics", "digs_warp.interchange"), 2),
     **dict.fromkeys(("sim", "usd"), 2),

@@ -1,0 +1,61 @@
+"""Starts Warp so that it says only what a user can use, through Python's logging.
+
+Left alone, Warp prints a banner and its compilations to stdout, where results belong, and its native part
+warns on stderr whenever there is no CUDA driver: the usual case here.
+"""
+
+import logging
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+
+import warp as wp
+
+logger = logging.getLogger("digs_warp.kernels")
+
+NO_DRIVER = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver"
+
+
+@cache
+def start_warp() -> None:
+    """Initialize Warp; later calls do nothing."""
+    wp.set_logger(_ToLogging())
+    with _without_driver_warning():
+        wp.init()
+
+
+class _ToLogging:
+    """Warp's logger interface, forwarded."""
+
+    def debug(self, message: str) -> None:
+        logger.debug(message)
+
+    def info(self, message: str) -> None:
+        # Compiling takes seconds and happens once per kernel and machine: worth a line. The rest is not.
+        level = logging.INFO if "(compiled)" in message else logging.DEBUG
+        logger.log(level, message)
+
+    def warning(self, message: str, category: object = None, stacklevel: int = 1) -> None:
+        logger.warning(message)
+
+    def error(self, message: str) -> None:
+        logger.error(message)
+
+
+@contextmanager
+def _without_driver_warning() -> Iterator[None]:
+    """Pass on what native code writes to stderr, but for the line about the missing driver."""
+    with tempfile.TemporaryFile() as caught:
+        stderr = os.dup(2)
+        os.dup2(caught.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        caught.seek(0)
+        for line in caught:
+            if not line.startswith(NO_DRIVER):
+                os.write(2, line)
