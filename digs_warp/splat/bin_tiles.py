@@ -12,6 +12,7 @@ and the twin that the counting path is tested against. Splats of equal depth kee
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from digs_warp.checks import DigsError
@@ -78,6 +79,7 @@ class TileBinner:
             )
         self.count = count
         self.width = width
+        self.height = height
         self.device = device
         self.threads = threads or default_threads()
         self.counting = counting
@@ -105,6 +107,16 @@ class TileBinner:
         else:
             self._bin_by_sorting()
         return lists
+
+    def drawn_box(self) -> tuple[int, int, int, int]:
+        """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
+        filled = np.diff(self.lists.tile_starts.numpy()).reshape(self.rows, self.columns) > 0
+        ys, xs = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
+        if not len(xs):
+            return 0, 0, 0, 0
+        x0, y0 = int(xs[0]) * TILE_SIZE, int(ys[0]) * TILE_SIZE
+        x1, y1 = (int(xs[-1]) + 1) * TILE_SIZE, (int(ys[-1]) + 1) * TILE_SIZE
+        return x0, y0, min(x1, self.width), min(y1, self.height)
 
     def _bin_by_counting(self) -> None:
         lists = self.lists

@@ -3,8 +3,10 @@
 import platform
 from typing import Any
 
+from digs_warp.image_planes import ALIGNMENT
+
 # Tiles are 16x16 pixels: one row is one 512-bit vector of float32.
-TILE_SIZE = 16
+TILE_SIZE = ALIGNMENT
 TILE_PIXELS = TILE_SIZE * TILE_SIZE
 
 # An alpha below one 8-bit step is not drawn: it bounds the area that a splat touches.
@@ -32,10 +34,6 @@ MAX_VARIANCE = 1.0e12
 
 # Near plane as a share of the distance from the camera to the centre of the scene.
 NEAR_SHARE = 0.05
-
-# Images carry a border of zeros this wide [px] on each side: windows that reach over the edge read
-# zeros, and rows start on a vector boundary. At least the 10 px that two SSIM windows reach.
-IMAGE_PADDING = 16
 
 
 def raster_module_options() -> dict[str, Any]:

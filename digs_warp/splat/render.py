@@ -12,10 +12,11 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.gaussians import Gaussians
+from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.config import NEAR_SHARE
-from digs_warp.splat.device import DeviceGaussians, ImagePlanes
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.project import (
     CameraParams,
     camera_params,

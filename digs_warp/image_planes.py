@@ -1,0 +1,44 @@
+"""Float images on a device, in the layout that the hot kernels read: planar, padded, rows aligned."""
+
+import numpy as np
+import warp as wp
+
+# Rows and columns are rounded up to one 512-bit vector of float32, the size of a raster tile.
+ALIGNMENT = 16
+
+# A border of zeros on each side: windows that reach over the image edge read zeros. At least the 10 px
+# that two SSIM windows reach.
+PADDING = 16
+
+
+class ImagePlanes:
+    """``channels`` float32 planes of one size with a border of zeros, in one flat Warp array.
+
+    Pixel (x, y) of channel c lies at ``origin + c * plane + y * pitch + x``. Kernels never write the
+    border, so windows that reach over the image edge read zeros.
+    """
+
+    def __init__(self, width: int, height: int, channels: int, device: str = "cpu") -> None:
+        self.width = width
+        self.height = height
+        self.channels = channels
+        self.pitch = -(-width // ALIGNMENT) * ALIGNMENT + 2 * PADDING
+        rows = -(-height // ALIGNMENT) * ALIGNMENT + 2 * PADDING
+        self.plane = self.pitch * rows
+        self.origin = PADDING * self.pitch + PADDING
+        self.data = wp.zeros(self.plane * channels, dtype=float, device=device)
+
+    def assign(self, pixels: np.ndarray) -> None:
+        """Fill from pixels, shape (height, width, channels) or (height, width)."""
+        padded = np.zeros((self.channels, self.plane // self.pitch, self.pitch), dtype=np.float32)
+        pixels = np.atleast_3d(pixels).transpose(2, 0, 1)
+        inside = slice(PADDING, None)
+        padded[:, inside, inside][:, : self.height, : self.width] = pixels
+        self.data.assign(padded.reshape(-1))
+
+    def to_numpy(self) -> np.ndarray:
+        """Return a copy of the pixels, shape (height, width, channels), float32."""
+        padded = self.data.numpy().reshape(self.channels, -1, self.pitch)
+        p = PADDING
+        inside = padded[:, p : p + self.height, p : p + self.width]
+        return np.ascontiguousarray(inside.transpose(1, 2, 0))

@@ -1,0 +1,228 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Structural similarity and L1 between two images, fused, with the gradient of their sum.
+
+Legend (Wang et al. 2004): m and s are mean and variance under an 11x11 Gaussian window W (sigma 1.5), x
+the rendered image, y the target, per channel; pixels outside the image are 0 (zero padding, as in the 3DGS
+reference).
+
+    A = 2 m_x m_y + C1,  B = 2 s_xy + C2,  D = m_x^2 + m_y^2 + C1,  E = s_x + s_y + C2
+    SSIM = A B / (D E)
+
+With the moments m_x, e_xx = W * x^2 and e_xy = W * x y as variables (s_x = e_xx - m_x^2 and so on),
+
+    dSSIM/de_xx = -SSIM / E
+    dSSIM/de_xy = 2 A / (D E)
+    dSSIM/dm_x  = 2 (m_y B / E - m_x SSIM) / D - 2 m_x dSSIM/de_xx - m_y dSSIM/de_xy
+
+and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
+
+    W * dSSIM/dm_x + 2 x (W * dSSIM/de_xx) + y (W * dSSIM/de_xy)
+
+One thread works on a block of 16 rows by 64 columns of one channel. Only blocks that touch a region of
+interest are computed: elsewhere image and target are the same background, SSIM is 1 and its gradient 0.
+"""
+
+import math
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+
+WINDOW = 11
+REACH = WINDOW // 2  # the window reaches this far [px]
+SIGMA = 1.5
+C1 = 0.01**2  # for values in 0..1
+C2 = 0.03**2
+
+BLOCK_ROWS = 16
+BLOCK_COLUMNS = 64
+
+
+def window_weights() -> list[float]:
+    """Return the 11 weights of the separable window; they sum to 1."""
+    raw = [math.exp(-((i - REACH) ** 2) / (2 * SIGMA**2)) for i in range(WINDOW)]
+    return [value / sum(raw) for value in raw]
+
+
+# The window is symmetric: weights of the taps at distance 5, 4, 3, 2, 1, 0.
+_W5, _W4, _W3, _W2, _W1, _W0 = (wp.constant(value) for value in window_weights()[: REACH + 1])
+_C1 = wp.constant(C1)
+_C2 = wp.constant(C2)
+_ROWS = wp.constant(BLOCK_ROWS)
+_COLUMNS = wp.constant(BLOCK_COLUMNS)
+_REACH = wp.constant(REACH)
+_HALO_ROWS = wp.constant(BLOCK_ROWS + 2 * REACH)
+# One image line with its halo, and the block's lines after the horizontal pass, one after the other.
+_LINE = wp.constant(BLOCK_COLUMNS + 2 * REACH)
+_LINES_5 = wp.constant(5 * (BLOCK_COLUMNS + 2 * REACH))
+_LINES_3 = wp.constant(3 * (BLOCK_COLUMNS + 2 * REACH))
+_MAP = wp.constant((BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
+_MAPS_5 = wp.constant(5 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
+_MAPS_3 = wp.constant(3 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
+
+
+@wp.kernel
+def similarity_kernel(
+    first: int,
+    blocks_x: int,
+    blocks_y: int,
+    width: int,
+    height: int,
+    pitch: int,
+    plane: int,
+    origin: int,
+    region: wp.array[int],  # [4] x0, y0, x1, y1: pixels whose loss counts
+    image: wp.array[float],  # 3 padded planes
+    target: wp.array[float],  # 3 padded planes
+    # outputs
+    maps: wp.array[float],  # 9 padded planes: dSSIM / d(m_x, e_xx, e_xy) of each channel
+    sums: wp.array2d[float],  # [blocks, 2] sums of |x - y| and of 1 - SSIM
+):
+    """Compare one block of one channel."""
+    block = first + wp.tid()
+    channel = block // (blocks_x * blocks_y)
+    left = (block % blocks_x) * _COLUMNS
+    top = (block // blocks_x % blocks_y) * _ROWS
+    sums[block, 0] = 0.0
+    sums[block, 1] = 0.0
+    if left >= region[2] or left + _COLUMNS <= region[0]:
+        return
+    if top >= region[3] or top + _ROWS <= region[1]:
+        return
+    line = wp.zeros(shape=(_LINES_5,), dtype=float)
+    blur = wp.zeros(shape=(_MAPS_5,), dtype=float)
+    base = origin + channel * plane + top * pitch + left
+    for halo_row in range(_HALO_ROWS):
+        source = base + (halo_row - _REACH) * pitch - _REACH
+        for i in range(_LINE):
+            px = image[source + i]
+            py = target[source + i]
+            line[i] = px
+            line[_LINE + i] = py
+            line[2 * _LINE + i] = px * px
+            line[3 * _LINE + i] = py * py
+            line[4 * _LINE + i] = px * py
+        for moment in range(5):
+            o = moment * _LINE
+            out = moment * _MAP + halo_row * _COLUMNS
+            for c in range(_COLUMNS):
+                blur[out + c] = (
+                    _W5 * (line[o + c] + line[o + c + 10])
+                    + _W4 * (line[o + c + 1] + line[o + c + 9])
+                    + _W3 * (line[o + c + 2] + line[o + c + 8])
+                    + _W2 * (line[o + c + 3] + line[o + c + 7])
+                    + _W1 * (line[o + c + 4] + line[o + c + 6])
+                    + _W0 * line[o + c + 5]
+                )
+    total_l1 = float(0.0)
+    total_dssim = float(0.0)
+    for row in range(wp.min(_ROWS, height - top)):
+        for moment_v in range(5):
+            p = moment_v * _MAP + row * _COLUMNS
+            m = moment_v * _LINE
+            for cv in range(_COLUMNS):
+                line[m + cv] = (
+                    _W5 * (blur[p + cv] + blur[p + 10 * _COLUMNS + cv])
+                    + _W4 * (blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv])
+                    + _W3 * (blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv])
+                    + _W2 * (blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv])
+                    + _W1 * (blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv])
+                    + _W0 * blur[p + 5 * _COLUMNS + cv]
+                )
+        pixel = base + row * pitch
+        row_l1 = float(0.0)
+        row_dssim = float(0.0)
+        for col in range(wp.min(_COLUMNS, width - left)):
+            mean_x = line[col]
+            mean_y = line[_LINE + col]
+            a = 2.0 * mean_x * mean_y + _C1
+            b = 2.0 * (line[4 * _LINE + col] - mean_x * mean_y) + _C2
+            d = mean_x * mean_x + mean_y * mean_y + _C1
+            e = line[2 * _LINE + col] + line[3 * _LINE + col] - (d - _C1) + _C2
+            inverse = 1.0 / (d * e)
+            ssim = a * b * inverse
+            g_xx = -ssim * d * inverse
+            g_xy = 2.0 * a * inverse
+            maps[pixel + col] = (
+                2.0 * (mean_y * b * inverse - mean_x * ssim * e * inverse)
+                - 2.0 * mean_x * g_xx
+                - mean_y * g_xy
+            )
+            maps[pixel + 3 * plane + col] = g_xx
+            maps[pixel + 6 * plane + col] = g_xy
+            row_dssim += 1.0 - ssim
+            row_l1 += wp.abs(image[pixel + col] - target[pixel + col])
+        total_l1 += row_l1
+        total_dssim += row_dssim
+    sums[block, 0] = total_l1
+    sums[block, 1] = total_dssim
+
+
+@wp.kernel
+def similarity_gradient_kernel(
+    first: int,
+    blocks_x: int,
+    blocks_y: int,
+    width: int,
+    height: int,
+    pitch: int,
+    plane: int,
+    origin: int,
+    region: wp.array[int],  # [4] x0, y0, x1, y1: pixels whose gradient is wanted
+    image: wp.array[float],
+    target: wp.array[float],
+    maps: wp.array[float],
+    l1_weight: float,
+    dssim_weight: float,
+    # outputs
+    adj_image: wp.array[float],  # 3 padded planes
+):
+    """Write d(l1_weight sum |x - y| + dssim_weight sum (1 - SSIM)) / dx of one block of one channel."""
+    block = first + wp.tid()
+    channel = block // (blocks_x * blocks_y)
+    left = (block % blocks_x) * _COLUMNS
+    top = (block // blocks_x % blocks_y) * _ROWS
+    if left >= region[2] or left + _COLUMNS <= region[0]:
+        return
+    if top >= region[3] or top + _ROWS <= region[1]:
+        return
+    line = wp.zeros(shape=(_LINES_3,), dtype=float)
+    blur = wp.zeros(shape=(_MAPS_3,), dtype=float)
+    base = origin + channel * plane + top * pitch + left
+    for halo_row in range(_HALO_ROWS):
+        source = base + (halo_row - _REACH) * pitch - _REACH
+        for moment in range(3):
+            o = moment * _LINE
+            for i in range(_LINE):
+                line[o + i] = maps[source + 3 * moment * plane + i]
+            out = moment * _MAP + halo_row * _COLUMNS
+            for c in range(_COLUMNS):
+                blur[out + c] = (
+                    _W5 * (line[o + c] + line[o + c + 10])
+                    + _W4 * (line[o + c + 1] + line[o + c + 9])
+                    + _W3 * (line[o + c + 2] + line[o + c + 8])
+                    + _W2 * (line[o + c + 3] + line[o + c + 7])
+                    + _W1 * (line[o + c + 4] + line[o + c + 6])
+                    + _W0 * line[o + c + 5]
+                )
+    for row in range(wp.min(_ROWS, height - top)):
+        for moment_v in range(3):
+            p = moment_v * _MAP + row * _COLUMNS
+            m = moment_v * _LINE
+            for cv in range(_COLUMNS):
+                line[m + cv] = (
+                    _W5 * (blur[p + cv] + blur[p + 10 * _COLUMNS + cv])
+                    + _W4 * (blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv])
+                    + _W3 * (blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv])
+                    + _W2 * (blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv])
+                    + _W1 * (blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv])
+                    + _W0 * blur[p + 5 * _COLUMNS + cv]
+                )
+        pixel = base + row * pitch
+        for col in range(wp.min(_COLUMNS, width - left)):
+            x = image[pixel + col]
+            y = target[pixel + col]
+            d_ssim = line[col] + 2.0 * x * line[_LINE + col] + y * line[2 * _LINE + col]
+            sign = wp.where(x > y, 1.0, wp.where(x < y, -1.0, 0.0))
+            adj_image[pixel + col] = l1_weight * sign - dssim_weight * d_ssim
