@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -89,5 +90,10 @@ def _read_training(path: Path) -> list[dict[str, Any]]:
 def _count_points(path: Path) -> int | None:
     if not path.is_file():
         return None
-    with np.load(path, allow_pickle=False) as arrays:
-        return len(arrays["points_world"])
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return len(arrays["points_world"])
+    except (BadZipFile, EOFError, KeyError, OSError, TypeError, ValueError) as error:
+        raise DigsError(
+            f"initial points '{path}': {error}; expected 'points_world'; reconstruct again"
+        ) from error
