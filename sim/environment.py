@@ -1,9 +1,4 @@
-"""The surround of the scene: a panorama on a sphere, which is also the light.
-
-The panorama is equirectangular: row 0 looks straight up (+z), and the middle column looks along +x. Seen
-from inside, going right in the image turns clockwise from above, so writing on the walls is not mirrored:
-``u = 0.5 - atan2(y, x) / (2 pi)``, ``v = acos(z) / pi``.
-"""
+"""The surround of the scene: a panorama on a sphere, which is also the light."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
 from digs_warp.images import linear_from_srgb, read_image
+from sim.studio_room import studio_room_radiance
 
 # Near enough that the walls shift from frame to frame (structure from motion holds on to them), far
 # enough that three orbits at about 0.9 m stay well inside.
@@ -26,7 +22,8 @@ class Environment:
     """A sphere around the origin that glows.
 
     Attributes:
-        radiance: linear RGB, equirectangular, shape (height, width, 3), float32, finite, >= 0.
+        radiance: linear RGB, equirectangular as in `sim.panorama`, shape (height, width, 3), float32,
+            finite, >= 0.
         radius: radius of the sphere [m].
     """
 
@@ -69,16 +66,4 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
 
 def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:
     """Return the built-in studio room: textured all round, lit by windows and soft boxes."""
-    from sim.studio_room import studio_room_radiance
-
     return Environment(studio_room_radiance(), radius)
-
-
-def panorama_directions(width: int, height: int) -> np.ndarray:
-    """Return the unit direction of each panorama pixel's centre, shape (height, width, 3)."""
-    azimuth = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
-    polar = ((np.arange(height) + 0.5) / height * np.pi)[:, None]
-    ring = np.sin(polar)
-    return np.stack(
-        [ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(polar) + 0 * azimuth], axis=-1
-    )

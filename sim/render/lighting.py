@@ -18,7 +18,8 @@ import warp as wp
 
 from digs_warp.parallel import launch_parallel
 from digs_warp.sh import sh_basis
-from sim.environment import Environment, panorama_directions
+from sim.environment import Environment
+from sim.panorama import panorama_directions, solid_angles
 from sim.render.textures import mip_chain
 
 wp.set_module_options({"enable_backward": False})
@@ -65,7 +66,7 @@ class Light:
 
 @wp.func
 def panorama_uv(direction: wp.vec3) -> wp.vec2:
-    """Position in the panorama, both in 0..1, of a unit direction; see sim.environment."""
+    """Position in the panorama, both in 0..1, of a unit direction; see sim.panorama."""
     u = 0.5 - wp.atan2(direction[1], direction[0]) / TWO_PI
     return wp.vec2(u, wp.acos(wp.clamp(direction[2], -1.0, 1.0)) / PI)
 
@@ -219,12 +220,6 @@ def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
         np.einsum("hwk,hwc->kc", basis * solid_angles(width, height)[..., None], radiance)
         * (COSINE_LOBE / np.pi)[:, None]
     )
-
-
-def solid_angles(width: int, height: int) -> np.ndarray:
-    """Return the solid angle of each panorama row's pixels [sr], shape (height, 1)."""
-    edges = np.cos(np.arange(height + 1) / height * np.pi)
-    return ((edges[:-1] - edges[1:]) * 2 * np.pi / width)[:, None]
 
 
 def prepare_light(environment: Environment, threads: int = 0) -> EnvironmentLight:

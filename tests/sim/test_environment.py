@@ -10,9 +10,9 @@ from digs_warp.images import linear_from_srgb, write_image
 from sim.environment import (
     Environment,
     load_environment,
-    panorama_directions,
     procedural_environment,
 )
+from sim.panorama import panorama_directions
 
 
 def test_png_is_decoded_to_linear_light(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ import pytest
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at
-from sim.environment import Environment, panorama_directions
+from sim.environment import Environment
+from sim.panorama import panorama_directions
 from sim.render.raycast import RaycastRenderer
 from sim.scene import Material, Scene
 

@@ -5,13 +5,13 @@ import pytest
 
 from digs_warp.images import linear_from_srgb
 from digs_warp.sh import sh_basis
-from sim.environment import Environment, panorama_directions
+from sim.environment import Environment
+from sim.panorama import panorama_directions, solid_angles
 from sim.render.lighting import (
     SPECULAR_COPIES,
     WHITE_CARD,
     irradiance_coefficients,
     prepare_light,
-    solid_angles,
 )
 from sim.render.textures import mip_chain, pack_textures
 
