@@ -26,7 +26,7 @@ def count_visits(first: int, visits: wp.array[int], seen: wp.array[int]):
 @wp.kernel
 def rough_sum(first: int, values: wp.array[float], scale: float, sums: wp.array[float]):
     index = first + wp.tid()
-    total = float(0.0)  # noqa: UP018 (Warp: a variable that changes in a loop)
+    total = float(0.0)  # a variable that changes in a loop
     for k in range(values.shape[0]):
         total += wp.sin(values[k] * float(index + 1)) * scale
     sums[index] = total
