@@ -6,6 +6,7 @@ warns on stderr whenever there is no CUDA driver: the usual case here.
 
 import logging
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ import warp as wp
 
 logger = logging.getLogger("digs_warp.kernels")
 
+COMPILED = re.compile(r"Module (?P<module>\S+) .* took (?P<milliseconds>[\d.]+) ms\s+\(compiled\)")
 NO_DRIVER = b"Warp CUDA warning: Could not find or load the NVIDIA CUDA driver"
 
 
@@ -34,8 +36,11 @@ class _ToLogging:
 
     def info(self, message: str) -> None:
         # Compiling takes seconds and happens once per kernel and machine: worth a line. The rest is not.
-        level = logging.INFO if "(compiled)" in message else logging.DEBUG
-        logger.log(level, message)
+        if found := COMPILED.match(message):
+            seconds = float(found["milliseconds"]) / 1e3
+            logger.info("compiled %s in %.1f s, once for all runs", found["module"], seconds)
+        else:
+            logger.debug(message)
 
     def warning(self, message: str, category: object = None, stacklevel: int = 1) -> None:
         logger.warning(message)

@@ -5,6 +5,8 @@ from typing import ClassVar, Protocol
 from digs_warp.commands.bench import Bench
 from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
+from digs_warp.commands.reconstruct import Reconstruct
+from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
 
 
@@ -19,7 +21,9 @@ class Command(Protocol):
 
 
 COMMANDS: dict[str, type[Command]] = {
+    "run": Run,
     "simulate": Simulate,
+    "reconstruct": Reconstruct,
     "export-usd": ExportUsd,
     "info": Info,
     "bench": Bench,

@@ -1,5 +1,6 @@
 """The command line: exit codes, messages, and the rules that protect what lies in the output folder."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -67,8 +68,9 @@ def test_help_of_every_command_explains_every_flag(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([command, "--help"]) == EXIT_OK
-    lines = [line.strip("│ ") for line in capsys.readouterr().out.splitlines()]
-    flags = [number for number, line in enumerate(lines) if line.startswith(("--", "PATH", "NAME"))]
+    lines = [line.strip("│| ") for line in capsys.readouterr().out.splitlines()]
+    flag = re.compile(r"--[a-z]|PATH|NAME|CAPTURE")
+    flags = [number for number, line in enumerate(lines) if flag.match(line)]
     assert flags
     for number in flags:
         # The explanation stands behind the flag or, behind a long one, in the next line.
@@ -267,6 +269,29 @@ def test_export_replaces_a_file_only_when_told(gaussians_file: Path, tmp_path: P
     assert scene.read_text() == "precious"
     assert main([*arguments, "--overwrite"]) == EXIT_OK
     assert scene.read_text().startswith("#usda")
+
+
+def test_reconstruct_then_info_and_export_work_on_its_folder(
+    capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "reconstruction"
+    arguments = ["reconstruct", str(capture_folder), "--out", str(folder), "--iterations", "2"]
+    assert main([*arguments, "--voxel-size", "0.05"]) == EXIT_OK
+    summary = capsys.readouterr().out
+    assert re.fullmatch(
+        rf"{folder}/gaussians.npz: [\d,]+ Gaussians from 3 frames, PSNR .* dB .*, [\d.]+ s\n",
+        summary,
+    )
+    assert main(["info", str(folder)]) == EXIT_OK
+    assert "PSNR" in capsys.readouterr().out
+    assert main(["export-usd", str(folder), "--out", str(tmp_path / "scene.usdz")]) == EXIT_OK
+
+
+def test_reconstruct_never_deletes_its_capture(capture_folder: Path, tmp_path: Path) -> None:
+    RunLog("run", {}).save(tmp_path / "run.json")  # the folder of a whole run
+    arguments = ["reconstruct", str(capture_folder), "--out", str(tmp_path), "--overwrite"]
+    assert main(arguments) == EXIT_BAD_INPUT
+    assert (capture_folder / "transforms.json").exists()
 
 
 TINY = ["--frames", "2", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]

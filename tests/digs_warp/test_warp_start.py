@@ -1,7 +1,14 @@
 """Warp starts quietly: stdout is for results, stderr for what a user can use."""
 
+import logging
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+from digs_warp import warp_start
 
 
 def test_loading_the_kernels_writes_nothing() -> None:
@@ -24,3 +31,19 @@ def test_native_messages_other_than_the_missing_driver_are_passed_on() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == "before\nafter\nlater\n"
+
+
+def test_compiling_a_kernel_is_logged_with_its_module(
+    caplog: pytest.LogCaptureFixture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    warp_start.start_warp()
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))  # nothing is compiled yet
+    with caplog.at_level(logging.INFO, warp_start.logger.name):
+        wp.load_module(device="cpu")
+        wp.launch(_nothing_kernel, dim=1, device="cpu")
+    assert [r.message.split(" in ")[0] for r in caplog.records] == [f"compiled {__name__}"]
+
+
+@wp.kernel
+def _nothing_kernel():
+    pass
