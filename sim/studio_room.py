@@ -18,7 +18,7 @@ HEIGHT = 1024
 SEED = 20
 
 # Radiance of the light sources.
-SOFT_BOX = 9.0
+SOFT_BOX = 16.0
 SKY = 1.2
 LAMP = 6.0
 
