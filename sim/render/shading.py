@@ -45,8 +45,8 @@ class Surface:
 
 
 @wp.func
-def viewer_side_normal(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3) -> wp.vec3:
-    """Interpolated unit normal, turned toward the viewer; surfaces have two sides."""
+def vertex_normal(surface: Surface, hit: wp.MeshQueryRay) -> wp.vec3:
+    """Unit normal interpolated between the corners; may point to either side."""
     corner = 3 * hit.face
     w = 1.0 - hit.u - hit.v
     normal = (
@@ -56,8 +56,23 @@ def viewer_side_normal(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec
     )
     length = wp.length(normal)
     # Opposite vertex normals may cancel out; the triangle's own is always there.
-    normal = wp.where(length > 1.0e-6, normal / wp.max(length, 1.0e-6), hit.normal)
-    return wp.where(wp.dot(hit.normal, direction) > 0.0, -normal, normal)
+    return wp.where(length > 1.0e-6, normal / wp.max(length, 1.0e-6), hit.normal)
+
+
+@wp.func
+def viewer_side(hit: wp.MeshQueryRay, direction: wp.vec3, normal: wp.vec3) -> float:
+    """1 where ``normal`` points to the side of the triangle that the viewer is on, else -1.
+
+    Surfaces have two sides, and meshes come with windings that disagree with their normals.
+    """
+    return wp.where(wp.dot(hit.normal, direction) * wp.dot(hit.normal, normal) > 0.0, -1.0, 1.0)
+
+
+@wp.func
+def viewer_side_normal(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3) -> wp.vec3:
+    """Interpolated unit normal, turned toward the viewer."""
+    normal = vertex_normal(surface, hit)
+    return viewer_side(hit, direction, normal) * normal
 
 
 @wp.func
@@ -83,8 +98,8 @@ def base_color(
 
 
 @wp.func
-def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3) -> float:
-    """Share of the hemisphere on the viewer's side that sees the environment."""
+def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -> float:
+    """Share of the hemisphere on one side (1: the normals', -1: the other) that sees the surround."""
     corner = 3 * hit.face
     w = 1.0 - hit.u - hit.v
     both = (
@@ -92,7 +107,7 @@ def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, direction: wp.
         + hit.v * surface.openness[surface.corners[corner + 1]]
         + w * surface.openness[surface.corners[corner + 2]]
     )
-    return wp.where(wp.dot(hit.normal, direction) > 0.0, both[1], both[0])
+    return wp.where(side > 0.0, both[0], both[1])
 
 
 @wp.func
@@ -120,12 +135,14 @@ def shade(
     surface: Surface, light: Light, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
 ) -> wp.vec3:
     """Linear, exposed radiance that leaves the hit toward the viewer."""
-    normal = viewer_side_normal(surface, hit, direction)
+    outward = vertex_normal(surface, hit)
+    side = viewer_side(hit, direction, outward)
+    normal = side * outward
     color = base_color(surface, hit, direction, cone_width)
     material = surface.materials[hit.face]
     metallic = surface.metallic[material]
     roughness = surface.roughness[material]
-    openness = interpolated_openness(surface, hit, direction)
+    openness = interpolated_openness(surface, hit, side)
 
     albedo = (1.0 - metallic) * color
     open_rgb = wp.vec3(

@@ -195,6 +195,14 @@ def test_the_order_of_triangles_does_not_matter() -> None:
     assert np.abs(one.image.astype(int) - other.image).max() <= 1
 
 
+def test_faces_wound_against_their_normals_look_the_same() -> None:
+    scene = sphere(0.3, 24)
+    reversed_faces = replace(scene, faces=scene.faces[:, ::-1].copy())
+    one, other = (RaycastRenderer(s, sky()).render(CAMERA) for s in (scene, reversed_faces))
+    np.testing.assert_allclose(one.normals_world, other.normals_world, atol=1e-5)
+    assert np.abs(one.image.astype(int) - other.image).max() <= 1
+
+
 def test_threads_and_earlier_frames_do_not_change_a_bit() -> None:
     scene = replace(sphere(0.3, 24), materials=(replace(GREY, roughness=0.3),))
     serial, pooled = (RaycastRenderer(scene, sky(), threads) for threads in (1, 2))
