@@ -32,7 +32,7 @@ WHITE_CARD = 0.65
 SPECULAR_COPIES = 5
 SPECULAR_WIDTH = 128
 SPECULAR_HEIGHT = 64
-SPECULAR_SAMPLES = 128
+SPECULAR_SAMPLES = 64
 
 # A curved mirror shrinks what it reflects; this width [px] keeps sharp reflections free of shimmer.
 MIRROR_WIDTH = 512

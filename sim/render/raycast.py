@@ -21,7 +21,7 @@ from sim.scene import Scene
 
 # Rays that measure how open a vertex lies, on each side; large meshes share out the budget.
 OPENNESS_RAYS = 64
-OPENNESS_BUDGET = 4_000_000
+OPENNESS_BUDGET = 2_000_000
 MIN_OPENNESS_RAYS = 8
 
 # Occluders farther away than this share of the scene's radius do not darken a surface.

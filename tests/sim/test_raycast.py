@@ -51,7 +51,7 @@ def quad(
     )
 
 
-def sphere(radius: float, rings: int = 128) -> Scene:
+def sphere(radius: float, rings: int = 64) -> Scene:
     """A finely cut sphere round the origin."""
     polar, azimuth = np.meshgrid(
         np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
@@ -113,7 +113,7 @@ def test_depth_of_a_slanted_plane_is_the_closed_form() -> None:
 
 def test_depth_and_normals_of_a_sphere() -> None:
     radius = 0.3
-    depth, normals, materials = RaycastRenderer(sphere(radius, 256), sky()).render_geometry(CAMERA)
+    depth, normals, materials = RaycastRenderer(sphere(radius, 128), sky()).render_geometry(CAMERA)
     expected = sphere_depth(CAMERA, radius)
     k = INTRINSICS
     points = CAMERA.unproject(pixel_centers(k.width, k.height), expected)
@@ -122,9 +122,9 @@ def test_depth_and_normals_of_a_sphere() -> None:
     )
     inner = facing > 0.3  # at the limb the flat facets stand out
     assert (materials[inner] == 0).all() and inner.sum() > 1000
-    # Facets lie inside the sphere by up to r (1 - cos(pi / 512)) * 2 / facing = 4e-5 m.
-    np.testing.assert_allclose(depth[inner], expected[inner], atol=4e-5)
-    np.testing.assert_allclose(normals[inner], points[inner] / radius, atol=1e-3)
+    # Facets lie inside the sphere by up to r (1 - cos(pi / 256)) * 2 / facing = 1.5e-4 m.
+    np.testing.assert_allclose(depth[inner], expected[inner], atol=1.5e-4)
+    np.testing.assert_allclose(normals[inner], points[inner] / radius, atol=2e-3)
 
 
 def test_the_surround_has_the_depth_of_its_sphere() -> None:
@@ -166,7 +166,7 @@ def test_mask_is_the_covered_share_of_the_image() -> None:
 
 
 def test_both_eyes_see_the_same_points_at_the_disparity_of_their_depth() -> None:
-    renderer = RaycastRenderer(sphere(0.3, 256), sky())
+    renderer = RaycastRenderer(sphere(0.3, 128), sky())
     right = CAMERA.shifted_right(0.12)
     depth, normals, _ = renderer.render_geometry(CAMERA)
     points = CAMERA.unproject(pixel_centers(161, 91), depth)
