@@ -38,6 +38,9 @@ NEAR_MARGIN = 1.2
 # The walls stand at least this many orbit distances away.
 SURROUND_MARGIN = 2.0
 
+# Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
+LEFT_EYE, RIGHT_EYE = 101, 102
+
 # Frames that may wait for the disk while the next ones are rendered; bounds the memory.
 WRITE_QUEUE = 4
 
@@ -84,6 +87,11 @@ class SimulateConfig:
             raise DigsError(f"seed: {self.seed}, expected 0 or more")
         if self.object_size is not None:
             check_positive("object_size [m]", self.object_size)
+        if self.mesh is None and (self.object_size is not None or self.up != "auto"):
+            raise DigsError(
+                "object_size and up say how to take a mesh file; the built-in object has its own size: "
+                "leave them out, or name a mesh"
+            )
 
 
 def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capture:
@@ -140,9 +148,9 @@ class _Recorder:
     def render(self, number: int, left: Camera) -> FrameImages:
         """Return both eyes, the mask and the true depth (which stands in for the sensed one)."""
         samples = self.config.samples_per_pixel
-        view = self.renderer.render(left, samples, self._pixel_seed(number, eye=0))
+        view = self.renderer.render(left, samples, self._pixel_seed(number, LEFT_EYE))
         right, _ = self.renderer.render_image(
-            left.shifted_right(self.rig.baseline), samples, self._pixel_seed(number, eye=1)
+            left.shifted_right(self.rig.baseline), samples, self._pixel_seed(number, RIGHT_EYE)
         )
         return FrameImages(view.image, view.depth, view.mask, right, view.depth)
 
@@ -164,7 +172,10 @@ def _record(
     writer: CaptureWriter,
     log: RunLog,
 ) -> None:
-    """Render and sense the frames that are not there yet, and write them beside the rendering."""
+    """Render and sense the frames that are not there yet, and write them beside the rendering.
+
+    The time noted for writing is that of the writing threads: most of it passes while rays are cast.
+    """
     log.seconds.update({"render": 0.0, "sense": 0.0, "write": 0.0})
     missing = [number for number in range(len(poses)) if not writer.has_frame(number)]
     pending: list[Future[float]] = []

@@ -171,8 +171,15 @@ def test_impossible_settings_are_refused(name: str, value: int) -> None:
 
 @pytest.mark.parametrize("size", [0.0, -1.0, float("nan")])
 def test_impossible_object_sizes_are_refused(size: float) -> None:
-    with pytest.raises(DigsError, match="object_size"):
+    with pytest.raises(DigsError, match=r"object_size \[m\]"):
         SimulateConfig(object_size=size)
+
+
+def test_settings_of_a_mesh_file_need_one() -> None:
+    with pytest.raises(DigsError, match="name a mesh"):
+        SimulateConfig(object_size=0.3)
+    with pytest.raises(DigsError, match="name a mesh"):
+        SimulateConfig(up="z")
 
 
 def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_path: Path) -> None:
