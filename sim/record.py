@@ -186,7 +186,7 @@ def _record(
 
     with (
         ThreadPoolExecutor(2, thread_name_prefix="write") as pool,
-        progress(len(poses), "simulate", "frame", len(poses) - len(missing)) as bar,
+        progress(len(poses), "Recording", "frame", len(poses) - len(missing)) as bar,
     ):
         for number in missing:
             with log.stage("render"):

@@ -9,20 +9,23 @@ from digs_warp.log import read_json
 
 @dataclass(frozen=True)
 class Quality:
-    """Means over the held-out views: "psnr" [dB], "ssim", and both inside the mask."""
+    """Means over the held-out views: "psnr" [dB], "ssim", and both inside the mask.
+
+    A mean is None where it is defined in no view (no object in sight, or not one wrong pixel).
+    """
 
     views: int
-    mean: dict[str, float]
+    mean: dict[str, float | None]
 
     def __str__(self) -> str:
         """One phrase for summaries."""
-        return (
-            f"PSNR {self.mean['psnr']:.2f} dB and SSIM {self.mean['ssim']:.4f} "
-            f"on {self.views} held-out views"
-        )
+        psnr, ssim = self.mean.get("psnr"), self.mean.get("ssim")
+        words = [] if psnr is None else [f"PSNR {psnr:.2f} dB"]
+        words += [] if ssim is None else [f"SSIM {ssim:.4f}"]
+        return f"{' and '.join(words) or 'no measure'} on {self.views} held-out views"
 
 
 def read_quality(reconstruction: Path) -> Quality:
     """Return what the evaluation of a reconstruction folder says."""
     evaluation = read_json(reconstruction / EVALUATION, "evaluation")
-    return Quality(len(evaluation["views"]), evaluation["mean"])
+    return Quality(len(evaluation.get("views", [])), evaluation.get("mean", {}))

@@ -35,7 +35,7 @@ def load_views(frames: Sequence[Frame], device: str = "cpu") -> list[View]:
     if len(sizes) > 1:
         raise DigsError(f"frames of different sizes {sizes}; export them at one size")
     views = []
-    with progress(len(frames), "loading views", "view") as bar:
+    with progress(len(frames), "Loading views", "view") as bar:
         for frame in frames:
             image = frame.load_image()
             has_mask = frame.has("mask_path")
