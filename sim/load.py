@@ -1,0 +1,145 @@
+"""Any mesh file as a `Scene`: z up, half a metre large, centred on the origin."""
+
+import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import DigsError, MeshError, check_positive, require_file
+from sim.mesh.gltf_header import check_gltf, read_gltf_header, unmodelled_features
+from sim.mesh.materials import materials_of_parts
+from sim.mesh.normalize import (
+    ROTATION_BY_UP_AXIS,
+    STANDARD_SIZE,
+    drop_bad_faces,
+    drop_unused_vertices,
+    place_upright,
+)
+from sim.mesh.normals import fill_normals
+from sim.mesh.parts import Triangles, join_parts, parts_of_scene
+from sim.scene import Material, Scene
+
+logger = logging.getLogger(__name__)
+
+# Which axis points up in files of a format. glTF defines it; OBJ files mostly come from modelling
+# programs (y), STL and PLY from printing and scanning (z).
+UP_AXIS_BY_SUFFIX = {".glb": "y", ".gltf": "y", ".obj": "y", ".ply": "z", ".stl": "z"}
+GLTF_SUFFIXES = (".glb", ".gltf")
+
+
+def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene:
+    """Load a GLB, glTF, OBJ, PLY or STL file.
+
+    Parts that the renderer cannot show as their author meant them (transparent, glowing) are named in a
+    logged warning, as are faces that are dropped because they have no area or are not finite. Vertex
+    colours are taken as linear from glTF, as its standard says, and as sRGB from the other formats.
+
+    Args:
+        path: the file; textures and buffers that it names are looked for beside it.
+        size: longest edge of the bounding box in the world [m]; None: `STANDARD_SIZE`.
+        up: axis of the file that points up: "x", "y", "z", or "auto" for the custom of the format.
+
+    Raises:
+        MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
+    """
+    path = Path(path)
+    _check_settings(size, up)
+    suffix = _checked_suffix(path)
+    if suffix in GLTF_SUFFIXES:
+        header = read_gltf_header(path)
+        check_gltf(path, header)
+        for sentence in unmodelled_features(header):
+            logger.warning("mesh '%s': %s", path.name, sentence)
+    if suffix == ".obj":
+        for name in _missing_obj_files(path):
+            logger.warning("mesh '%s': '%s' is missing beside it", path.name, name)
+    try:
+        parts = parts_of_scene(_read(path), linear_colors=suffix in GLTF_SUFFIXES)
+        materials, part_materials = materials_of_parts(parts)
+    except MeshError:
+        raise
+    except Exception as error:  # trimesh's readers raise whatever they stumble over
+        raise MeshError(
+            f"mesh '{path}': cannot be read as {suffix[1:].upper()}, damaged or truncated "
+            f"({type(error).__name__}: {error}); copy or export it again"
+        ) from error
+    if not parts:
+        raise MeshError(
+            f"mesh '{path}': 0 faces, expected triangles; a point cloud has to be meshed first"
+        )
+    return _scene(path, join_parts(parts, part_materials), materials, size, up)
+
+
+def _check_settings(size: float | None, up: str) -> None:
+    if size is not None:
+        check_positive("size of the object [m]", size)
+    if up != "auto" and up not in ROTATION_BY_UP_AXIS:
+        raise MeshError(f"up axis '{up}': expected 'auto', 'x', 'y' or 'z'")
+
+
+def _checked_suffix(path: Path) -> str:
+    """Return the suffix in lower case of a file that is there, is not empty, and has a known format."""
+    try:
+        require_file(path, "mesh")
+    except DigsError as error:
+        raise MeshError(str(error)) from None
+    suffix = path.suffix.lower()
+    if suffix not in UP_AXIS_BY_SUFFIX:
+        raise MeshError(
+            f"mesh '{path}': suffix '{path.suffix}', expected one of {', '.join(UP_AXIS_BY_SUFFIX)}; "
+            "convert it, for example with Blender"
+        )
+    return suffix
+
+
+def _read(path: Path) -> Any:
+    """Return the file as a `trimesh.Scene`, vertices and faces as they are stored."""
+    import trimesh
+
+    return trimesh.load_scene(path, file_type=path.suffix[1:].lower(), process=False)
+
+
+def _missing_obj_files(path: Path) -> Iterator[str]:
+    """Yield the material file and the textures that an OBJ file names and that are not there."""
+    for library in re.findall(rb"^mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE):
+        material_file = path.parent / library.decode(errors="replace")
+        if not material_file.is_file():
+            yield material_file.name
+            continue
+        text = material_file.read_bytes().decode(errors="replace")
+        for texture in re.findall(r"^\s*map_Kd[ \t]+(.+?)\s*$", text, re.MULTILINE | re.IGNORECASE):
+            if not (path.parent / texture).is_file():
+                yield texture
+
+
+def _scene(
+    path: Path,
+    triangles: Triangles,
+    materials: tuple[Material, ...],
+    size: float | None,
+    up: str,
+) -> Scene:
+    """Clean the triangles and place them in the world."""
+    total = len(triangles.faces)
+    triangles = drop_bad_faces(triangles, path.name)
+    if not len(triangles.faces):
+        raise MeshError(
+            f"mesh '{path}': none of its {total} faces is usable (no area, or vertices that are not "
+            "finite); repair or export it again"
+        )
+    axis = UP_AXIS_BY_SUFFIX[path.suffix.lower()] if up == "auto" else up
+    triangles, scale = place_upright(triangles, axis, STANDARD_SIZE if size is None else size)
+    triangles = drop_unused_vertices(fill_normals(triangles))
+    return Scene(
+        vertices=triangles.vertices.astype(np.float32),
+        faces=triangles.faces.astype(np.int32),
+        face_materials=triangles.face_materials.astype(np.int32),
+        normals=triangles.normals.astype(np.float32),
+        uvs=triangles.uvs.astype(np.float32),
+        vertex_colors=triangles.colors.astype(np.float32),
+        materials=materials,
+        scale_applied=scale,
+    )

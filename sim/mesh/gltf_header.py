@@ -1,0 +1,94 @@
+"""What the JSON header of a glTF or GLB file tells before its geometry is read.
+
+trimesh passes over missing textures, compressed geometry and short files without a word, so the header is
+checked here first: a wrong object must not look like a right one.
+"""
+
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from digs_warp.checks import MeshError
+
+# glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
+GLB_MAGIC = b"glTF"
+GLB_HEADER = struct.Struct("<4sII")
+GLB_CHUNK = struct.Struct("<I4s")
+
+# Extensions without which geometry or textures come out wrong, and how to get rid of them.
+UNREADABLE_EXTENSIONS = {
+    "KHR_draco_mesh_compression": "export it without Draco compression",
+    "EXT_meshopt_compression": "export it without meshopt compression",
+    "KHR_texture_basisu": "export its textures as PNG or JPEG",
+}
+
+
+def read_gltf_header(path: Path) -> dict[str, Any]:
+    """Return the JSON header of a .gltf or .glb file.
+
+    Raises:
+        MeshError: no glTF at all, shorter than it says, or JSON that breaks off.
+    """
+    data = path.read_bytes()
+    text = _glb_json(path, data) if path.suffix.lower() == ".glb" else data
+    try:
+        header = json.loads(text)
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise MeshError(
+            f"mesh '{path}': its JSON header is broken ({error}); copy or export the file again"
+        ) from error
+    if not isinstance(header, dict) or "asset" not in header:
+        raise MeshError(f"mesh '{path}': not glTF 2.0 (no 'asset' in its header); export it again")
+    return header
+
+
+def _glb_json(path: Path, data: bytes) -> bytes:
+    if len(data) < GLB_HEADER.size + GLB_CHUNK.size:
+        raise MeshError(f"mesh '{path}': truncated, {len(data)} bytes; copy or export it again")
+    magic, version, length = GLB_HEADER.unpack_from(data)
+    if magic != GLB_MAGIC or version != 2:
+        raise MeshError(
+            f"mesh '{path}': starts with {magic!r}, version {version}, expected b'glTF', version 2; "
+            "is the suffix right?"
+        )
+    if len(data) < length:
+        raise MeshError(
+            f"mesh '{path}': truncated, {len(data)} of {length} bytes; copy or export it again"
+        )
+    start = GLB_HEADER.size + GLB_CHUNK.size
+    chunk_length, _ = GLB_CHUNK.unpack_from(data, GLB_HEADER.size)
+    return data[start : start + chunk_length]
+
+
+def check_gltf(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` when files beside ``path`` are missing or it needs what is not supported."""
+    for kind in ("buffers", "images"):
+        for entry in header.get(kind, []):
+            uri = entry.get("uri", "data:")
+            if not uri.startswith("data:") and not (path.parent / unquote(uri)).is_file():
+                raise MeshError(
+                    f"mesh '{path}': its {kind[:-1]} '{unquote(uri)}' is missing in "
+                    f"'{path.parent}'; copy the whole folder, or export one GLB file"
+                )
+    needed = {*header.get("extensionsRequired", []), *header.get("extensionsUsed", [])}
+    for extension, remedy in UNREADABLE_EXTENSIONS.items():
+        if extension in needed:
+            raise MeshError(f"mesh '{path}': uses {extension}, which cannot be read; {remedy}")
+
+
+def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
+    """Yield a sentence for every material that will look different from what its author meant."""
+    for index, material in enumerate(header.get("materials", [])):
+        label = f"material '{material.get('name', index)}'"
+        extensions = material.get("extensions", {})
+        transmission = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0)
+        if transmission > 0 or material.get("alphaMode", "OPAQUE") != "OPAQUE":
+            yield f"{label}: transparency is not modelled yet, the part is drawn opaque"
+        if any(value > 0 for value in material.get("emissiveFactor", [])):
+            yield f"{label}: its own light is not modelled yet, the part does not glow"
+        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
+        if texture.get("texCoord", 0) or "KHR_texture_transform" in texture.get("extensions", {}):
+            yield f"{label}: moved texture coordinates are not read, its texture may sit wrong"
