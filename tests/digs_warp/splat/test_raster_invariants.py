@@ -1,0 +1,124 @@
+"""What must hold whatever the scene: independence of threads and order, conserved weights, NaN kept out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
+from reference.splat_twin import Parameters, render_twin
+
+from digs_warp.camera import Camera
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.splat.bin_tiles import TileBinner
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer
+
+MANY = random_gaussians(3000, seed=1)
+SIZE = (200, 150)
+VIEW = camera(*SIZE, fx=180.0, fy=180.0)
+
+
+def rendered(gaussians: Gaussians, view: Camera = VIEW, **options) -> SplatRenderer:
+    """Render and pull back a fixed random image gradient."""
+    k = view.intrinsics
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(gaussians), k.width, k.height, **options)
+    renderer.forward(view, near=NEAR, background=BACKGROUND)
+    rng = np.random.default_rng(2)
+    renderer.adj_image.assign(rng.normal(size=(k.height, k.width, 3)))
+    renderer.backward()
+    return renderer
+
+
+@pytest.mark.parametrize("threads", [2, 8])
+def test_same_bits_for_any_number_of_threads(threads: int) -> None:
+    one, more = rendered(MANY, threads=1), rendered(MANY, threads=threads)
+    np.testing.assert_array_equal(one.image.to_numpy(), more.image.to_numpy())
+    for a, b in zip(one.gradients.arrays, more.gradients.arrays, strict=True):
+        np.testing.assert_array_equal(a.numpy(), b.numpy())
+
+
+def test_both_kernels_and_both_binnings_agree() -> None:
+    fast, plain = rendered(MANY), rendered(MANY, vectorized=False)
+    fast_lists, plain_lists = fast.binner.lists, plain.binner.lists
+    pairs = fast.binner.total_pairs
+    assert pairs > 10_000
+    for name in ("tile_splats", "pair_slots"):
+        np.testing.assert_array_equal(
+            getattr(fast_lists, name).numpy()[:pairs], getattr(plain_lists, name).numpy()[:pairs]
+        )
+    np.testing.assert_array_equal(fast_lists.tile_starts.numpy(), plain_lists.tile_starts.numpy())
+    # A splat whose alpha lies within rounding of the cut moves a pixel by up to 1/255 of what shines
+    # through: allowed in one pixel of a thousand.
+    difference = np.abs(fast.image.to_numpy() - plain.image.to_numpy())
+    assert np.quantile(difference, 0.999) < 2e-6
+    assert difference.max() < 1 / 255
+
+
+def test_no_pixel_above_the_cut_is_lost_by_the_tile_lists() -> None:
+    """The twin knows no tiles: seven by five of them must show the same."""
+    gaussians, view = random_gaussians(120, seed=4), camera(110, 75, fx=90.0, fy=90.0)
+    twin = render_twin(Parameters.of(gaussians), view, NEAR, BACKGROUND)
+    renderer = rendered(gaussians, view)
+    difference = np.abs(renderer.image.to_numpy() - twin.image).max(axis=-1)
+    assert twin.ambiguous.mean() < 0.01
+    assert difference[~twin.ambiguous].max() < 5e-6
+
+
+def test_weights_and_transmittance_sum_to_one() -> None:
+    """With white splats the image is the sum of the weights."""
+    white = replace(MANY, sh=np.zeros_like(MANY.sh))
+    white.sh[:, 0] = 0.5 / 0.28209479177387814
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(white), *SIZE)
+    renderer.forward(VIEW, near=NEAR, background=(0.0, 0.0, 0.0))
+    total = renderer.image.to_numpy() + renderer.transmittance.to_numpy()
+    np.testing.assert_allclose(total, 1.0, atol=2e-6)
+
+
+def test_the_order_in_memory_does_not_matter() -> None:
+    order = np.random.default_rng(0).permutation(len(MANY))
+    shuffled = Gaussians(*(getattr(MANY, name)[order] for name in FIELDS))
+    a, b = rendered(MANY), rendered(shuffled)
+    np.testing.assert_array_equal(a.image.to_numpy(), b.image.to_numpy())
+    for before, after in zip(a.gradients.arrays, b.gradients.arrays, strict=True):
+        np.testing.assert_array_equal(before.numpy()[order], after.numpy())
+
+
+@pytest.mark.parametrize("field", FIELDS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+def test_a_broken_gaussian_hurts_nobody_else(field: str, value: float) -> None:
+    broken = Gaussians(*(getattr(MANY, name).copy() for name in FIELDS))
+    getattr(broken, field)[5] = value
+    renderer = rendered(broken)
+    assert np.isfinite(renderer.image.to_numpy()).all()
+    for array in renderer.gradients.arrays:
+        assert np.isfinite(array.numpy()).all()
+
+
+def test_an_empty_scene_shows_the_background_and_its_gradient_is_empty() -> None:
+    renderer = rendered(random_gaussians(0, seed=0))
+    expected = np.broadcast_to(BACKGROUND, (SIZE[1], SIZE[0], 3))
+    np.testing.assert_allclose(renderer.image.to_numpy(), expected, atol=1e-7)
+    assert [len(array.numpy()) for array in renderer.gradients.arrays] == [0] * 5
+
+
+def test_buffers_grow_and_results_do_not_change() -> None:
+    """Splats that each cover many tiles overflow the first buffers."""
+    wide = replace(MANY, log_scales=MANY.log_scales + 1.5)
+    renderer = rendered(wide)
+    assert renderer.binner.total_pairs > 3 * len(wide) + 64
+    first = renderer.image.to_numpy()
+    renderer.forward(VIEW, near=NEAR, background=BACKGROUND)
+    np.testing.assert_array_equal(renderer.image.to_numpy(), first)
+    np.testing.assert_array_equal(rendered(wide, threads=1).image.to_numpy(), first)
+
+
+def test_a_renderer_refuses_a_camera_of_another_size() -> None:
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(MANY), *SIZE)
+    with pytest.raises(ValueError, match=r"41x37 px.*200x150 px"):
+        renderer.forward(camera(), near=NEAR)
+
+
+def test_an_absurdly_wide_image_is_refused() -> None:
+    with pytest.raises(DigsError, match="width"):
+        TileBinner(1, 16 * (1 << 15), 1)

@@ -1,0 +1,92 @@
+"""Scenes for the tests of the splat engine: random ones, and the hard cases by name."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import look_at
+
+BACKGROUND = np.array([0.2, 0.5, 0.9])
+NEAR = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class SplatScene:
+    gaussians: Gaussians
+    camera: Camera
+    near: float = NEAR
+
+
+def camera(width: int = 41, height: int = 37, **intrinsics: float) -> Camera:
+    """A camera 0.7 m from the origin; off-centre, and no multiple of the tile size, by default."""
+    k = {"fx": 40.0, "fy": 38.0, "cx": 0.56 * width, "cy": 0.41 * height} | intrinsics
+    pose = look_at(np.array([0.6, 0.2, 0.3]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    return Camera(Intrinsics(width, height, k["fx"], k["fy"], k["cx"], k["cy"]), pose)
+
+
+def random_gaussians(count: int, seed: int, degree: int = 1) -> Gaussians:
+    rng = np.random.default_rng(seed)
+    return Gaussians(
+        means=rng.normal(size=(count, 3)) * 0.15,
+        log_scales=np.log(rng.uniform(0.01, 0.06, (count, 3))),
+        quats=rng.normal(size=(count, 4)),
+        opacity_logits=rng.normal(size=count) * 2,
+        sh=rng.normal(size=(count, (degree + 1) ** 2, 3)) * 0.5,
+    )
+
+
+def random_scene(seed: int, count: int = 16) -> SplatScene:
+    return SplatScene(random_gaussians(count, seed, degree=seed % 4), camera())
+
+
+def hard_cases() -> dict[str, SplatScene]:
+    """The hard cases; every one must render like the twin, with finite gradients."""
+    some = random_gaussians(6, seed=7)
+    view = camera()
+    forward = view.world_from_cam[:3, 2]
+    one = random_gaussians(1, seed=3)
+
+    def with_means(gaussians: Gaussians, means: np.ndarray) -> Gaussians:
+        return replace(gaussians, means=means)
+
+    def at_depth(depth: float) -> Gaussians:
+        """The first Gaussian sits at a depth on the optical axis, the others where they were."""
+        means = some.means.copy()
+        means[0] = view.center_world + depth * forward
+        return with_means(some, means)
+
+    wide = some.log_scales.copy()
+    wide[0] = np.log(2.0)
+    needle = some.log_scales.copy()
+    needle[:, 0] = np.log(0.3)
+    needle[:, 1:] = np.log(1e-5)
+    zero_quat = some.quats.copy()
+    zero_quat[0] = 0.0
+    logits = some.opacity_logits.copy()
+    logits[:3] = (60.0, -60.0, 12.0)
+    # 20 opaque Gaussians behind one another: pixels stop after three.
+    pile = random_gaussians(20, seed=5, degree=0)
+    behind = with_means(pile, (np.linspace(-0.2, 0.2, 20)[:, None] * forward).astype(np.float32))
+    opaque = replace(behind, opacity_logits=np.full(20, 20.0, np.float32))
+    aside = some.means.copy()
+    aside[0] = view.center_world + 0.3 * forward + 0.45 * view.world_from_cam[:3, 0]
+    return {
+        "one Gaussian": SplatScene(one, view),
+        "no Gaussian": SplatScene(random_gaussians(0, seed=0), view),
+        "behind the camera": SplatScene(at_depth(-0.3), view),
+        "just behind the near plane": SplatScene(at_depth(NEAR * 0.999), view),
+        "just before the near plane": SplatScene(at_depth(NEAR * 1.001), view),
+        "covers the whole image": SplatScene(replace(some, log_scales=wide), view),
+        "needles": SplatScene(replace(some, log_scales=needle), view),
+        "one-pixel image": SplatScene(some, camera(1, 1, fx=2.0, fy=2.0)),
+        "one-row image": SplatScene(some, camera(33, 1)),
+        "multiple of the tile size": SplatScene(some, camera(48, 32)),
+        "principal point outside": SplatScene(some, camera(cx=-12.0, cy=50.0)),
+        "zero quaternion": SplatScene(replace(some, quats=zero_quat), view),
+        "long quaternions": SplatScene(replace(some, quats=some.quats * 1e3), view),
+        "opacity 0 and 1": SplatScene(replace(some, opacity_logits=logits), view),
+        "saturated pixels": SplatScene(opaque, view),
+        "outside the field of view": SplatScene(with_means(some, aside), view),
+    }
