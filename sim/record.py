@@ -235,12 +235,13 @@ def _plain_settings(config: SimulateConfig) -> dict[str, Any]:
 
 
 def _load(config: SimulateConfig) -> tuple[Scene, Environment]:
-    from sim.load import load_scene
-    from sim.procedural import procedural_scene
-
     if config.mesh is None:
+        from sim.procedural import procedural_scene
+
         scene = procedural_scene()
     else:
+        from sim.load import load_scene
+
         scene = load_scene(config.mesh, config.object_size, config.up)
     if config.environment is None:
         return scene, procedural_environment()
