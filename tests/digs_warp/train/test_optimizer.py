@@ -1,0 +1,73 @@
+"""Adam against its float64 twin, and the rates of the groups."""
+
+import numpy as np
+import pytest
+from reference.adam_twin import adam_twin
+from reference.splat_scenes import random_gaussians
+
+from digs_warp.checks import DigsError
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.optimizer import Adam
+
+STEPS = 5
+
+
+def test_five_steps_equal_the_twin() -> None:
+    # 1500 Gaussians: every group crosses the kernel's blocks of 4096 values at another place.
+    start = random_gaussians(1500, seed=0, degree=2)
+    gaussians = DeviceGaussians.from_numpy(start)
+    gradients = gaussians.zeros_like()
+    adam = Adam(gaussians, gradients, TrainConfig(iterations=10), extent=2.0)
+    rng = np.random.default_rng(0)
+    given: list[list[np.ndarray]] = []
+    rates = []
+    for _ in range(STEPS):
+        given.append([rng.normal(size=array.numpy().shape) for array in gradients.arrays])
+        for array, value in zip(gradients.arrays, given[-1], strict=True):
+            array.assign(value.astype(np.float32))
+        rates.append(adam.rates())
+        adam.update()
+    before = (start.means, start.log_scales, start.quats, start.opacity_logits, start.sh)
+    for group, value in enumerate(before):
+        history = [step[group].reshape(value.shape) for step in given]
+        base = adam_twin(value, history, [step[group][0] for step in rates])
+        higher = adam_twin(value, history, [step[group][1] for step in rates])
+        if value is start.sh:
+            base[:, 1:] = higher[:, 1:]
+        found = gaussians.arrays[group].numpy().reshape(value.shape)
+        np.testing.assert_allclose(found, base, rtol=1e-5, atol=1e-6)
+
+
+def test_rates_of_the_reference() -> None:
+    gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
+    adam = Adam(gaussians, gaussians.zeros_like(), TrainConfig(iterations=100), extent=2.0)
+    means, scales, quats, opacities, colors = adam.rates()
+    assert means[0] == pytest.approx(3.2e-4)
+    assert (scales[0], quats[0], opacities[0]) == (5e-3, 1e-3, 5e-2)
+    assert colors == pytest.approx((2.5e-3, 1.25e-4))
+    adam.step = 100
+    assert adam.rates()[0][0] == pytest.approx(3.2e-6)
+
+
+def test_no_gradient_moves_nothing() -> None:
+    start = random_gaussians(10, seed=1)
+    gaussians = DeviceGaussians.from_numpy(start)
+    adam = Adam(gaussians, gaussians.zeros_like(), TrainConfig(), extent=1.0)
+    adam.update()
+    np.testing.assert_array_equal(gaussians.to_numpy().means, start.means)
+    np.testing.assert_array_equal(gaussians.to_numpy().sh, start.sh)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"iterations": -1}, "iterations"),
+        ({"sh_degree": 4}, "sh-degree"),
+        ({"dssim_weight": 1.5}, "dssim-weight"),
+        ({"means_rate": float("nan")}, "means-rate"),
+    ],
+)
+def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str) -> None:
+    with pytest.raises(DigsError, match=message):
+        TrainConfig(**wrong)  # pyright: ignore[reportArgumentType]

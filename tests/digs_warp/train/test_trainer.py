@@ -1,0 +1,133 @@
+"""The training loop: it learns, it repeats itself bit for bit, and it says when it cannot go on."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.tiny_capture import ball, write_tiny_capture
+
+from digs_warp.capture import Capture
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.views import load_views, scene_extent
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
+
+
+def grey_start() -> Gaussians:
+    truth = ball()
+    return replace(truth, sh=np.zeros_like(truth.sh))
+
+
+def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
+    trainer = Trainer(grey_start(), load_views(capture.frames), config)
+    for _ in range(steps):
+        trainer.step()
+    return trainer
+
+
+def assert_same(a: Trainer, b: Trainer) -> None:
+    one, other = a.gaussians.to_numpy(), b.gaussians.to_numpy()
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def test_the_loss_falls(capture: Capture) -> None:
+    config = TrainConfig(iterations=150, sh_degree=0, colors_rate=0.05)
+    trainer = trained(capture, config, 1)
+    first = trainer.loss_value()
+    for _ in range(149):
+        trainer.step()
+    assert trainer.loss_value() < 0.5 * first
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(capture: Capture) -> None:
+    config = TrainConfig(iterations=20)
+    a, b = trained(capture, config, 12), trained(capture, config, 12)
+    assert_same(a, b)
+    c = trained(capture, replace(config, seed=1), 12)
+    assert not np.array_equal(a.gaussians.to_numpy().means, c.gaussians.to_numpy().means)
+
+
+def test_a_resumed_run_continues_bit_for_bit(capture: Capture, tmp_path: Path) -> None:
+    config = TrainConfig(iterations=20)
+    whole = trained(capture, config, 20)
+    half = trained(capture, config, 9)
+    save_checkpoint(tmp_path / "checkpoint.npz", half)
+    resumed = trained(capture, config, 0)
+    load_checkpoint(tmp_path / "checkpoint.npz", resumed)
+    for _ in range(11):
+        resumed.step()
+    assert_same(whole, resumed)
+
+
+def test_a_checkpoint_of_other_gaussians_is_refused(capture: Capture, tmp_path: Path) -> None:
+    trainer = trained(capture, TrainConfig(iterations=5), 1)
+    save_checkpoint(tmp_path / "checkpoint.npz", trainer)
+    other = Trainer(ball(count=10), load_views(capture.frames), TrainConfig(iterations=5))
+    with pytest.raises(DigsError, match=r"checkpoint\.npz.*another run"):
+        load_checkpoint(tmp_path / "checkpoint.npz", other)
+
+
+def test_a_truncated_checkpoint_is_refused(capture: Capture, tmp_path: Path) -> None:
+    trainer = trained(capture, TrainConfig(iterations=5), 1)
+    path = tmp_path / "checkpoint.npz"
+    save_checkpoint(path, trainer)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(DigsError, match=r"checkpoint\.npz.*delete it"):
+        load_checkpoint(path, trainer)
+
+
+def test_the_background_supervises_the_outside(capture: Capture) -> None:
+    """Stray Gaussians of the training background's own colour vanish only if that colour changes."""
+    stray = ball(count=60)
+    stray = replace(stray, means=stray.means * 1.7, sh=np.full_like(stray.sh, 1.7724))  # white
+    both = [np.concatenate([getattr(ball(), n), getattr(stray, n)]) for n in FIELDS]
+    left = {}
+    for background in ("white", "random"):
+        config = TrainConfig(iterations=120, sh_degree=0, background=background)
+        trainer = Trainer(Gaussians(*both), load_views(capture.frames), config)
+        for _ in range(120):
+            trainer.step()
+        left[background] = float(np.median(trainer.gaussians.to_numpy().opacities[-60:]))
+    assert left["random"] < 0.5 < left["white"]
+
+
+def test_every_view_is_seen_once_an_epoch(capture: Capture) -> None:
+    trainer = trained(capture, TrainConfig(iterations=16), 0)
+    seen = []
+    for step in range(16):
+        trainer.optimizer.step = step
+        seen.append(trainer._view_index())
+    assert sorted(seen[:8]) == sorted(seen[8:]) == list(range(8))
+
+
+def test_a_loss_that_is_not_finite_stops_the_run(capture: Capture) -> None:
+    trainer = trained(capture, TrainConfig(iterations=5), 1)
+    trainer.loss._sums.fill_(float("nan"))
+    with pytest.raises(DigsError, match="iteration 1"):
+        trainer.loss_value()
+
+
+def test_no_gaussians_and_no_views_are_refused(capture: Capture) -> None:
+    views = load_views(capture.frames)
+    nothing = Gaussians(*(getattr(ball(), name)[:0] for name in FIELDS))
+    with pytest.raises(DigsError, match="no Gaussians"):
+        Trainer(nothing, views, TrainConfig())
+    with pytest.raises(DigsError, match="no training views"):
+        load_views([])
+
+
+def test_the_extent_is_that_of_the_reference(capture: Capture) -> None:
+    cameras = [frame.camera for frame in capture.frames]
+    centers = np.stack([camera.center_world for camera in cameras])
+    farthest = max(np.linalg.norm(c - centers.mean(axis=0)) for c in centers)
+    assert scene_extent(cameras) == pytest.approx(1.1 * farthest)
+    assert scene_extent(cameras[:1]) == 1.0
