@@ -116,6 +116,23 @@ class RunLog:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
+    def continue_from(self, path: Path) -> None:
+        """Take over the stage times of an interrupted run; without a record there this does nothing.
+
+        Raises:
+            DigsError: the run was begun with other settings; the message names them.
+        """
+        if not Path(path).is_file():
+            return
+        before = read_json(path, "run record")
+        now = json.loads(to_json(self.settings))
+        if different := _differences(before.get("settings"), now):
+            raise DigsError(
+                f"'{Path(path).parent}': begun with other settings ({', '.join(different)}); resume "
+                "with the same ones, or start anew with --overwrite"
+            )
+        self.seconds |= before.get("seconds", {})
+
     def save(self, path: Path) -> None:
         """Write the record; safe to call after every stage."""
         record = {
@@ -127,3 +144,11 @@ class RunLog:
             "results": self.results,
         }
         write_atomically(path, to_json(record).encode())
+
+
+def _differences(before: Any, now: Any, name: str = "settings") -> list[str]:
+    """Return "name old -> new" for every setting that differs between two JSON values."""
+    if not (isinstance(before, dict) and isinstance(now, dict)):
+        return [] if before == now else [f"{name} {before} -> {now}"]
+    keys = dict.fromkeys([*now, *before])
+    return [line for key in keys for line in _differences(before.get(key), now.get(key), key)]

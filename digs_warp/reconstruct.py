@@ -18,7 +18,7 @@ from digs_warp.images import to_uint8, write_image
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import RunLog, progress, read_json, to_json, write_atomically
+from digs_warp.log import RunLog, progress, to_json, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
@@ -75,7 +75,7 @@ def reconstruct(
     folder = Path(folder)
     log = RunLog("reconstruct", config)
     if resume:
-        _continue_log(log, folder)
+        log.continue_from(folder / RUN)
     train_frames, test_frames = capture.split(config.test_every)
     if not train_frames:
         raise DigsError(
@@ -94,19 +94,6 @@ def reconstruct(
         _write_evaluation(gaussians, test_views, config.train.device, folder, log)
     log.save(folder / RUN)
     return gaussians
-
-
-def _continue_log(log: RunLog, folder: Path) -> None:
-    """Take over the times of the interrupted run; refuse other settings."""
-    if not (folder / RUN).is_file():
-        return
-    before = read_json(folder / RUN, "run record")
-    if before.get("settings") != json.loads(to_json(log.settings)):
-        raise DigsError(
-            f"'{folder}': run.json was written with other settings; resume with the same ones, "
-            "or start again with --overwrite"
-        )
-    log.seconds.update(before.get("seconds", {}))
 
 
 def _initialize(

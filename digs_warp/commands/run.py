@@ -1,8 +1,10 @@
 """`digs-warp run`: from a mesh to a USD scene, all stages in one go."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
@@ -25,8 +27,9 @@ class _TrainOptions(TrainConfig):
 
     def with_seed(self, seed: int) -> TrainConfig:
         """Return the plain settings: one --seed serves all stages."""
-        values = {f.name: getattr(self, f.name) for f in fields(TrainConfig)}
-        return TrainConfig(**values | {"seed": seed})
+        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(TrainConfig)}
+        values["seed"] = seed
+        return TrainConfig(**values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,22 +65,31 @@ class Run:
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})
         record = folder / layout.RUN_RECORD
         reconstruction = folder / layout.RECONSTRUCTION
+        if self.output.resume:
+            log.continue_from(record)
         log.save(record)
-        with log.stage("simulate"):
+        with _saved_stage(log, "simulate", record):
             capture = simulate(self.recording, folder / layout.CAPTURE, self.output.resume)
-        log.save(record)
-        with log.stage("reconstruct"):
+        with _saved_stage(log, "reconstruct", record):
             gaussians = reconstruct(capture, config, reconstruction, self.output.resume)
-        with log.stage("export"):
-            write_scene(gaussians, reconstruction, folder / layout.SCENE)
         quality = read_quality(reconstruction)
         log.results = {"gaussians": len(gaussians), "held_out": quality.mean}
-        log.save(record)  # the report shows the times of the stages so far
-        with log.stage("report"):
+        with _saved_stage(log, "export", record):
+            write_scene(gaussians, reconstruction, folder / layout.SCENE)
+        with _saved_stage(log, "report", record):
             write_report(capture, reconstruction, folder / layout.REPORT)
-        log.save(record)
         what = f"{len(gaussians):,} Gaussians from {len(capture)} frames, {quality}"
         return _summary(folder, log, what)
+
+
+@contextmanager
+def _saved_stage(log: RunLog, name: str, record: Path) -> Iterator[None]:
+    """Time a stage and save the record, also when the stage is cut off."""
+    try:
+        with log.stage(name):
+            yield
+    finally:
+        log.save(record)
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:

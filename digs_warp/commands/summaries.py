@@ -29,7 +29,7 @@ def of_capture(folder: Path) -> Facts:
     span = capture.frames[-1].time - first.time
     facts = {
         "kind": "capture",
-        "frames": f"{len(capture)} in {span:.1f} s",
+        "length": f"{len(capture)} frames in {span:.1f} s",
         "image size": f"{k.width} x {k.height}",
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
         "baseline": f"{capture.rig.baseline * 1e3:.1f} mm" if capture.rig else "none (one camera)",
@@ -58,7 +58,7 @@ def of_gaussians(path: Path) -> Facts:
     gaussians = Gaussians.load(path)
     facts = {
         "kind": "Gaussians",
-        "number": f"{len(gaussians):,}",
+        "number": f"{len(gaussians):,} Gaussians",
         "spherical harmonics": f"degree {gaussians.sh_degree}",
         "file size": _megabytes(path),
     }
@@ -82,14 +82,13 @@ def of_run(folder: Path) -> Facts:
     """What 'digs-warp run' left: each part in a line."""
     facts = {"kind": "results of 'digs-warp run'"}
     parts = {
-        "capture": (layout.CAPTURE, of_capture, ("frames", "image size")),
-        "reconstruction": (layout.RECONSTRUCTION, of_reconstruction, ("number", "quality")),
+        "capture": (layout.CAPTURE, of_capture, "{length}, {image size}"),
+        "reconstruction": (layout.RECONSTRUCTION, of_reconstruction, "{number}, {quality}"),
     }
-    for name, (place, summary, keys) in parts.items():
+    for name, (place, summary, words) in parts.items():
         try:
-            found = summary(folder / place)
-            facts[name] = ", ".join(f"{key} {found[key]}" for key in keys if key in found)
-        except DigsError:
+            facts[name] = words.format(**summary(folder / place))
+        except (DigsError, KeyError):
             facts[name] = "not finished"
     for name, place in {"scene": layout.SCENE, "report": layout.REPORT}.items():
         path = folder / place

@@ -235,7 +235,7 @@ def test_info_describes_a_capture(capture_folder: Path, capsys: pytest.CaptureFi
     assert main(["info", str(capture_folder)]) == EXIT_OK
     facts = dict(line.split("  ", 1) for line in capsys.readouterr().out.splitlines())
     facts = {name: value.strip() for name, value in facts.items()}
-    assert facts["frames"] == "3 in 1.0 s"
+    assert facts["length"] == "3 frames in 1.0 s"
     assert facts["image size"] == "32 x 24"
     assert facts["baseline"] == "120.0 mm"
     assert facts["layers"] == "left image, depth, mask"
