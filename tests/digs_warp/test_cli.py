@@ -14,10 +14,12 @@ from digs_warp.capture import CaptureWriter, FrameImages, Rig
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.output import OutputFolder, is_ours
 from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
 from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import look_at
 from digs_warp.log import RunLog
+from digs_warp.train.config import TrainConfig
 
 WIDTH, HEIGHT = 32, 24
 
@@ -309,6 +311,35 @@ def test_simulate_writes_a_capture_and_resumes_it(
     lost.unlink()
     assert main([*arguments, "--resume"]) == EXIT_OK
     assert {path: path.read_bytes() for path in (folder / "images").iterdir()} == before
+
+
+def test_run_leaves_scene_and_report_and_resumes_after_an_interruption(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "out"
+    sizes = ["--frames", "3", "--width", "48", "--height", "32", "--samples-per-pixel", "1"]
+    arguments = ["run", "--out", str(folder), *sizes, "--iterations", "2", "--voxel-size", "0.03"]
+    assert main(arguments) == EXIT_OK
+    summary = capsys.readouterr().out
+    left = ["capture", "reconstruction", "report.html", "run.json", "scene.usdz"]
+    assert sorted(path.name for path in folder.iterdir()) == left
+    assert all(str(folder / name) in summary for name in left if name != "run.json")
+    assert re.search(r"^done .* PSNR [\d.]+ dB .* \d+ s$", summary, re.MULTILINE)
+
+    scene = (folder / "scene.usdz").read_bytes()
+    (folder / "scene.usdz").unlink()  # as if the run had been cut off before the export
+    assert main(arguments) == EXIT_BAD_INPUT
+    assert main([*arguments, "--resume"]) == EXIT_OK
+    assert (folder / "scene.usdz").read_bytes() == scene
+    assert main([*arguments, "--resume", "--seed", "1"]) == EXIT_BAD_INPUT
+    assert "seed 0 -> 1" in capsys.readouterr().err
+
+
+def test_one_seed_serves_all_stages_of_a_run() -> None:
+    command = cli.parse(["run", "--out", "x", "--seed", "5", "--iterations", "7"])
+    assert isinstance(command, Run)
+    assert command.recording.seed == 5
+    assert command.training.with_seed(5) == TrainConfig(iterations=7, seed=5)
 
 
 def test_an_interrupted_command_says_how_to_go_on(
