@@ -4,6 +4,7 @@ Two tiers: `SplatRenderer` holds every buffer for images of one size and allocat
 trainer's tier); `render` takes and returns NumPy values.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,6 +138,16 @@ class SplatRenderer:
         else:
             self._backward_reference()
         self._project_backward.run()
+
+    def stages(self) -> dict[str, Callable[[], object]]:
+        """Return the stages of the last view by name, each ready to run again: for profiling."""
+        return {
+            "project": self._project.run,
+            "bin": self.binner.bin,
+            "forward": self._forward.run if self.vectorized else self._forward_reference,
+            "backward": self._backward.run if self.vectorized else self._backward_reference,
+            "gather and project back": self._project_backward.run,
+        }
 
     def _record_projection(self, degree: int) -> None:
         """Record the launches that depend on the number of colour bands."""
