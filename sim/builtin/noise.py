@@ -1,0 +1,45 @@
+"""Band-limited random textures that repeat without a seam."""
+
+import numpy as np
+
+
+def periodic_noise(
+    rng: np.random.Generator,
+    shape: tuple[int, int],
+    wavelengths: tuple[float, float],
+    slope: float = 1.0,
+    stretch: tuple[float, float] = (1.0, 1.0),
+) -> np.ndarray:
+    """Return Gaussian noise with standard deviation 1, periodic in both directions, float32.
+
+    Args:
+        rng: source of randomness.
+        shape: (height, width) of the result.
+        wavelengths: shortest and longest period in it [pixels].
+        slope: amplitudes fall with frequency to this power: 0 is white, 1 looks natural.
+        stretch: how much longer features are (down, across); (1, 8) makes horizontal fibres.
+    """
+    height, width = shape
+    fy = np.fft.fftfreq(height).astype(np.float32)[:, None] * stretch[0]
+    fx = np.fft.rfftfreq(width).astype(np.float32)[None, :] * stretch[1]
+    frequency = np.sqrt(fx * fx + fy * fy)
+    shortest, longest = wavelengths
+    inside = (frequency <= 1 / shortest) & (frequency >= 1 / longest)
+    gain = np.where(inside, np.maximum(frequency, 1e-6) ** -slope, 0)
+    spectrum = np.fft.rfft2(rng.standard_normal(shape, dtype=np.float32)) * gain
+    noise = np.fft.irfft2(spectrum, s=shape)
+    return (noise / noise.std()).astype(np.float32)
+
+
+def mix(a: np.ndarray, b: np.ndarray, share: np.ndarray | float) -> np.ndarray:
+    """Blend two colours or colour images; ``share`` of b, 0..1, shape (height, width) or a number."""
+    share = np.asarray(share, np.float32)
+    if share.ndim:
+        share = share[..., None]
+    return a + (np.asarray(b, np.float32) - a) * share
+
+
+def smoothstep(low: float, high: float, x: np.ndarray) -> np.ndarray:
+    """Return 0 below ``low``, 1 above ``high``, and a smooth step between."""
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
