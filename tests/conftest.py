@@ -1,9 +1,12 @@
 """Fixtures shared by the whole suite."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from digs_warp.log import show_progress
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -15,3 +18,10 @@ def sample_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no sample data in '{folder}' (set DIGS_WARP_SAMPLE_DATA)")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def bars_off_again() -> Iterator[None]:
+    """The command line turns progress bars on for its process; a test that runs it must not."""
+    yield
+    show_progress(False)
