@@ -5,11 +5,12 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
 from digs_warp.checks import DigsError, MeshError, check_positive, require_file
-from sim.mesh.gltf_header import check_gltf, read_gltf_header, unmodelled_features
+from sim.mesh.gltf_header import check_gltf, check_textures, read_gltf_header, unmodelled_features
 from sim.mesh.materials import materials_of_parts
 from sim.mesh.normalize import (
     ROTATION_BY_UP_AXIS,
@@ -48,16 +49,16 @@ def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene
     path = Path(path)
     _check_settings(size, up)
     suffix = _checked_suffix(path)
-    if suffix in GLTF_SUFFIXES:
-        header = read_gltf_header(path)
-        check_gltf(path, header)
-        for sentence in unmodelled_features(header):
-            logger.warning("mesh '%s': %s", path.name, sentence)
+    header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
+    check_gltf(path, header)
+    for sentence in unmodelled_features(header):
+        logger.warning("mesh '%s': %s", path.name, sentence)
     if suffix == ".obj":
         for name in _missing_obj_files(path):
             logger.warning("mesh '%s': '%s' is missing beside it", path.name, name)
     try:
         parts = parts_of_scene(_read(path), linear_colors=suffix in GLTF_SUFFIXES)
+        check_textures(path, header, (part.material for part in parts))
         materials, part_materials = materials_of_parts(parts)
     except MeshError:
         raise
@@ -98,8 +99,18 @@ def _checked_suffix(path: Path) -> str:
 def _read(path: Path) -> Any:
     """Return the file as a `trimesh.Scene`, vertices and faces as they are stored."""
     import trimesh
+    from trimesh.resolvers import FilePathResolver
 
-    return trimesh.load_scene(path, file_type=path.suffix[1:].lower(), process=False)
+    class Beside(FilePathResolver):
+        """Finds files whose names are written as in a URL (glTF)."""
+
+        def get(self, name: str) -> bytes:
+            return super().get(name if (path.parent / name).is_file() else unquote(name))
+
+    # Textures often lie in a folder beside the one of the mesh.
+    resolver = Beside(str(path), allow_anywhere=True)
+    file_type = path.suffix[1:].lower()
+    return trimesh.load_scene(path, file_type=file_type, resolver=resolver, process=False)
 
 
 def _missing_obj_files(path: Path) -> Iterator[str]:

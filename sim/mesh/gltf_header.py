@@ -6,7 +6,7 @@ checked here first: a wrong object must not look like a right one.
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -77,6 +77,27 @@ def check_gltf(path: Path, header: dict[str, Any]) -> None:
     for extension, remedy in UNREADABLE_EXTENSIONS.items():
         if extension in needed:
             raise MeshError(f"mesh '{path}': uses {extension}, which cannot be read; {remedy}")
+
+
+def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) -> None:
+    """Raise a `MeshError` when a base-colour texture that the header promises is not in ``loaded``.
+
+    Args:
+        path: for the message.
+        header: of the file.
+        loaded: the materials that trimesh made of it; it leaves out what it cannot decode.
+    """
+    promised = {
+        material.get("name"): "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+        for material in header.get("materials", [])
+    }
+    for material in loaded:
+        name = getattr(material, "name", None)
+        if promised.get(name) and material.baseColorTexture is None:
+            raise MeshError(
+                f"mesh '{path}': the texture of material '{name}' cannot be decoded; "
+                "export it again with PNG or JPEG textures"
+            )
 
 
 def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
