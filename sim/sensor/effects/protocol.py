@@ -1,0 +1,46 @@
+"""What an effect is: a frozen value that says whether a scene calls for it, and applies itself."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.facts import SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The planner's word on one effect.
+
+    Attributes:
+        effect: its name.
+        on: whether it is simulated.
+        statistic: what was measured, for example "textureless_radius = 34.2 px".
+        threshold: the rule, for example "> 20 px".
+        reason: a sentence for a reader.
+    """
+
+    effect: str
+    on: bool
+    statistic: str
+    threshold: str
+    reason: str
+
+
+class DepthEffect(Protocol):
+    """An effect on the depth path. Its fields are its parameters; 0 strength is no effect at all."""
+
+    name: ClassVar[str]
+    """Kebab-case, as --effects takes it; also seeds its random numbers."""
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Return whether the scene calls for the effect, and why."""
+        ...
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Return the frame after the effect; ``rng`` is seeded by (seed, frame, effect)."""
+        ...

@@ -1,0 +1,111 @@
+"""What an effect sees of a frame (`FrameTruth`) and what it works on (`Sensed`)."""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from sim.rig import StereoRig
+from sim.scene import Material
+from sim.sensor.cause import Cause
+
+
+class FrameRays(Protocol):
+    """Rays that only some effects need; a renderer casts them when asked, once per frame."""
+
+    def right_visibility(self) -> np.ndarray:
+        """Whether the right eye sees the point at each left pixel centre, (height, width), bool."""
+        ...
+
+    def reflection_distance(self) -> np.ndarray:
+        """Distance from the surface to what it mirrors [m], (height, width), float32."""
+        ...
+
+    def depth_behind(self) -> np.ndarray:
+        """Planar depth of the first opaque surface [m], (height, width), float32."""
+        ...
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the left camera moves during a frame, in its own axes."""
+
+    velocity_cam: tuple[float, float, float]  # [m/s]
+    angular_velocity_cam: tuple[float, float, float]  # [rad/s]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTruth:
+    """The truth of one frame, as the renderer gives it, at the pixel centres of the left eye.
+
+    Attributes:
+        number: of the frame, >= 0; part of every seed.
+        camera: the left eye.
+        rig: focal length, baseline and the figures of the sensor.
+        image, right: what the eyes see, sRGB, (height, width, 3), uint8, before sensor noise.
+        depth: planar z [m], (height, width), float32, NaN where there is nothing.
+        normals_world: unit normals toward the viewer, (height, width, 3), float32.
+        material_ids: index into ``materials``, (height, width), int32; -1: the surround.
+        materials: of the scene.
+        motion: of the rig.
+        rays: more rays on request.
+    """
+
+    number: int
+    camera: Camera
+    rig: StereoRig
+    image: np.ndarray
+    right: np.ndarray
+    depth: np.ndarray
+    normals_world: np.ndarray
+    material_ids: np.ndarray
+    materials: tuple[Material, ...]
+    motion: Motion
+    rays: FrameRays
+
+    @property
+    def disparity(self) -> np.ndarray:
+        """True disparity f b / Z [px], (height, width), float64, NaN where there is nothing."""
+        return self.rig.intrinsics.fx * self.rig.baseline / self.depth.astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensed:
+    """What the sensor has come to believe, effect after effect.
+
+    Attributes:
+        disparity: [px], (height, width), float64; NaN where the sensor reports nothing.
+        cause: `Cause` of each pixel, (height, width), uint8.
+        confidence: 0 to 1, (height, width), float32.
+    """
+
+    disparity: np.ndarray
+    cause: np.ndarray
+    confidence: np.ndarray
+
+    @staticmethod
+    def of(truth: FrameTruth) -> "Sensed":
+        """Return the perfect sensor's view."""
+        shape = truth.depth.shape
+        cause = np.full(shape, Cause.OK, dtype=np.uint8)
+        return Sensed(truth.disparity, cause, np.ones(shape, dtype=np.float32))
+
+    def with_holes(self, where: np.ndarray, cause: Cause) -> "Sensed":
+        """Return the frame without values at ``where`` (bool)."""
+        return self.with_values(where, np.nan, cause, confidence=0.0)
+
+    def with_values(
+        self,
+        where: np.ndarray,
+        disparity: np.ndarray | float,
+        cause: Cause,
+        confidence: np.ndarray | float = 0.5,
+    ) -> "Sensed":
+        """Return the frame with other values at ``where`` (bool), labelled; arrays are full frames."""
+        return replace(
+            self,
+            disparity=np.where(where, disparity, self.disparity),
+            cause=np.where(where, np.uint8(cause), self.cause),
+            confidence=np.where(where, confidence, self.confidence).astype(np.float32),
+        )
