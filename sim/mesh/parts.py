@@ -76,8 +76,12 @@ def _part(mesh: Any, world_from_node: np.ndarray, linear_colors: bool) -> MeshPa
     linear = world_from_node[:3, :3]
     if np.linalg.det(linear) < 0:  # a mirror turns the winding round
         faces = faces[:, ::-1]
+    with np.errstate(
+        invalid="ignore"
+    ):  # infinite vertices become NaN; their faces are dropped later
+        placed = vertices @ linear.T + world_from_node[:3, 3]
     return MeshPart(
-        vertices=vertices @ linear.T + world_from_node[:3, 3],
+        vertices=placed,
         faces=faces,
         normals=_turn_normals(normals, linear),
         uvs=uvs,

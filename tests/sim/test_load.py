@@ -493,12 +493,21 @@ def test_transparent_and_glowing_materials_are_announced(
 # ---- bad faces ----
 
 
+@pytest.mark.filterwarnings("error")
 def test_bad_faces_are_dropped_and_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "bad.ply"
-    vertices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0.5), (0.5, 0, 0), (9, "nan", 9), (7, 7, 7)]
-    faces = [(0, 1, 2), (0, 2, 3), (0, 0, 1), (0, 4, 1), (0, 1, 5), (6, 6, 6)]
+    vertices = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0.5),
+        (0.5, 0, 0),
+        (9, "nan", 9),
+        (7, 7, "inf"),
+    ]
+    faces = [(0, 1, 2), (0, 2, 3), (0, 0, 1), (0, 4, 1), (0, 1, 5), (6, 2, 1)]
     lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
     lines += [f"property float {axis}" for axis in "xyz"]
     lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
@@ -510,7 +519,7 @@ def test_bad_faces_are_dropped_and_counted(
     assert len(scene.faces) == 2
     # Vertices of dropped faces do not count for the size, either: the longest edge is 1.
     assert scene.scale_applied == pytest.approx(STANDARD_SIZE)
-    assert "dropped 4 of 6 faces (1 with vertices that are not finite, 3 without area)" in (
+    assert "dropped 4 of 6 faces (2 with vertices that are not finite, 2 without area)" in (
         caplog.text
     )
 
