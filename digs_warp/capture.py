@@ -29,8 +29,19 @@ _FILES = {
     "depth_file_path": "depth/{:04d}.exr",
     "depth_true_file_path": "depth_true/{:04d}.exr",
     "mask_path": "masks/{:04d}.png",
+    "cause_file_path": "cause/{:04d}.png",
+    "confidence_file_path": "confidence/{:04d}.png",
+    "normals_file_path": "normals/{:04d}.exr",
 }
 
+# What every simulated frame has; the other layers are there for some sensors, or on request.
+BASIC_LAYERS = (
+    "file_path",
+    "right_file_path",
+    "depth_file_path",
+    "depth_true_file_path",
+    "mask_path",
+)
 
 _LABELS = {
     "file_path": "image",
@@ -38,6 +49,9 @@ _LABELS = {
     "depth_file_path": "depth",
     "depth_true_file_path": "true depth",
     "mask_path": "mask",
+    "cause_file_path": "cause",
+    "confidence_file_path": "confidence",
+    "normals_file_path": "normals",
 }
 
 
@@ -78,10 +92,28 @@ class Frame:
 
     def load_mask(self) -> np.ndarray:
         """Return the object mask, 0..255, shape (height, width), uint8."""
-        pixels = self._load("mask_path")
-        if pixels.dtype != np.uint8:
-            raise CaptureError(f"mask '{self.files['mask_path']}': expected 8 bits per pixel")
-        return pixels[..., 0]
+        return self._load_grey("mask_path")
+
+    def load_cause(self) -> np.ndarray:
+        """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0: it is neither.
+
+        The capture's ``cause_labels`` (in its metadata) names the values.
+        """
+        return self._load_grey("cause_file_path")
+
+    def load_confidence(self) -> np.ndarray:
+        """Return the sensor's trust in its depth, 0 to 1, shape (height, width), float32."""
+        return self._load_grey("confidence_file_path").astype(np.float32) / np.float32(255)
+
+    def load_normals(self) -> np.ndarray:
+        """Return true unit normals in the world, toward the viewer, (height, width, 3), float32."""
+        pixels = self._load("normals_file_path")
+        if pixels.dtype != np.float32 or pixels.shape[2] != 3:
+            raise CaptureError(
+                f"normals '{self.files['normals_file_path']}': {pixels.shape[2]} channels of "
+                f"{pixels.dtype}, expected a float EXR with x, y, z"
+            )
+        return pixels
 
     def has(self, key: str) -> bool:
         """Whether the index names a file for ``key`` (such as "mask_path")."""
@@ -95,6 +127,12 @@ class Frame:
                 "expected 3 of uint8; convert it to an 8-bit RGB PNG"
             )
         return np.ascontiguousarray(pixels[..., :3])
+
+    def _load_grey(self, key: str) -> np.ndarray:
+        pixels = self._load(key)
+        if pixels.dtype != np.uint8:
+            raise CaptureError(f"{_LABELS[key]} '{self.files[key]}': expected 8 bits per pixel")
+        return pixels[..., 0]
 
     def _load_depth(self, key: str) -> np.ndarray:
         pixels = self._load(key)
@@ -226,13 +264,20 @@ def _inside(folder: Path, relative: str, where: str) -> Path:
 
 @dataclass(frozen=True, eq=False)
 class FrameImages:
-    """The pixels of one frame, as `CaptureWriter` takes them; see `Frame` for their meaning."""
+    """The pixels of one frame, as `CaptureWriter` takes them; see `Frame` for their meaning.
+
+    Sensors say in ``depth`` why a value is missing: -inf is too near, +inf too far, NaN anything else.
+    ``confidence`` is 0 to 255 here, as in the file.
+    """
 
     image: np.ndarray
     depth: np.ndarray
     mask: np.ndarray
     right: np.ndarray | None = None
     depth_true: np.ndarray | None = None
+    cause: np.ndarray | None = None
+    confidence: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
     def by_key(self) -> dict[str, np.ndarray]:
         """The images that are there, under the keys of transforms.json."""
@@ -242,6 +287,9 @@ class FrameImages:
             "depth_file_path": self.depth,
             "depth_true_file_path": self.depth_true,
             "mask_path": self.mask,
+            "cause_file_path": self.cause,
+            "confidence_file_path": self.confidence,
+            "normals_file_path": self.normals,
         }
         return {key: pixels for key, pixels in images.items() if pixels is not None}
 
@@ -259,8 +307,8 @@ class CaptureWriter:
     rig: Rig | None = None
     _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
-    def has_frame(self, number: int, keys: Sequence[str] = tuple(_FILES)) -> bool:
-        """Whether all files of frame ``number`` lie in the folder already."""
+    def has_frame(self, number: int, keys: Sequence[str] = BASIC_LAYERS) -> bool:
+        """Whether all files of frame ``number`` lie in the folder already; ``keys`` names the layers."""
         return all((self.folder / _FILES[key].format(number)).is_file() for key in keys)
 
     def write_frame(self, number: int, images: FrameImages) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.geometry import look_at, rigid
+from digs_warp.geometry import invert_rigid, look_at, rigid
 
 # Low enough to look a little under overhangs, and high enough to see the top; 25 degrees apart, so that
 # neighbouring orbits share most of what they see.
@@ -26,6 +26,9 @@ CLIMB_TURNS = 0.15
 
 # Seconds before and after the walk, so that the noise (periodic by construction) shows no seam.
 NOISE_MARGIN = 4.0
+
+# Camera motion is taken as constant over this time [s]: about the longest exposure or read-out of a frame.
+MOTION_SPAN = 1.0 / 30.0
 
 BANDS_HZ = ((0.5, 1.0), (1.0, 3.5), (3.5, 7.0), (7.0, 12.5))
 
@@ -81,24 +84,68 @@ def handheld_orbits(
     Returns:
         Pairs of ``world_from_cam``, shape (4, 4), and the time [s]; the first at time 0.
     """
-    if frames < 1:
-        raise DigsError(f"frames: {frames}, expected at least 1")
-    check_positive("orbit distance", distance)
-    if not elevations_deg or max(abs(e) for e in elevations_deg) > 80:
-        raise DigsError(
-            f"elevations: {elevations_deg}, expected one or more within -80..80 degrees"
-        )
-    times, eyes = _walk(distance, np.deg2rad(elevations_deg))
-    position_noise, angle_noise = shake_tracks(len(times), np.random.SeedSequence(seed))
-    poses = []
-    for moment in np.arange(frames) * (times[-1] / frames):
+    walk = Walk.around(distance, seed, elevations_deg, shake)
+    return [(walk.pose(moment), moment) for moment in walk.moments(frames)]
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A walk as a function of time, tracked at SAMPLE_RATE.
+
+    Attributes:
+        times: of the samples [s], ascending from 0, shape (n,).
+        eyes: where the camera would be without shake, in the world [m], shape (n, 3).
+        offsets: shake of the position, in the camera's axes [m], shape (n, 3).
+        turns: shake of the direction, rotation vectors in the camera's axes [rad], shape (n, 3).
+    """
+
+    times: np.ndarray
+    eyes: np.ndarray
+    offsets: np.ndarray
+    turns: np.ndarray
+
+    @staticmethod
+    def around(
+        distance: float,
+        seed: int = 0,
+        elevations_deg: tuple[float, ...] = ELEVATIONS_DEG,
+        shake: float = 1.0,
+    ) -> "Walk":
+        """Return a walk round the origin; the arguments are those of `handheld_orbits`."""
+        check_positive("orbit distance", distance)
+        if not elevations_deg or max(abs(e) for e in elevations_deg) > 80:
+            raise DigsError(
+                f"elevations: {elevations_deg}, expected one or more within -80..80 degrees"
+            )
+        times, eyes = _walk(distance, np.deg2rad(elevations_deg))
+        offsets, turns_deg = shake_tracks(len(times), np.random.SeedSequence(seed))
+        return Walk(times, eyes, shake * offsets, shake * np.deg2rad(turns_deg))
+
+    def moments(self, frames: int) -> list[float]:
+        """Return the times [s] of ``frames`` >= 1 frames, uniformly spaced, the first at 0."""
+        if frames < 1:
+            raise DigsError(f"frames: {frames}, expected at least 1")
+        return (np.arange(frames) * (self.times[-1] / frames)).tolist()
+
+    def pose(self, moment: float) -> np.ndarray:
+        """Return ``world_from_cam``, shape (4, 4), at a time [s]."""
         eye, offset, turn = (
-            _at(moment, times, track) for track in (eyes, position_noise, angle_noise)
+            _at(moment, self.times, track) for track in (self.eyes, self.offsets, self.turns)
         )
         aimed = look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-        shaken = rigid(_rotation(shake * np.deg2rad(turn)), shake * offset)
-        poses.append((aimed @ shaken, float(moment)))
-    return poses
+        return aimed @ rigid(_rotation(turn), offset)
+
+    def motion(self, moment: float, span: float = MOTION_SPAN) -> tuple[np.ndarray, np.ndarray]:
+        """Return how the camera moves at a time [s]: velocity [m/s] and angular velocity [rad/s].
+
+        Both are of shape (3,), in the camera's own axes, and means over ``span`` seconds around the
+        moment (less at the ends of the walk).
+        """
+        before = max(moment - 0.5 * span, 0.0)
+        after = min(moment + 0.5 * span, float(self.times[-1]))
+        start_from_end = invert_rigid(self.pose(before)) @ self.pose(after)
+        turn = _rotation_vector(start_from_end[:3, :3])
+        return start_from_end[:3, 3] / (after - before), turn / (after - before)
 
 
 def shake_tracks(count: int, seed: np.random.SeedSequence) -> tuple[np.ndarray, np.ndarray]:
@@ -180,3 +227,11 @@ def _rotation(rotation_vector: np.ndarray) -> np.ndarray:
     x, y, z = rotation_vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """Return the rotation vector [rad] of a rotation by much less than half a turn."""
+    skew = 0.5 * (rotation - rotation.T)
+    sine_axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    sine = float(np.linalg.norm(sine_axis))
+    return sine_axis if sine < 1e-12 else sine_axis * (np.arcsin(min(sine, 1.0)) / sine)

@@ -1,6 +1,7 @@
 """The capture folder: round trips, folders made by others, and every way in which one can be broken."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from digs_warp.camera import Intrinsics
 from digs_warp.capture import (
+    BASIC_LAYERS,
     Capture,
     CaptureWriter,
     FrameImages,
@@ -18,7 +20,7 @@ from digs_warp.capture import (
 )
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.geometry import look_at
-from digs_warp.images import write_image
+from digs_warp.images import read_image, write_image
 
 INTRINSICS = Intrinsics(12, 9, 15.0, 16.0, 6.5, 4.25)
 UP = np.array([0.0, 0.0, 1.0])
@@ -118,6 +120,39 @@ def test_frames_may_be_written_in_any_order_and_resumed(tmp_path: Path) -> None:
             again.write_frame(number, frame_images(number))
         again.add_pose(number, view(number), time=float(number))
     assert [frame.name for frame in again.finish().frames] == ["0000", "0001", "0002"]
+
+
+def test_the_layers_of_a_sensor_come_back_and_are_optional(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    cause = rng.integers(0, 17, (9, 12), dtype=np.uint8)
+    confidence = rng.integers(0, 256, (9, 12), dtype=np.uint8)
+    normals = rng.normal(size=(9, 12, 3)).astype(np.float32)
+    layers = replace(frame_images(0), cause=cause, confidence=confidence, normals=normals)
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(0, layers)
+    writer.write_frame(1, frame_images(1))
+    wanted = (*BASIC_LAYERS, "cause_file_path")
+    assert [writer.has_frame(number, wanted) for number in (0, 1)] == [True, False]
+    for number in (0, 1):
+        writer.add_pose(number, view(number), time=float(number))
+    with_layers, without = writer.finish().frames
+    np.testing.assert_array_equal(with_layers.load_cause(), cause)
+    np.testing.assert_array_equal(np.round(255 * with_layers.load_confidence()), confidence)
+    np.testing.assert_array_equal(with_layers.load_normals(), normals)
+    assert not without.has("cause_file_path")
+    with pytest.raises(CaptureError, match="the capture has no 'confidence_file_path'"):
+        without.load_confidence()
+
+
+def test_sensor_codes_survive_in_the_file_and_read_as_unknown(tmp_path: Path) -> None:
+    images = frame_images(0)
+    images.depth[0, :3] = [np.nan, -np.inf, np.inf]
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(0, images)
+    writer.add_pose(0, view(0), time=0.0)
+    (frame,) = writer.finish().frames
+    np.testing.assert_array_equal(read_image(frame.files["depth_file_path"])[..., 0], images.depth)
+    assert np.isnan(frame.load_depth()[0, :3]).all()
 
 
 def test_every_eighth_frame_is_held_out(tmp_path: Path) -> None:

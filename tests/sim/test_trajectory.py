@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import welch
+from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
@@ -15,6 +16,7 @@ from sim.trajectory import (
     SAMPLE_RATE,
     WALKING_SPEED,
     ShakeSpectrum,
+    Walk,
     fitting_distance,
     handheld_orbits,
     shake_tracks,
@@ -125,3 +127,31 @@ def test_bad_settings_are_refused() -> None:
 def test_one_frame_is_enough() -> None:
     ((matrix, time),) = handheld_orbits(1, 0.9)
     assert is_rigid(matrix) and time == 0.0
+
+
+def test_without_shake_the_camera_moves_at_walking_speed_and_turns_with_the_orbit() -> None:
+    walk = Walk.around(distance=0.9, elevations_deg=(0.0,), shake=0.0)
+    for moment in walk.moments(7):
+        velocity, angular = walk.motion(moment)
+        # Counterclockwise seen from above, looking inward: to the right; it turns about its down axis.
+        np.testing.assert_allclose(velocity, [WALKING_SPEED, 0, 0], rtol=1e-3, atol=2e-3)
+        np.testing.assert_allclose(angular, [0, -WALKING_SPEED / 0.9, 0], rtol=1e-2, atol=1e-3)
+
+
+def test_motion_leads_from_one_pose_to_the_next() -> None:
+    walk = Walk.around(distance=0.7, seed=3)
+    step = 0.01
+    for moment in walk.moments(9):
+        velocity, angular = walk.motion(moment + step / 2, span=step)
+        moved = np.linalg.inv(walk.pose(moment)) @ walk.pose(moment + step)
+        turned = Rotation.from_rotvec(step * angular).as_matrix()
+        np.testing.assert_allclose(moved[:3, 3], step * velocity, atol=1e-9)
+        np.testing.assert_allclose(moved[:3, :3], turned, atol=1e-9)
+
+
+def test_the_walk_and_its_frames_agree() -> None:
+    walk = Walk.around(distance=0.8, seed=2)
+    frames = handheld_orbits(5, distance=0.8, seed=2)
+    assert [moment for _, moment in frames] == walk.moments(5)
+    for pose, moment in frames:
+        np.testing.assert_array_equal(pose, walk.pose(moment))
