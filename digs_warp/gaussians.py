@@ -65,6 +65,10 @@ class Gaussians:
             np.float32
         )
 
+    def select(self, keep: np.ndarray) -> "Gaussians":
+        """Return the Gaussians at ``keep``: a bool mask, (n,), or indices."""
+        return Gaussians(*(getattr(self, name)[keep] for name in FIELDS))
+
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""
         from io import BytesIO

@@ -44,6 +44,9 @@ RUN = "run.json"
 # A line of training.jsonl every so many iterations.
 LOG_EVERY = 10
 
+# A finished scene keeps Gaussians from this opacity on: less changes no pixel by more than 3 of 255.
+MIN_OPACITY = 0.01
+
 # Seconds of training between two checkpoints: what an interruption costs at most.
 CHECKPOINT_SECONDS = 30.0
 
@@ -132,17 +135,24 @@ def _train(
             _run_steps(trainer, course, folder)
     except KeyboardInterrupt:
         save_checkpoint(folder / CHECKPOINT, trainer)
-        log.save(folder / RUN)
         raise
-    gaussians = trainer.gaussians.to_numpy()
+    finally:
+        # Measuring the course is no training.
+        log.seconds["train"] -= course.seconds
+        log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
+        log.save(folder / RUN)
+    gaussians = _without_transparent(trainer.gaussians.to_numpy())
     gaussians.save(folder / GAUSSIANS)
     (folder / CHECKPOINT).unlink(missing_ok=True)
-    # Measuring the course is no training.
-    log.seconds["train"] -= course.seconds
-    log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
     log.results |= {"gaussians": len(gaussians), "iterations": config.train.iterations}
     log.results["training_seconds"] = round(trainer.seconds, 3)
     return gaussians
+
+
+def _without_transparent(gaussians: Gaussians) -> Gaussians:
+    """Leave out what the training faded to nothing; strays far from the object would inflate its box."""
+    keep = gaussians.opacities >= MIN_OPACITY
+    return gaussians.select(keep) if keep.any() else gaussians
 
 
 def _run_steps(trainer: Trainer, course: "_Course", folder: Path) -> None:
