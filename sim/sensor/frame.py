@@ -1,6 +1,7 @@
 """What an effect sees of a frame (`FrameTruth`) and what it works on (`Sensed`)."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -64,9 +65,12 @@ class FrameTruth:
     motion: Motion
     rays: FrameRays
 
-    @property
+    @cached_property
     def disparity(self) -> np.ndarray:
-        """True disparity f b / Z [px], (height, width), float64, NaN where there is nothing."""
+        """True disparity f b / Z [px], (height, width), float64, NaN where there is nothing.
+
+        Shared by the effects: not to be written to.
+        """
         return self.rig.intrinsics.fx * self.rig.baseline / self.depth.astype(np.float64)
 
 
