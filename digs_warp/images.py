@@ -50,8 +50,9 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
 def write_image(path: Path, pixels: np.ndarray) -> None:
     """Write uint8, uint16 or float32 pixels, shape (height, width) or (height, width, channels).
 
-    The suffix decides the format: PNG for integers, EXR (lossless ZIP, NaN kept) for float32. The file
-    appears under its name only when it is complete.
+    The suffix decides the format: PNG for integers (8 bits are sRGB colour or a mask, 16 bits are data
+    such as depth), EXR (lossless ZIP, NaN kept) for float32. The file appears under its name only when
+    it is complete.
     """
     import OpenImageIO as oiio
 
@@ -64,6 +65,9 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     spec = oiio.ImageSpec(width, height, channels, kinds[str(pixels.dtype)])
     spec.attribute("oiio:UnassociatedAlpha", 1)  # colours are stored as they are
     spec.attribute("compression", "zip" if path.suffix == ".exr" else "")
+    if pixels.dtype == np.uint16:
+        # 16 bits hold depth, not colour. Marked as sRGB, libpng's readers (Open3D) would undo its gamma.
+        spec.attribute("oiio:ColorSpace", "data")
     # OpenImageIO stamps EXR files with the time otherwise: the same pixels, but other bytes.
     spec.attribute("DateTime", NO_DATE)
     spec.attribute(

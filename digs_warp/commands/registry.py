@@ -3,6 +3,7 @@
 from typing import ClassVar, Protocol
 
 from digs_warp.commands.bench import Bench
+from digs_warp.commands.convert import Convert
 from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
 from digs_warp.commands.reconstruct import Reconstruct
@@ -25,6 +26,7 @@ COMMANDS: dict[str, type[Command]] = {
     "simulate": Simulate,
     "reconstruct": Reconstruct,
     "export-usd": ExportUsd,
+    "convert": Convert,
     "info": Info,
     "bench": Bench,
 }

@@ -43,6 +43,13 @@ def test_exr_keeps_nan_infinity_and_tiny_values(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_image(tmp_path / "depth.exr")[..., 0], depth)
 
 
+def test_16_bit_files_carry_no_gamma(tmp_path: Path) -> None:
+    """They hold depth; readers that honour the PNG's colour space would bend it."""
+    write_image(tmp_path / "depth.png", random_pixels("uint16", (6, 8)))
+    data = (tmp_path / "depth.png").read_bytes()
+    assert b"IHDR" in data and b"gAMA" not in data and b"sRGB" not in data
+
+
 def test_colour_of_transparent_pixels_survives(tmp_path: Path) -> None:
     pixels = random_pixels("uint8", (6, 8, 4))
     write_image(tmp_path / "rgba.png", pixels)

@@ -1,0 +1,1 @@
+"""Captures in other programs' formats; nerfstudio reads the capture folder as it is."""

@@ -1,0 +1,117 @@
+"""BOP, the benchmark of object poses: one scene of one object, in millimetres.
+
+    camera.json                               the sensor
+    train/000000/rgb/000000.png               depth/000000.png, mask/000000_000000.png, mask_visib/...
+    train/000000/scene_camera.json            per image: cam_K, depth_scale, cam_R_w2c, cam_t_w2c
+    train/000000/scene_gt.json                per image and object: obj_id, cam_R_m2c, cam_t_m2c
+    train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
+
+The model's frame is the world's: object centred at the origin, z up. Models are not written (a capture
+holds none). Nothing hides the object, so its silhouette is what the mask shows; an object cut by the
+image border counts as complete. See
+https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.capture import Capture, Frame
+from digs_warp.images import write_image
+from digs_warp.interchange.common import (
+    LARGEST_UINT16,
+    copy_image,
+    encode_depth,
+    for_each_frame,
+    integer_centered,
+    object_mask,
+    warn_of_lost_depth,
+)
+from digs_warp.log import to_json, write_atomically
+
+SCENE = "train/000000"
+OBJECT_ID = 1
+MM_PER_METRE = 1000.0
+
+# [mm] per unit of a depth image; each image takes the finest one that holds its farthest depth. A tenth
+# of a millimetre is below the noise of any stereo camera and reaches 6.5 m.
+DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
+
+NO_BOX = [-1, -1, -1, -1]  # BOP's own sign for an object out of view
+
+
+def write_bop(capture: Capture, folder: Path) -> None:
+    """Write the capture as a BOP data set of one scene.
+
+    Raises:
+        CaptureError: no depth or no masks.
+    """
+
+    def write_frame(number: int, frame: Frame) -> tuple[dict[str, Any], dict[str, Any], int]:
+        depth, mask = frame.load_depth(), object_mask(frame)
+        scale = depth_scale(depth)
+        encoded, lost = encode_depth(depth, MM_PER_METRE / scale)
+        copy_image(frame, folder / SCENE / f"rgb/{number:06d}.png")
+        write_image(folder / SCENE / f"depth/{number:06d}.png", encoded)
+        for kind in ("mask", "mask_visib"):
+            path = folder / SCENE / kind / f"{number:06d}_000000.png"
+            write_image(path, np.where(mask, 255, 0).astype(np.uint8))
+        return _camera(frame, scale), _object_info(mask, encoded > 0), lost
+
+    cameras, infos, lost = zip(*for_each_frame(capture, "Writing BOP", write_frame), strict=True)
+    warn_of_lost_depth(sum(lost), MM_PER_METRE / DEPTH_SCALES[-1], "BOP")
+    poses = [
+        {
+            "obj_id": OBJECT_ID,
+            "cam_R_m2c": camera["cam_R_w2c"],
+            "cam_t_m2c": camera["cam_t_w2c"],
+        }
+        for camera in cameras
+    ]
+    _write_json(folder / SCENE / "scene_camera.json", dict(enumerate(cameras)))
+    _write_json(folder / SCENE / "scene_gt.json", {i: [pose] for i, pose in enumerate(poses)})
+    _write_json(folder / SCENE / "scene_gt_info.json", {i: [info] for i, info in enumerate(infos)})
+    k = integer_centered(capture.frames[0].camera.intrinsics)
+    sensor = {"width": k.width, "height": k.height, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}
+    largest = max(camera["depth_scale"] for camera in cameras)
+    _write_json(folder / "camera.json", sensor | {"depth_scale": largest})
+
+
+def depth_scale(depth: np.ndarray) -> float:
+    """Return the finest scale [mm] in which 16 bits reach the farthest known depth [m]."""
+    farthest_mm = np.nan_to_num(depth, nan=0.0).max() * MM_PER_METRE
+    fitting = (scale for scale in DEPTH_SCALES if farthest_mm / scale <= LARGEST_UINT16)
+    return next(fitting, DEPTH_SCALES[-1])
+
+
+def _camera(frame: Frame, scale: float) -> dict[str, Any]:
+    cam_from_world = frame.camera.cam_from_world
+    return {
+        "cam_K": integer_centered(frame.camera.intrinsics).matrix.ravel().tolist(),
+        "depth_scale": scale,
+        "cam_R_w2c": cam_from_world[:3, :3].ravel().tolist(),
+        "cam_t_w2c": (cam_from_world[:3, 3] * MM_PER_METRE).tolist(),
+    }
+
+
+def _object_info(mask: np.ndarray, known: np.ndarray) -> dict[str, Any]:
+    pixels = int(np.count_nonzero(mask))
+    box = NO_BOX
+    if pixels:
+        rows, columns = np.nonzero(mask)
+        x, y = int(columns.min()), int(rows.min())
+        # BOP's width is from centre to centre of the outermost pixels.
+        box = [x, y, int(columns.max()) - x, int(rows.max()) - y]
+    return {
+        "bbox_obj": box,
+        "bbox_visib": box,
+        "px_count_all": pixels,
+        "px_count_valid": int(np.count_nonzero(mask & known)),
+        "px_count_visib": pixels,
+        "visib_fract": 1.0 if pixels else 0.0,
+    }
+
+
+def _write_json(path: Path, content: dict[Any, Any]) -> None:
+    write_atomically(path, to_json(content).encode())

@@ -1,0 +1,98 @@
+"""What every export needs: 16-bit depth, pixel centres at integers, one camera, files of a frame."""
+
+import logging
+import shutil
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.capture import Capture, Frame
+from digs_warp.checks import CaptureError
+from digs_warp.images import write_image
+from digs_warp.log import progress
+
+logger = logging.getLogger(__name__)
+
+LARGEST_UINT16 = 65535
+
+# Mask values above this are object where a format knows only yes and no.
+OBJECT_THRESHOLD = 127
+
+# Reading and writing images leaves the interpreter lock; more threads only cost memory.
+WORKERS = 4
+
+Result = TypeVar("Result")
+
+
+def for_each_frame(
+    capture: Capture, label: str, work: Callable[[int, Frame], Result]
+) -> list[Result]:
+    """Return ``work(number, frame)`` of all frames, in order; several run at the same time."""
+    results = []
+    with ThreadPoolExecutor(WORKERS, thread_name_prefix="export") as pool:
+        with progress(len(capture), label, "frame") as bar:
+            for result in pool.map(work, range(len(capture)), capture.frames):
+                results.append(result)
+                bar.update()
+    return results
+
+
+def copy_image(frame: Frame, path: Path) -> None:
+    """Put the left image at ``path``, a PNG: the file itself where it is one already."""
+    source = frame.files["file_path"]
+    if source.suffix.lower() == ".png":
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, path)
+    else:
+        write_image(path, frame.load_image())
+
+
+def object_mask(frame: Frame) -> np.ndarray:
+    """Return the mask as yes and no, shape (height, width), bool."""
+    return frame.load_mask() > OBJECT_THRESHOLD
+
+
+def encode_depth(depth: np.ndarray, units_per_metre: float) -> tuple[np.ndarray, int]:
+    """Return depth as 16-bit numbers, 0 where unknown, and how many pixels lie too far for them.
+
+    Args:
+        depth: planar depth [m], shape (height, width), NaN where unknown.
+        units_per_metre: what the number of a pixel one metre away is; above 0.
+    """
+    units = np.round(np.nan_to_num(depth.astype(np.float64), nan=0.0) * units_per_metre)
+    too_far = units > LARGEST_UINT16
+    return np.where(too_far, 0, units).astype(np.uint16), int(np.count_nonzero(too_far))
+
+
+def warn_of_lost_depth(lost: int, units_per_metre: float, form: str) -> None:
+    """Log how much depth a format could not hold."""
+    if lost:
+        farthest = LARGEST_UINT16 / units_per_metre
+        logger.warning(
+            "%s holds depth up to %.2f m: %d pixels beyond are written as unknown",
+            *(form, farthest, lost),
+        )
+
+
+def integer_centered(intrinsics: Intrinsics) -> Intrinsics:
+    """Return the camera with the centre of the first pixel at (0, 0) instead of (0.5, 0.5).
+
+    So do OpenCV, Open3D, the TUM tools and BOP count: they back-project column 0 with u = 0.
+    """
+    return replace(intrinsics, cx=intrinsics.cx - 0.5, cy=intrinsics.cy - 0.5)
+
+
+def the_one_camera(capture: Capture, form: str) -> Intrinsics:
+    """Return the intrinsics that all frames share, for formats that know only one camera."""
+    found = {frame.camera.intrinsics for frame in capture.frames}
+    if len(found) > 1:
+        raise CaptureError(
+            f"capture '{capture.folder}': {len(found)} different cameras, but {form} knows one for all "
+            "frames; export to colmap or bop, which keep a camera per frame"
+        )
+    return found.pop()
