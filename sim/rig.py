@@ -17,13 +17,33 @@ DEFAULT_FOV_DEG = 60.0
 class StereoRig:
     """Two equal cameras with parallel axes; the right one sits ``baseline`` metres to the right.
 
+    The first six fields are geometry and the closed-form law; the others are what the effects of the
+    planned tier and the colour path need. ``sim.profiles`` has them for real cameras, with sources.
+
     Attributes:
         intrinsics: of either eye.
         baseline: [m].
-        disparity_sigma: standard deviation of the disparity error [px].
+        disparity_sigma: standard deviation of the disparity noise on well textured surfaces [px].
         disparity_step: step in which disparity is reported [px]; 0: none.
         min_depth: nearest depth that is reported [m].
         max_depth: farthest depth that is reported [m].
+        max_disparity: end of the search range [px]; 0: as far as the nearest depth asks.
+        window: width of the matching window [px].
+        noise_correlation: distance at which the noise's correlation has fallen to 1/e [px].
+        temporal_share: share of the noise's variance that changes from frame to frame, 0 to 1; the rest
+            belongs to the texture.
+        ripple: amplitude of the pixel-locking ripple [px].
+        static_field: standard deviation of the smooth error that a unit keeps for life [px].
+        unit: which specimen of the model; another one has another static field.
+        random_invalid: share of pixels that drop out without a visible reason, 0 to 1.
+        row_offset: how far the rows of the two eyes miss each other [px].
+        column_offset: disparity error that a drifted calibration adds everywhere [px].
+        post_filter: whether a filter or upsampler smooths depth across edges.
+        image_noise: noise of a mid-grey pixel [DN of 255].
+        full_well: electrons that a white pixel holds; sets how noise grows with light.
+        exposure_time: [s].
+        readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.
+        vignetting: light lost in the corners, 0 to 1.
     """
 
     intrinsics: Intrinsics
@@ -32,28 +52,69 @@ class StereoRig:
     disparity_step: float
     min_depth: float
     max_depth: float
+    max_disparity: float = 0.0
+    window: int = 5
+    noise_correlation: float = 4.0
+    temporal_share: float = 0.5
+    ripple: float = 0.07
+    static_field: float = 0.1
+    unit: int = 0
+    random_invalid: float = 0.023
+    row_offset: float = 0.0
+    column_offset: float = 0.0
+    post_filter: bool = False
+    image_noise: float = 2.0
+    full_well: float = 10_000.0
+    exposure_time: float = 0.01
+    readout_time: float = 0.0
+    vignetting: float = 0.3
 
     def __post_init__(self) -> None:
         check_positive("rig: baseline [m]", self.baseline)
-        for name in ("disparity_sigma", "disparity_step"):
+        check_positive("rig: full_well [electrons]", self.full_well)
+        for name in _AMOUNTS:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise DigsError(f"rig: {name}={value}, expected a finite number of pixels >= 0")
+                raise DigsError(f"rig: {name}={value}, expected a finite number >= 0")
+        for name in ("temporal_share", "random_invalid", "vignetting"):
+            if getattr(self, name) > 1:
+                raise DigsError(f"rig: {name}={getattr(self, name)}, expected a share from 0 to 1")
+        for name in ("row_offset", "column_offset"):
+            if not np.isfinite(getattr(self, name)):
+                raise DigsError(f"rig: {name}={getattr(self, name)}, expected a number of pixels")
+        if self.window < 1 or self.window % 2 == 0:
+            raise DigsError(f"rig: window={self.window}, expected an odd number of pixels >= 1")
+        if self.unit < 0:
+            raise DigsError(f"rig: unit={self.unit}, expected 0 or more")
         if not 0 < self.min_depth < self.max_depth:
             raise DigsError(
                 f"rig: depth range {self.min_depth} to {self.max_depth} m, expected 0 < min < max"
             )
 
+    @property
+    def focal_baseline(self) -> float:
+        """Focal length times baseline [px m]: disparity = focal_baseline / depth."""
+        return self.intrinsics.fx * self.baseline
+
+
+_AMOUNTS = (
+    "disparity_sigma",
+    "disparity_step",
+    "max_disparity",
+    "noise_correlation",
+    "temporal_share",
+    "ripple",
+    "static_field",
+    "random_invalid",
+    "image_noise",
+    "exposure_time",
+    "readout_time",
+    "vignetting",
+)
+
 
 def zed2_like(width: int, height: int, horizontal_fov_deg: float = DEFAULT_FOV_DEG) -> StereoRig:
     """Return a rig with the figures of a ZED 2 at any image size."""
-    return StereoRig(
-        intrinsics=Intrinsics.from_fov(width, height, horizontal_fov_deg),
-        baseline=0.12,  # [vendor]
-        # [tuned] between the high-frequency part seen on a real pair with ground truth (0.10-0.15 px)
-        # and the bound that range measurements of the first ZED set (0.14 px in all).
-        disparity_sigma=0.1,
-        disparity_step=1 / 16,  # [measured] the fixed point of common semi-global matchers
-        min_depth=0.3,  # [vendor]
-        max_depth=20.0,  # [vendor]
-    )
+    from sim.profiles import load_profile
+
+    return load_profile("zed2-720").rig(width, height, horizontal_fov_deg)

@@ -1,6 +1,6 @@
 """What an effect sees of a frame (`FrameTruth`) and what it works on (`Sensed`)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -10,6 +10,9 @@ from digs_warp.camera import Camera
 from sim.rig import StereoRig
 from sim.scene import Material
 from sim.sensor.cause import Cause
+from sim.sensor.filters import gray_of
+from sim.sensor.slopes import surface_slope
+from sim.sensor.texture import gradient_rms, noise_of, texture_distance
 
 
 class FrameRays(Protocol):
@@ -65,13 +68,37 @@ class FrameTruth:
     motion: Motion
     rays: FrameRays
 
+    # What several effects need is computed once, when the first one asks.
+
     @cached_property
     def disparity(self) -> np.ndarray:
-        """True disparity f b / Z [px], (height, width), float64, NaN where there is nothing.
+        """True disparity f b / Z [px], (height, width), float32, NaN where there is nothing."""
+        return np.float32(self.rig.focal_baseline) / self.depth.astype(np.float32, copy=False)
 
-        Shared by the effects: not to be written to.
-        """
-        return self.rig.intrinsics.fx * self.rig.baseline / self.depth.astype(np.float64)
+    @cached_property
+    def slope(self) -> np.ndarray:
+        """Change of true disparity along rows, on the surface [px/px], (height, width), float32."""
+        return surface_slope(self.disparity, axis=1)
+
+    @cached_property
+    def gray(self) -> np.ndarray:
+        """Luma of the left image [DN], (height, width), uint8."""
+        return gray_of(self.image)
+
+    @cached_property
+    def gradient(self) -> np.ndarray:
+        """RMS horizontal gradient in the matching window [DN/px], (height, width), float32."""
+        return gradient_rms(self.gray, self.rig.window)
+
+    @cached_property
+    def texture_snr(self) -> np.ndarray:
+        """``gradient`` over the image noise, (height, width), float32."""
+        return self.gradient / np.float32(noise_of(self.rig.image_noise))
+
+    @cached_property
+    def texture_distance(self) -> np.ndarray:
+        """Distance to the nearest matchable pixel [px], (height, width), float32, inf: none."""
+        return texture_distance(self.texture_snr)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +106,7 @@ class Sensed:
     """What the sensor has come to believe, effect after effect.
 
     Attributes:
-        disparity: [px], (height, width), float64; NaN where the sensor reports nothing.
+        disparity: [px], (height, width), float32; NaN where the sensor reports nothing.
         cause: `Cause` of each pixel, (height, width), uint8.
         confidence: 0 to 1, (height, width), float32.
     """
@@ -95,9 +122,18 @@ class Sensed:
         cause = np.full(shape, Cause.OK, dtype=np.uint8)
         return Sensed(truth.disparity, cause, np.ones(shape, dtype=np.float32))
 
+    @property
+    def known(self) -> np.ndarray:
+        """Where the sensor reports a value, (height, width), bool."""
+        return ~np.isnan(self.disparity)
+
+    def shifted(self, error: np.ndarray | float) -> "Sensed":
+        """Return the frame with ``error`` [px] added to the disparity; labels and holes stay."""
+        return Sensed(self.disparity + np.float32(error), self.cause, self.confidence)
+
     def with_holes(self, where: np.ndarray, cause: Cause) -> "Sensed":
-        """Return the frame without values at ``where`` (bool)."""
-        return self.with_values(where, np.nan, cause, confidence=0.0)
+        """Return the frame without values at ``where`` (bool); what is a hole keeps its label."""
+        return self.with_values(where & self.known, np.nan, cause, confidence=0.0)
 
     def with_values(
         self,
@@ -107,9 +143,16 @@ class Sensed:
         confidence: np.ndarray | float = 0.5,
     ) -> "Sensed":
         """Return the frame with other values at ``where`` (bool), labelled; arrays are full frames."""
-        return replace(
-            self,
-            disparity=np.where(where, disparity, self.disparity),
-            cause=np.where(where, np.uint8(cause), self.cause),
-            confidence=np.where(where, confidence, self.confidence).astype(np.float32),
+        if not where.any():
+            return self
+        return Sensed(
+            _replaced(self.disparity, where, disparity),
+            _replaced(self.cause, where, cause),
+            _replaced(self.confidence, where, confidence),
         )
+
+
+def _replaced(array: np.ndarray, where: np.ndarray, values: np.ndarray | float) -> np.ndarray:
+    result = array.copy()
+    np.copyto(result, values, where=where, casting="unsafe")
+    return result

@@ -44,3 +44,24 @@ class DepthEffect(Protocol):
     ) -> Sensed:
         """Return the frame after the effect; ``rng`` is seeded by (seed, frame, effect)."""
         ...
+
+
+def choose_above(
+    effect: str, statistic: str, value: float, limit: float, unit: str, *, on: str, off: str
+) -> Choice:
+    """Return the choice "on where ``value`` exceeds ``limit``".
+
+    Args:
+        effect: its name.
+        statistic: name of the value, as in `SceneFacts` or `StereoRig`.
+        value: of the statistic; a NaN (nothing to measure) leaves the effect off.
+        limit: the threshold.
+        unit: of both, for example "px"; empty for shares.
+        on: the reason when it is on.
+        off: the reason when it is off.
+    """
+    above = bool(value > limit)
+    unit = f" {unit}" if unit else ""
+    return Choice(
+        effect, above, f"{statistic} = {value:.3g}{unit}", f"> {limit:g}{unit}", on if above else off
+    )

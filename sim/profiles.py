@@ -1,0 +1,227 @@
+"""Stereo cameras as data: every figure with its origin, so that a reader knows what to trust.
+
+A profile is a base profile plus figures of its own. The built-in ones follow published figures of the
+ZED 2, the RealSense D435 and the OAK-D as far as these go; "class" in their titles says that they are
+bounded by such data, not fitted to one device. A custom one is a YAML file:
+
+    title: my stereo head
+    base: zed2-720
+    figures:
+      baseline: {value: 0.2, origin: measured, note: calibration of 3 May}
+      random_invalid: {value: 0.0, origin: tuned}
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from digs_warp.camera import Intrinsics
+from digs_warp.checks import DigsError, require_file
+from sim.rig import StereoRig
+
+Origin = Literal["measured", "vendor", "tuned"]
+
+# Figures beside those of the rig: the native image and its focal length [px].
+IMAGE_FIGURES = ("width", "height", "focal")
+RIG_FIGURES = tuple(field.name for field in fields(StereoRig) if field.name != "intrinsics")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a profile.
+
+    Attributes:
+        value: in the unit of the rig's field of that name.
+        origin: measured (on a device or a real pair), vendor (data sheet), tuned (chosen to fit).
+        note: where it comes from.
+    """
+
+    value: float
+    origin: Origin
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A camera model.
+
+    Attributes:
+        name: as --profile takes it.
+        title: for reports.
+        figures: every figure of IMAGE_FIGURES and RIG_FIGURES by name.
+    """
+
+    name: str
+    title: str
+    figures: Mapping[str, Figure]
+
+    def __post_init__(self) -> None:
+        unknown = sorted(set(self.figures) - set(IMAGE_FIGURES) - set(RIG_FIGURES))
+        missing = [n for n in IMAGE_FIGURES + RIG_FIGURES if n not in self.figures]
+        if unknown or missing:
+            raise DigsError(
+                f"profile '{self.name}': unknown figures {unknown}, missing figures {missing}; "
+                f"expected {', '.join(IMAGE_FIGURES + RIG_FIGURES)}"
+            )
+
+    def rig(
+        self,
+        width: int | None = None,
+        height: int | None = None,
+        horizontal_fov_deg: float | None = None,
+    ) -> StereoRig:
+        """Return the rig, by default at the native image size and angle.
+
+        Args:
+            width: of the image [px].
+            height: of the image [px].
+            horizontal_fov_deg: another angle of view, as a crop or another lens would give it.
+        """
+        native_width = int(self.figures["width"].value)
+        width = width or native_width
+        height = height or round(width * self.figures["height"].value / native_width)
+        if horizontal_fov_deg is None:
+            focal = self.figures["focal"].value * width / native_width
+            intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
+        else:
+            intrinsics = Intrinsics.from_fov(width, height, horizontal_fov_deg)
+        values: dict[str, Any] = {name: self.figures[name].value for name in RIG_FIGURES}
+        values |= {"window": int(values["window"]), "unit": int(values["unit"])}
+        return StereoRig(
+            intrinsics=intrinsics, **values | {"post_filter": bool(values["post_filter"])}
+        )
+
+
+def _figures(origin: Origin, note: str, **values: float) -> dict[str, Figure]:
+    return {name: Figure(value, origin, note) for name, value in values.items()}
+
+
+_MATCHER = {
+    **_figures(
+        "measured", "semi-global matching, synthetic pairs", window=5, noise_correlation=4.0
+    ),
+    **_figures("measured", "fixed point of semi-global matchers", disparity_step=1 / 16),
+    # Octant means of a real pair: -0.08 to +0.06 px (ideal pairs show twice that).
+    **_figures("measured", "real pair with ground truth, Middlebury Motorcycle", ripple=0.07),
+    # 0.15 to 0.2 px were seen there, ground-truth error included; range data of the first ZED cap it.
+    **_figures("tuned", "bounded by range data of the ZED (v1)", static_field=0.1),
+    **_figures("tuned", "high-frequency error of a real pair: 0.10-0.15 px", disparity_sigma=0.1),
+    **_figures(
+        "tuned", "synthetic pairs: 0.02-0.06 px temporal, 0.03-0.1 px fixed", temporal_share=0.5
+    ),
+    **_figures("tuned", "any specimen", unit=0),
+    **_figures("tuned", "factory calibration, no drift", row_offset=0.0, column_offset=0.0),
+    **_figures("tuned", "indoor light", exposure_time=0.01, image_noise=2.0),
+    **_figures("tuned", "small-pixel sensors", full_well=10_000.0, vignetting=0.3),
+}
+
+_ZED2 = {
+    **_MATCHER,
+    **_figures("vendor", "data sheet", baseline=0.12, min_depth=0.3, max_depth=20.0),
+    **_figures("tuned", "no limit but the nearest depth", max_disparity=0.0),
+    **_figures("vendor", "neural depth modes smooth across edges", post_filter=1.0),
+}
+
+# Random invalid pixels: Ortiz et al. 2018, doi 10.5565/rev/elcvia.1084, first ZED, per resolution.
+# Read-out: 44.8 us (2K), 25.6 us (1080p, 720p30) per line, vendor's support pages.
+_ORTIZ = "ZED (v1), Ortiz et al. 2018"
+_ZED2_MODES: tuple[tuple[str, str, int, int, float, float, float], ...] = (
+    ("zed2-2k", "2K", 2208, 1242, 1063.98, 0.0230, 0.0556),
+    ("zed2-1080", "HD1080", 1920, 1080, 1063.98, 0.0243, 0.0276),
+    ("zed2-720", "HD720", 1280, 720, 531.99, 0.0206, 0.0184),
+    ("zed2-vga", "VGA", 672, 376, 265.995, 0.0209, 0.0096),
+)
+
+
+def _zed2(
+    name: str, mode: str, width: int, height: int, focal: float, invalid: float, readout: float
+) -> Profile:
+    figures = {
+        **_ZED2,
+        **_figures("vendor", "image mode", width=width, height=height),
+        **_figures("measured", "factory calibration of one device", focal=focal),
+        **_figures("measured", _ORTIZ, random_invalid=invalid),
+        **_figures("vendor", "line time x lines", readout_time=readout),
+    }
+    return Profile(name, f"ZED-2 class, {mode}", figures)
+
+
+_D435 = {
+    **_MATCHER,
+    **_figures("vendor", "image mode", width=848, height=480),
+    **_figures("vendor", "90 degrees across", focal=424.0),
+    **_figures("vendor", "data sheet", baseline=0.05, max_depth=10.0),
+    **_figures("vendor", "search range of the depth chip", max_disparity=126.0),
+    **_figures("vendor", "f b / 126 px", min_depth=0.168),
+    **_figures("vendor", "1/32 px", disparity_step=1 / 32),
+    **_figures("vendor", "rule of thumb of the vendor's engineers", disparity_sigma=0.08),
+    **_figures("vendor", "sub-pixel linearity improved 3-5 times", ripple=0.02),
+    **_figures("tuned", "projected pattern; no published figure", random_invalid=0.005),
+    **_figures("vendor", "raw depth, no filter", post_filter=0.0),
+    **_figures("vendor", "global shutter", readout_time=0.0),
+}
+
+_OAKD = {
+    **_MATCHER,
+    **_figures("vendor", "image mode", width=1280, height=800),
+    **_figures("vendor", "calibration of an 800P unit", focal=882.5),
+    **_figures("vendor", "data sheet", baseline=0.075, max_depth=15.0),
+    **_figures("vendor", "95 px search", max_disparity=95.0, min_depth=0.697),
+    **_figures("vendor", "3 sub-pixel bits", disparity_step=1 / 8),
+    # Vendor's medians (2 % at 4 m, 4 % at 7 m) are bounds with bias: they allow 0.3 px.
+    **_figures("tuned", "census matching, below the vendor's bound", disparity_sigma=0.15),
+    **_figures("tuned", "no published figure", random_invalid=0.01),
+    **_figures("vendor", "raw depth, no filter", post_filter=0.0),
+    **_figures("vendor", "global shutter", readout_time=0.0),
+}
+
+PROFILES = {
+    **{mode[0]: _zed2(*mode) for mode in _ZED2_MODES},
+    "d435": Profile("d435", "RealSense-D435 class", _D435),
+    "oak-d": Profile("oak-d", "OAK-D class", _OAKD),
+}
+
+
+def load_profile(source: str | Path) -> Profile:
+    """Return a built-in profile by name, or read a custom one from a YAML file.
+
+    Raises:
+        DigsError: unknown name, missing file, or a file that does not describe a profile.
+    """
+    if str(source) in PROFILES:
+        return PROFILES[str(source)]
+    if Path(source).suffix.lower() not in (".yaml", ".yml"):
+        raise DigsError(
+            f"profile '{source}': not known; expected {', '.join(PROFILES)}, or a .yaml file"
+        )
+    return _read_profile(require_file(Path(source), "profile"))
+
+
+def _read_profile(path: Path) -> Profile:
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise DigsError(f"profile '{path}': not readable as YAML ({error})") from error
+    if not isinstance(content, dict) or not isinstance(content.get("figures"), dict):
+        raise DigsError(f"profile '{path}': expected a mapping with 'figures', see docs/sensor.md")
+    base = content.get("base", "zed2-720")
+    if base not in PROFILES:
+        raise DigsError(f"profile '{path}': base '{base}', expected one of {', '.join(PROFILES)}")
+    own = {name: _read_figure(path, name, entry) for name, entry in content["figures"].items()}
+    return Profile(
+        path.stem, str(content.get("title", path.stem)), {**PROFILES[base].figures, **own}
+    )
+
+
+def _read_figure(path: Path, name: str, entry: object) -> Figure:
+    place = f"profile '{path}': figure '{name}'"
+    if not isinstance(entry, dict) or isinstance(entry.get("value"), (str, type(None))):
+        raise DigsError(f"{place}: found {entry!r}, expected {{value: number, origin: ...}}")
+    if entry.get("origin") not in get_args(Origin):
+        raise DigsError(
+            f"{place}: origin {entry.get('origin')!r}, expected one of {', '.join(get_args(Origin))}"
+        )
+    return Figure(float(entry["value"]), entry["origin"], str(entry.get("note", "")))

@@ -1,0 +1,69 @@
+"""Image filters that the sensor's effects share; the one door of the effects to OpenCV.
+
+OpenCV runs them on all cores with vector instructions, 5 to 20 times as fast as SciPy.
+"""
+
+import numpy as np
+
+
+def gray_of(image: np.ndarray) -> np.ndarray:
+    """Return the luma of an sRGB image (height, width, 3), uint8, as (height, width), uint8."""
+    import cv2
+
+    return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+
+
+def horizontal_gradient(gray: np.ndarray) -> np.ndarray:
+    """Return the central difference along x [DN/px], float32, same shape; mirrored at the borders."""
+    import cv2
+
+    return cv2.Sobel(gray, cv2.CV_32F, 1, 0, ksize=1, scale=0.5, borderType=cv2.BORDER_REFLECT_101)
+
+
+def box_mean(values: np.ndarray, size: int) -> np.ndarray:
+    """Return the mean over ``size`` x ``size`` pixels around each, float32; edges are repeated."""
+    import cv2
+
+    return cv2.boxFilter(
+        np.asarray(values, np.float32), cv2.CV_32F, (size, size), borderType=cv2.BORDER_REPLICATE
+    )
+
+
+def blur(values: np.ndarray, sigma: float) -> np.ndarray:
+    """Return ``values`` after a Gaussian of ``sigma`` pixels, float32; mirrored at the borders."""
+    import cv2
+
+    return cv2.GaussianBlur(
+        np.asarray(values, np.float32), (0, 0), sigma, borderType=cv2.BORDER_REFLECT_101
+    )
+
+
+def dilate(mask: np.ndarray, radius: int) -> np.ndarray:
+    """Return the bool ``mask`` grown by ``radius`` pixels in x and y."""
+    import cv2
+
+    kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
+    return cv2.dilate(mask.view(np.uint8), kernel).view(bool)
+
+
+def distance_to(mask: np.ndarray) -> np.ndarray:
+    """Return the Euclidean distance to the nearest true pixel [px], float32; inf where there is none."""
+    import cv2
+
+    if not mask.any():
+        return np.full(mask.shape, np.inf, dtype=np.float32)
+    return cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+
+
+def enlarge(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Return a coarse float32 image stretched to ``shape`` (height, width), bilinear."""
+    import cv2
+
+    return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
+
+
+def enlarge_smoothly(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Return a coarse float32 image stretched to ``shape`` (height, width), bicubic."""
+    import cv2
+
+    return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_CUBIC)

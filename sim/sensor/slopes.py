@@ -1,0 +1,23 @@
+"""How fast disparity changes along a surface, without being fooled by the steps between surfaces."""
+
+import numpy as np
+
+
+def surface_slope(disparity: np.ndarray, axis: int) -> np.ndarray:
+    """Return the change of disparity from pixel to pixel along a surface [px/px], same shape, float32.
+
+    Of the differences to either neighbour the smaller one is taken: at a step, that is the one that
+    stays on the surface.
+
+    Args:
+        disparity: [px], (height, width), NaN where there is nothing.
+        axis: 1: along rows (x); 0: along columns (y).
+    """
+    if disparity.shape[axis] < 2:
+        return np.zeros(disparity.shape, dtype=np.float32)
+    steps = np.diff(disparity, axis=axis).astype(np.float32, copy=False)
+    first, last = np.take(steps, [0], axis), np.take(steps, [-1], axis)
+    before = np.concatenate([first, steps], axis)
+    after = np.concatenate([steps, last], axis)
+    slope = np.where(np.abs(before) < np.abs(after), before, after)
+    return np.nan_to_num(slope, copy=False, nan=0.0)
