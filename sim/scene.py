@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# A surface that hides less than this share of what lies behind it counts as transparent.
+OPAQUE_SHARE = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Material:
@@ -13,8 +16,21 @@ class Material:
         name: label for messages and reports.
         base_color: linear RGB factor in 0..1, shape (3,); multiplies the texture and vertex colours.
         texture: sRGB base-colour image, shape (height, width, 3), uint8, row 0 on top; None: plain.
-        roughness: perceptual roughness, 0 (mirror) to 1.
-        metallic: 0 (dielectric) to 1 (metal).
+        roughness: perceptual roughness, 0 (mirror) to 1; the mean where it varies.
+        metallic: 0 (dielectric) to 1 (metal); the mean where it varies.
+        finish_texture: roughness and metallic of each texel, (height, width, 2), uint8, 255 = 1; None:
+            the same everywhere.
+        opacity: share of the surface that covers what lies behind it, 0 to 1 (glTF's alpha); the mean
+            where it varies.
+        opacity_texture: opacity of each texel, (height, width), uint8; None: the same everywhere.
+        alpha_cutoff: where the opacity is below, there is a hole instead of a surface.
+        transmission: share of the light that passes through the body of the surface (glass), tinted
+            with the base colour, 0 to 1; the mean where it varies. Rays go straight on.
+        transmission_texture: transmission of each texel, (height, width), uint8; None: as above.
+        emission: linear RGB of the surface's own light; 1 is shown as full white whatever the exposure.
+        emission_texture: sRGB image that multiplies ``emission``, (height, width, 3), uint8; None: plain.
+        normal_texture: tangent-space normals as glTF has them (x along u, y along v, z outward;
+            128 = 0), (height, width, 3), uint8, already scaled; None: smooth.
     """
 
     name: str
@@ -22,6 +38,20 @@ class Material:
     texture: np.ndarray | None = None
     roughness: float = 1.0
     metallic: float = 0.0
+    finish_texture: np.ndarray | None = None
+    opacity: float = 1.0
+    opacity_texture: np.ndarray | None = None
+    alpha_cutoff: float = 0.0
+    transmission: float = 0.0
+    transmission_texture: np.ndarray | None = None
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission_texture: np.ndarray | None = None
+    normal_texture: np.ndarray | None = None
+
+    @property
+    def is_transparent(self) -> bool:
+        """Whether more is seen of what lies behind than of the surface itself."""
+        return self.opacity * (1.0 - self.transmission) < OPAQUE_SHARE
 
 
 @dataclass(frozen=True, eq=False)

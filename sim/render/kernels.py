@@ -12,12 +12,11 @@ depend on the number of threads.
 import warp as wp
 
 from sim.render.lighting import Light, sample_panorama
-from sim.render.shading import Surface, shade, viewer_side_normal
+from sim.render.shading import shade
+from sim.render.surface import ANY_SURFACE, Surface, trace, viewer_side_normal
+from sim.render.view import FAR, View, ray_direction_cam, surround_distance
 
 wp.set_module_options({"enable_backward": False})
-
-# Beyond everything; the surround is met analytically.
-FAR = wp.constant(1.0e6)
 
 # The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018): any number
 # of samples covers the pixel evenly.
@@ -25,38 +24,6 @@ R2_X = wp.constant(0.7548776662466927)
 R2_Y = wp.constant(0.5698402909980532)
 
 GOLDEN_ANGLE = wp.constant(2.399963229728653)
-
-
-@wp.struct
-class View:
-    """A camera and its surround as kernels need them."""
-
-    width: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    world_from_cam: wp.mat33  # rotation
-    center: wp.vec3
-    surround_radius: float  # [m], sphere around the origin
-    pixel_cone: float  # spread of the cone of one sample [rad]
-    surround_level: float  # pyramid level of the panorama that fits a sample
-
-
-@wp.func
-def ray_direction_cam(view: View, x: float, y: float) -> wp.vec3:
-    """Unit direction through image position (x, y) [px] in camera axes."""
-    return wp.normalize(wp.vec3((x - view.cx) / view.fx, (y - view.cy) / view.fy, 1.0))
-
-
-@wp.func
-def surround_distance(view: View, direction: wp.vec3) -> float:
-    """Distance along the ray to the surrounding sphere, from inside."""
-    along = wp.dot(view.center, direction)
-    gap = view.surround_radius * view.surround_radius - wp.dot(view.center, view.center)
-    root = wp.sqrt(along * along + gap)
-    # Two forms of the same root, each without cancellation for one sign of `along`.
-    return wp.where(along > 0.0, gap / (root + along), root - along)
 
 
 @wp.func
@@ -76,6 +43,7 @@ def color_kernel(
     view: View,
     surface: Surface,
     light: Light,
+    surround_level: float,  # pyramid level of the panorama that fits a sample
     samples: int,
     seed: int,
     # outputs
@@ -103,9 +71,9 @@ def color_kernel(
             total += shade(surface, light, hit, direction, hit.t * view.pixel_cone)
             hits += 1
         else:
-            point = view.center + surround_distance(view, direction) * direction
+            point = view.center + surround_distance(view, view.center, direction) * direction
             outward = point / view.surround_radius
-            total += sample_panorama(light.panorama, outward, view.surround_level)
+            total += sample_panorama(light.panorama, outward, surround_level)
     mean = total / float(samples)
     image[pixel, 0] = srgb_byte(mean[0])
     image[pixel, 1] = srgb_byte(mean[1])
@@ -129,13 +97,18 @@ def geometry_kernel(
     y = float(pixel // view.width) + 0.5
     direction_cam = ray_direction_cam(view, x, y)
     direction = view.world_from_cam * direction_cam
-    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
+    start = wp.float32(0.0)
+    if surface.see_through == 1:
+        # Up to the first surface: holes are passed.
+        distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
+        start = wp.where(distance < 0.0, FAR, distance - 0.5 * surface.step)
+    hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
     if hit.result:
-        depth[pixel] = hit.t * direction_cam[2]
+        depth[pixel] = (start + hit.t) * direction_cam[2]
         normals[pixel] = viewer_side_normal(surface, hit, direction)
         materials[pixel] = surface.materials[hit.face]
     else:
-        distance = surround_distance(view, direction)
+        distance = surround_distance(view, view.center, direction)
         depth[pixel] = distance * direction_cam[2]
         normals[pixel] = -wp.normalize(view.center + distance * direction)
         materials[pixel] = -1

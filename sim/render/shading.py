@@ -14,86 +14,36 @@ Occlusion", 2016, eq. 20).
 import warp as wp
 
 from sim.render.lighting import Light, diffuse_light, specular_light
-from sim.render.textures import TextureSet, sample_texture
+from sim.render.surface import (
+    Surface,
+    texture_level,
+    texture_position,
+    vertex_normal,
+    viewer_side,
+)
+from sim.render.textures import SRGB, sample_texture
 
 wp.set_module_options({"enable_backward": False})
 
 # Reflectance of glass, plastic and paint at normal incidence.
 DIELECTRIC_REFLECTANCE = wp.constant(0.04)
 
-# A ray cone at a grazing angle would stretch without bound.
-MIN_COSINE = wp.constant(0.1)
-
-
-@wp.struct
-class Surface:
-    """The scene's triangles and materials on the device; arrays in the order of `sim.scene.Scene`."""
-
-    mesh: wp.uint64  # wp.Mesh
-    corners: wp.array[int]  # [3 m] vertex of each corner
-    normals: wp.array[wp.vec3]  # [n]
-    uvs: wp.array[wp.vec2]  # [n]
-    colors: wp.array[wp.vec3]  # [n]
-    openness: wp.array[wp.vec2]  # [n] unoccluded share in front of and behind the normal
-    materials: wp.array[int]  # [m]
-    texel_levels: wp.array[float]  # [m] log2(texels per metre)
-    base_colors: wp.array[wp.vec3]  # [materials]
-    roughness: wp.array[float]  # [materials]
-    metallic: wp.array[float]  # [materials]
-    material_textures: wp.array[int]  # [materials] -1: none
-    textures: TextureSet
-
 
 @wp.func
-def vertex_normal(surface: Surface, hit: wp.MeshQueryRay) -> wp.vec3:
-    """Unit normal interpolated between the corners; may point to either side."""
-    corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
-    normal = (
-        hit.u * surface.normals[surface.corners[corner]]
-        + hit.v * surface.normals[surface.corners[corner + 1]]
-        + w * surface.normals[surface.corners[corner + 2]]
-    )
-    length = wp.length(normal)
-    # Opposite vertex normals may cancel out; the triangle's own is always there.
-    return wp.where(length > 1.0e-6, normal / wp.max(length, 1.0e-6), hit.normal)
-
-
-@wp.func
-def viewer_side(hit: wp.MeshQueryRay, direction: wp.vec3, normal: wp.vec3) -> float:
-    """1 where ``normal`` points to the side of the triangle that the viewer is on, else -1.
-
-    Surfaces have two sides, and meshes come with windings that disagree with their normals.
-    """
-    return wp.where(wp.dot(hit.normal, direction) * wp.dot(hit.normal, normal) > 0.0, -1.0, 1.0)
-
-
-@wp.func
-def viewer_side_normal(surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3) -> wp.vec3:
-    """Interpolated unit normal, turned toward the viewer."""
-    normal = vertex_normal(surface, hit)
-    return viewer_side(hit, direction, normal) * normal
-
-
-@wp.func
-def base_color(
-    surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
-) -> wp.vec3:
+def base_color(surface: Surface, hit: wp.MeshQueryRay, uv: wp.vec2, level: float) -> wp.vec3:
     """Linear colour of the hit: factor times vertex colour times filtered texture."""
     corner = 3 * hit.face
-    a = surface.corners[corner]
-    b = surface.corners[corner + 1]
-    c = surface.corners[corner + 2]
     w = 1.0 - hit.u - hit.v
-    material = surface.materials[hit.face]
-    color = hit.u * surface.colors[a] + hit.v * surface.colors[b] + w * surface.colors[c]
-    color = wp.cw_mul(color, surface.base_colors[material])
-    texture = surface.material_textures[material]
-    if texture >= 0:
-        uv = hit.u * surface.uvs[a] + hit.v * surface.uvs[b] + w * surface.uvs[c]
-        cosine = wp.max(wp.abs(wp.dot(hit.normal, direction)), MIN_COSINE)
-        level = surface.texel_levels[hit.face] + wp.log2(cone_width / cosine)
-        color = wp.cw_mul(color, sample_texture(surface.textures, texture, uv, level))
+    color = (
+        hit.u * surface.colors[surface.corners[corner]]
+        + hit.v * surface.colors[surface.corners[corner + 1]]
+        + w * surface.colors[surface.corners[corner + 2]]
+    )
+    data = surface.data[surface.materials[hit.face]]
+    color = wp.cw_mul(color, data.base_color)
+    if data.color_texture >= 0:
+        texel = sample_texture(surface.textures, data.color_texture, uv, level, SRGB)
+        color = wp.cw_mul(color, texel)
     return color
 
 
@@ -138,10 +88,12 @@ def shade(
     outward = vertex_normal(surface, hit)
     side = viewer_side(hit, direction, outward)
     normal = side * outward
-    color = base_color(surface, hit, direction, cone_width)
-    material = surface.materials[hit.face]
-    metallic = surface.metallic[material]
-    roughness = surface.roughness[material]
+    uv = texture_position(surface, hit)
+    level = texture_level(surface, hit, direction, cone_width)
+    color = base_color(surface, hit, uv, level)
+    data = surface.data[surface.materials[hit.face]]
+    metallic = data.metallic
+    roughness = data.roughness
     openness = interpolated_openness(surface, hit, side)
 
     albedo = (1.0 - metallic) * color

@@ -4,8 +4,9 @@ The level of a lookup follows from the ray cone: the width of a pixel's cone whe
 stretched by the angle of incidence, against the size of a texel there (Akenine-Moller et al., "Texture
 Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019, eq. 20-6).
 
-Texels are sRGB bytes packed into one 32-bit word: a quarter of the memory traffic of linear floats. The
-pyramid is averaged in linear light, and a table of 256 values decodes.
+Texels are bytes packed into one 32-bit word: a quarter of the memory traffic of linear floats. Colours are
+sRGB bytes, averaged in linear light; a table of 256 values decodes them, a second one takes other
+quantities (roughness, normals) as they are.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -13,6 +14,7 @@ pyramid is averaged in linear light, and a table of 256 values decodes.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -21,34 +23,47 @@ from digs_warp.images import linear_from_srgb, srgb_from_linear, to_uint8
 
 wp.set_module_options({"enable_backward": False})
 
-# sRGB byte -> linear value.
-DECODE = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+# Byte -> value: the table of colours, and after it that of plain quantities. SRGB and LINEAR are where
+# they begin.
+BYTES = np.arange(256) / 255.0
+DECODE = np.concatenate([linear_from_srgb(BYTES), BYTES]).astype(np.float32)
+SRGB = wp.constant(0)
+LINEAR = wp.constant(256)
+
+
+@dataclass(frozen=True, eq=False)
+class TextureImage:
+    """Pixels, (height, width) or (height, width, 1 to 3), uint8, and `SRGB` or `LINEAR`."""
+
+    pixels: np.ndarray
+    table: int
 
 
 @wp.struct
 class TextureSet:
     """All textures of a scene; texture t owns levels first_level[t] .. first_level[t + 1] - 1."""
 
-    texels: wp.array[wp.uint32]  # 0x00BBGGRR, sRGB
-    decode: wp.array[float]  # [256]
+    texels: wp.array[wp.uint32]  # 0x00BBGGRR
+    decode: wp.array[float]  # [512]
+    log2_widths: wp.array[float]  # [textures] log2 of the geometric mean of width and height
     offsets: wp.array[int]  # [levels] first texel of a level
     sizes: wp.array[wp.vec2i]  # [levels] width, height
     first_level: wp.array[int]  # [textures + 1]
 
 
 @wp.func
-def fetch_texel(textures: TextureSet, index: int) -> wp.vec3:
-    """One texel in linear light."""
+def fetch_texel(textures: TextureSet, index: int, table: int) -> wp.vec3:
+    """One texel, decoded."""
     word = int(textures.texels[index])
     return wp.vec3(
-        textures.decode[word & 255],
-        textures.decode[(word >> 8) & 255],
-        textures.decode[(word >> 16) & 255],
+        textures.decode[table + (word & 255)],
+        textures.decode[table + ((word >> 8) & 255)],
+        textures.decode[table + ((word >> 16) & 255)],
     )
 
 
 @wp.func
-def sample_texture_level(textures: TextureSet, level: int, uv: wp.vec2) -> wp.vec3:
+def sample_texture_level(textures: TextureSet, level: int, uv: wp.vec2, table: int) -> wp.vec3:
     """Bilinear value of one level; coordinates repeat, v = 0 is the bottom row."""
     width = textures.sizes[level][0]
     height = textures.sizes[level][1]
@@ -64,22 +79,31 @@ def sample_texture_level(textures: TextureSet, level: int, uv: wp.vec2) -> wp.ve
     first = textures.offsets[level]
     row0 = first + ((top + height) % height) * width
     row1 = first + ((top + 1) % height) * width
-    above = wp.lerp(fetch_texel(textures, row0 + x0), fetch_texel(textures, row0 + x1), fx)
-    below = wp.lerp(fetch_texel(textures, row1 + x0), fetch_texel(textures, row1 + x1), fx)
+    above = wp.lerp(
+        fetch_texel(textures, row0 + x0, table), fetch_texel(textures, row0 + x1, table), fx
+    )
+    below = wp.lerp(
+        fetch_texel(textures, row1 + x0, table), fetch_texel(textures, row1 + x1, table), fx
+    )
     return wp.lerp(above, below, fy)
 
 
 @wp.func
-def sample_texture(textures: TextureSet, texture: int, uv: wp.vec2, level: float) -> wp.vec3:
-    """Trilinear linear-light colour; level 0 is the finest, fractions blend two levels."""
+def sample_texture(
+    textures: TextureSet, texture: int, uv: wp.vec2, spread: float, table: int
+) -> wp.vec3:
+    """Trilinear value, decoded by ``table`` (SRGB or LINEAR).
+
+    ``spread`` is log2 of the share of the texture's width to average over.
+    """
     first = textures.first_level[texture]
     last = textures.first_level[texture + 1] - 1
-    level = wp.clamp(level, 0.0, float(last - first))
+    level = wp.clamp(spread + textures.log2_widths[texture], 0.0, float(last - first))
     fine = int(wp.floor(level))
     blend = level - float(fine)
-    color = sample_texture_level(textures, first + fine, uv)
+    color = sample_texture_level(textures, first + fine, uv, table)
     if blend > 0.0:
-        color = wp.lerp(color, sample_texture_level(textures, first + fine + 1, uv), blend)
+        color = wp.lerp(color, sample_texture_level(textures, first + fine + 1, uv, table), blend)
     return color
 
 
@@ -111,24 +135,24 @@ def _halve(image: np.ndarray, axis: int) -> np.ndarray:
     return np.moveaxis(halved, 0, axis)
 
 
-def pack_textures(images: Sequence[np.ndarray]) -> TextureSet:
-    """Build the pyramids of sRGB uint8 images, shape (height, width, 3)."""
+def pack_textures(images: Sequence[TextureImage]) -> TextureSet:
+    """Build the pyramids of the images."""
     words: list[np.ndarray] = []
     sizes: list[tuple[int, int]] = []
     first_level = [0]
     for image in images:
-        chain = mip_chain(DECODE[image])
-        # Level 0 is the image itself, not its decoded and encoded copy.
-        encoded = [image, *(to_uint8(srgb_from_linear(level)) for level in chain[1:])]
-        words += [_pack_words(level) for level in encoded]
-        sizes += [(level.shape[1], level.shape[0]) for level in encoded]
+        levels = _encoded_levels(image)
+        words += [_pack_words(level) for level in levels]
+        sizes += [(level.shape[1], level.shape[0]) for level in levels]
         first_level.append(len(sizes))
     counts = [len(word) for word in words]
+    log2_widths = [0.5 * np.log2(image.pixels.shape[0] * image.pixels.shape[1]) for image in images]
     textures = TextureSet()
     # An empty set keeps one word: Warp arrays of length zero have no address.
     flat = np.concatenate([*words, np.zeros(1, np.uint32)])
     textures.texels = wp.array(flat, dtype=wp.uint32, device="cpu")
     textures.decode = wp.array(DECODE, dtype=float, device="cpu")
+    textures.log2_widths = wp.array([*log2_widths, 0.0], dtype=float, device="cpu")
     starts = np.cumsum([0, *counts])
     textures.offsets = wp.array(starts.astype(np.int32), dtype=int, device="cpu")
     textures.sizes = wp.array(np.array([*sizes, (1, 1)], np.int32), dtype=wp.vec2i, device="cpu")
@@ -136,6 +160,18 @@ def pack_textures(images: Sequence[np.ndarray]) -> TextureSet:
     return textures
 
 
+def _encoded_levels(image: TextureImage) -> list[np.ndarray]:
+    """Return the pyramid in bytes; level 0 is the image itself, not its decoded and encoded copy."""
+    pixels = image.pixels[..., None] if image.pixels.ndim == 2 else image.pixels
+    chain = mip_chain(DECODE[pixels.astype(np.int32) + image.table])[1:]
+    if image.table == SRGB:
+        chain = [srgb_from_linear(level) for level in chain]
+    return [pixels, *(to_uint8(level) for level in chain)]
+
+
 def _pack_words(image: np.ndarray) -> np.ndarray:
-    r, g, b = np.moveaxis(image.astype(np.uint32), -1, 0)
-    return (r | (g << 8) | (b << 16)).reshape(-1)
+    channels = np.moveaxis(image.astype(np.uint32), -1, 0)
+    word = np.zeros(image.shape[:2], np.uint32)
+    for number, channel in enumerate(channels):
+        word |= channel << np.uint32(8 * number)
+    return word.reshape(-1)

@@ -13,7 +13,7 @@ from sim.render.lighting import (
     irradiance_coefficients,
     prepare_light,
 )
-from sim.render.textures import mip_chain, pack_textures
+from sim.render.textures import LINEAR, SRGB, TextureImage, mip_chain, pack_textures
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (17, 5), (1, 9), (100, 37), (1, 1)])
@@ -28,7 +28,7 @@ def test_every_level_of_a_pyramid_has_the_mean_of_the_image(shape: tuple[int, in
 def test_packed_pyramids_average_in_linear_light() -> None:
     image = np.random.default_rng(0).integers(0, 256, (32, 16, 3), dtype=np.uint8)
     other = np.full((2, 2, 3), (10, 20, 30), np.uint8)
-    textures = pack_textures([image, other])
+    textures = pack_textures([TextureImage(image, SRGB), TextureImage(other, LINEAR)])
     first_level = textures.first_level.numpy()
     np.testing.assert_array_equal(first_level, [0, 6, 8])
     words = textures.texels.numpy()

@@ -1,0 +1,175 @@
+"""Rays that only some effects of the sensor ask for; see `sim.sensor.frame.FrameRays`."""
+
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from digs_warp.camera import Camera
+from digs_warp.parallel import launch_parallel
+from sim.render.surface import ANY_SURFACE, OPAQUE, DeviceScene, Surface, trace, viewer_side_normal
+from sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+
+wp.set_module_options({"enable_backward": False})
+
+# Points this share of their distance apart along a ray are the same point: float32 hits from two eyes
+# differ by a tenth of it.
+SAME_POINT = wp.constant(1.0e-4)
+
+
+@wp.kernel
+def right_visibility_kernel(
+    first: int,
+    view: View,
+    right_center: wp.vec3,
+    surface: Surface,
+    # outputs
+    visible: wp.array[wp.uint8],  # [pixels]
+):
+    """Look from the right eye at what the left one sees at a pixel centre."""
+    pixel = first + wp.tid()
+    x = float(pixel % view.width) + 0.5
+    y = float(pixel // view.width) + 0.5
+    direction = view.world_from_cam * ray_direction_cam(view, x, y)
+    distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
+    met = distance >= 0.0
+    if not met:
+        distance = surround_distance(view, view.center, direction)
+    point = view.center + distance * direction
+    toward = point - right_center
+    reach = wp.length(toward)
+    toward = toward / reach
+    seen = trace(surface, right_center, toward, reach * (1.0 - SAME_POINT), view.pixel_cone, OPAQUE)
+    clear = seen < 0.0
+    if met and clear:
+        # A thin sheet may turn its other side to the right eye.
+        start = wp.max(distance * (1.0 - SAME_POINT), 0.0)
+        hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
+        if hit.result:
+            clear = wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
+    visible[pixel] = wp.uint8(wp.where(clear, 1, 0))
+
+
+@wp.kernel
+def reflection_kernel(
+    first: int,
+    view: View,
+    surface: Surface,
+    # outputs
+    distances: wp.array[float],  # [pixels] [m]
+):
+    """Follow the mirrored ray from what is seen at a pixel centre to the next opaque thing."""
+    pixel = first + wp.tid()
+    x = float(pixel % view.width) + 0.5
+    y = float(pixel // view.width) + 0.5
+    direction = view.world_from_cam * ray_direction_cam(view, x, y)
+    distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
+    if distance < 0.0:
+        distances[pixel] = 0.0
+        return
+    start = wp.max(distance * (1.0 - SAME_POINT), 0.0)
+    hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
+    if not hit.result:
+        distances[pixel] = 0.0
+        return
+    normal = viewer_side_normal(surface, hit, direction)
+    mirrored = wp.normalize(direction - 2.0 * wp.dot(direction, normal) * normal)
+    outward = wp.where(wp.dot(hit.normal, direction) < 0.0, hit.normal, -hit.normal)
+    origin = view.center + distance * direction + surface.lift * outward
+    away = trace(surface, origin, mirrored, FAR, view.pixel_cone, OPAQUE)
+    distances[pixel] = wp.where(away >= 0.0, away, surround_distance(view, origin, mirrored))
+
+
+@wp.kernel
+def depth_behind_kernel(
+    first: int,
+    view: View,
+    surface: Surface,
+    # outputs
+    depth: wp.array[float],  # [pixels] planar z [m]
+):
+    """Look through everything transparent at a pixel centre."""
+    pixel = first + wp.tid()
+    x = float(pixel % view.width) + 0.5
+    y = float(pixel // view.width) + 0.5
+    direction_cam = ray_direction_cam(view, x, y)
+    direction = view.world_from_cam * direction_cam
+    distance = trace(surface, view.center, direction, FAR, view.pixel_cone, OPAQUE)
+    if distance < 0.0:
+        distance = surround_distance(view, view.center, direction)
+    depth[pixel] = distance * direction_cam[2]
+
+
+class SurfaceRays:
+    """The rays of one frame; each kind is cast on the first request and kept.
+
+    Args:
+        scene: on the device.
+        camera: the left eye.
+        baseline: how far to its right the other eye sits [m].
+        surround_radius: of the sphere round the scene [m].
+        threads: to cast with, 0: all cores.
+    """
+
+    def __init__(
+        self,
+        scene: DeviceScene,
+        camera: Camera,
+        baseline: float,
+        surround_radius: float,
+        threads: int = 0,
+    ) -> None:
+        self._scene = scene
+        self._camera = camera
+        self._baseline = baseline
+        self._view = make_view(camera, surround_radius)
+        self._threads = threads
+
+    def right_visibility(self) -> np.ndarray:
+        """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
+
+        Nothing opaque is in the way, and the surface turns the same side to both eyes. Points outside
+        the right image count as seen: its border is another matter.
+        """
+        return self._right_visibility
+
+    def reflection_distance(self) -> np.ndarray:
+        """Distance from the surface to what it would mirror [m], (height, width), float32.
+
+        0 for the surround, which mirrors nothing.
+        """
+        return self._reflection_distance
+
+    def depth_behind(self) -> np.ndarray:
+        """Planar depth of the first opaque surface [m], (height, width), float32.
+
+        Surfaces that hide less than half of what lies behind them are looked through; where nothing
+        opaque follows, this is the depth of the surround.
+        """
+        return self._depth_behind
+
+    @cached_property
+    def _right_visibility(self) -> np.ndarray:
+        right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
+        return self._cast(right_visibility_kernel, wp.uint8, right) != 0
+
+    @cached_property
+    def _reflection_distance(self) -> np.ndarray:
+        return self._cast(reflection_kernel, float)
+
+    @cached_property
+    def _depth_behind(self) -> np.ndarray:
+        return self._cast(depth_behind_kernel, float)
+
+    def _cast(self, kernel: Any, dtype: Any, *scalars: Any) -> np.ndarray:
+        k = self._camera.intrinsics
+        values = wp.empty(k.height * k.width, dtype=dtype, device="cpu")
+        inputs = [self._view, *scalars, self._scene.surface, values]
+        launch_parallel(kernel, k.height * k.width, inputs, threads=self._threads)
+        return values.numpy().reshape(k.height, k.width)
