@@ -62,6 +62,12 @@ _MAPS_5 = wp.constant(5 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
 _MAPS_3 = wp.constant(3 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
 
 
+@wp.func
+def window_sum(d5: float, d4: float, d3: float, d2: float, d1: float, d0: float) -> float:
+    """Weighted sum of eleven taps, given as sums of the two at distance 5, 4, 3, 2, 1 and the middle one."""
+    return _W5 * d5 + _W4 * d4 + _W3 * d3 + _W2 * d2 + _W1 * d1 + _W0 * d0
+
+
 @wp.kernel
 def similarity_kernel(
     first: int,
@@ -107,13 +113,13 @@ def similarity_kernel(
             o = moment * _LINE
             out = moment * _MAP + halo_row * _COLUMNS
             for c in range(_COLUMNS):
-                blur[out + c] = (
-                    _W5 * (line[o + c] + line[o + c + 10])
-                    + _W4 * (line[o + c + 1] + line[o + c + 9])
-                    + _W3 * (line[o + c + 2] + line[o + c + 8])
-                    + _W2 * (line[o + c + 3] + line[o + c + 7])
-                    + _W1 * (line[o + c + 4] + line[o + c + 6])
-                    + _W0 * line[o + c + 5]
+                blur[out + c] = window_sum(
+                    line[o + c] + line[o + c + 10],
+                    line[o + c + 1] + line[o + c + 9],
+                    line[o + c + 2] + line[o + c + 8],
+                    line[o + c + 3] + line[o + c + 7],
+                    line[o + c + 4] + line[o + c + 6],
+                    line[o + c + 5],
                 )
     total_l1 = float(0.0)
     total_dssim = float(0.0)
@@ -122,13 +128,13 @@ def similarity_kernel(
             p = moment_v * _MAP + row * _COLUMNS
             m = moment_v * _LINE
             for cv in range(_COLUMNS):
-                line[m + cv] = (
-                    _W5 * (blur[p + cv] + blur[p + 10 * _COLUMNS + cv])
-                    + _W4 * (blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv])
-                    + _W3 * (blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv])
-                    + _W2 * (blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv])
-                    + _W1 * (blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv])
-                    + _W0 * blur[p + 5 * _COLUMNS + cv]
+                line[m + cv] = window_sum(
+                    blur[p + cv] + blur[p + 10 * _COLUMNS + cv],
+                    blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv],
+                    blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv],
+                    blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv],
+                    blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
+                    blur[p + 5 * _COLUMNS + cv],
                 )
         pixel = base + row * pitch
         row_l1 = float(0.0)
@@ -198,26 +204,26 @@ def similarity_gradient_kernel(
                 line[o + i] = maps[source + 3 * moment * plane + i]
             out = moment * _MAP + halo_row * _COLUMNS
             for c in range(_COLUMNS):
-                blur[out + c] = (
-                    _W5 * (line[o + c] + line[o + c + 10])
-                    + _W4 * (line[o + c + 1] + line[o + c + 9])
-                    + _W3 * (line[o + c + 2] + line[o + c + 8])
-                    + _W2 * (line[o + c + 3] + line[o + c + 7])
-                    + _W1 * (line[o + c + 4] + line[o + c + 6])
-                    + _W0 * line[o + c + 5]
+                blur[out + c] = window_sum(
+                    line[o + c] + line[o + c + 10],
+                    line[o + c + 1] + line[o + c + 9],
+                    line[o + c + 2] + line[o + c + 8],
+                    line[o + c + 3] + line[o + c + 7],
+                    line[o + c + 4] + line[o + c + 6],
+                    line[o + c + 5],
                 )
     for row in range(wp.min(_ROWS, height - top)):
         for moment_v in range(3):
             p = moment_v * _MAP + row * _COLUMNS
             m = moment_v * _LINE
             for cv in range(_COLUMNS):
-                line[m + cv] = (
-                    _W5 * (blur[p + cv] + blur[p + 10 * _COLUMNS + cv])
-                    + _W4 * (blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv])
-                    + _W3 * (blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv])
-                    + _W2 * (blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv])
-                    + _W1 * (blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv])
-                    + _W0 * blur[p + 5 * _COLUMNS + cv]
+                line[m + cv] = window_sum(
+                    blur[p + cv] + blur[p + 10 * _COLUMNS + cv],
+                    blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv],
+                    blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv],
+                    blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv],
+                    blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
+                    blur[p + 5 * _COLUMNS + cv],
                 )
         pixel = base + row * pitch
         for col in range(wp.min(_COLUMNS, width - left)):

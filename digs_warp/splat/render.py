@@ -18,12 +18,8 @@ from digs_warp.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.config import NEAR_SHARE
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.project import (
-    CameraParams,
-    camera_params,
-    project_backward_kernel,
-    project_kernel,
-)
+from digs_warp.splat.footprint import CameraParams, camera_params
+from digs_warp.splat.project import project_backward_kernel, project_kernel
 from digs_warp.splat.rasterize import backward_kernel, forward_kernel
 from digs_warp.splat.rasterize_reference import (
     backward_reference_kernel,

@@ -1,0 +1,141 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""One Gaussian through one camera: the linearized projection, as plain functions of the device.
+
+Legend (EWA splatting as in 3DGS): p = R_cw mu + t the centre in the camera, X = x/z and Y = y/z its
+tangents (clamped near the image border), V = R_cw R(q), S = diag(exp(log_scale)),
+
+    m0[k] = fx/z (V[0,k] - X V[2,k]) S[k]      rows of the 2x3 matrix M = J V S
+    m1[k] = fy/z (V[1,k] - Y V[2,k]) S[k]
+    cov   = M M^T + DILATION I = [[a, b], [b, c]],   conic (A, B, C) = (c, -b, a) / det
+"""
+
+import numpy as np
+import warp as wp
+
+from digs_warp.camera import Camera
+from digs_warp.splat.config import JACOBIAN_MARGIN
+
+wp.set_module_options({"enable_backward": False})
+
+_MARGIN = wp.constant(JACOBIAN_MARGIN)
+
+
+@wp.struct
+class CameraParams:
+    """What the kernels know of a camera; all lengths in pixels or metres."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    near: float
+    rotation: wp.mat33  # cam_from_world
+    translation: wp.vec3
+    center_world: wp.vec3
+
+
+def camera_params(camera: Camera, near: float) -> np.ndarray:
+    """Return a one-element structured array for `CameraParams`; ``near`` is the near plane [m]."""
+    k = camera.intrinsics
+    record = np.zeros(1, dtype=CameraParams.numpy_dtype())
+    for name in ("fx", "fy", "cx", "cy", "width", "height"):
+        record[name] = getattr(k, name)
+    record["near"] = near
+    record["rotation"] = camera.cam_from_world[:3, :3]
+    record["translation"] = camera.cam_from_world[:3, 3]
+    record["center_world"] = camera.center_world
+    return record
+
+
+@wp.func
+def rotation_of(quat: wp.vec4) -> wp.mat33:
+    """Rotation of a quaternion xyzw that is not normalized; a zero quaternion is no rotation."""
+    n = wp.length(quat)
+    if n == 0.0:
+        return wp.identity(n=3, dtype=float)
+    q = quat / n
+    x = q[0]
+    y = q[1]
+    z = q[2]
+    w = q[3]
+    # fmt: off
+    return wp.mat33(
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+    )
+    # fmt: on
+
+
+@wp.func
+def rotation_adjoint(quat: wp.vec4, d: wp.mat33) -> wp.vec4:
+    """Gradient of `rotation_of` with respect to the raw quaternion, given the gradient of the matrix."""
+    n = wp.length(quat)
+    if n == 0.0:
+        return wp.vec4(0.0, 0.0, 0.0, 0.0)
+    q = quat / n
+    x = q[0]
+    y = q[1]
+    z = q[2]
+    w = q[3]
+    s01 = d[0, 1] + d[1, 0]
+    s02 = d[0, 2] + d[2, 0]
+    s12 = d[1, 2] + d[2, 1]
+    a21 = d[2, 1] - d[1, 2]
+    a02 = d[0, 2] - d[2, 0]
+    a10 = d[1, 0] - d[0, 1]
+    unit = wp.vec4(
+        2.0 * (y * s01 + z * s02 - 2.0 * x * (d[1, 1] + d[2, 2]) + w * a21),
+        2.0 * (x * s01 + z * s12 - 2.0 * y * (d[0, 0] + d[2, 2]) + w * a02),
+        2.0 * (x * s02 + y * s12 - 2.0 * z * (d[0, 0] + d[1, 1]) + w * a10),
+        2.0 * (x * a21 + y * a02 + z * a10),
+    )
+    # Only the part orthogonal to q changes the normalized quaternion.
+    return (unit - q * wp.dot(q, unit)) / n
+
+
+@wp.func
+def clamped_tangent(tangent: float, focal: float, center: float, size: float) -> float:
+    """x/z, kept within the image plus a margin; asymmetric for an off-centre principal point."""
+    margin = _MARGIN * 0.5 * size / focal
+    return wp.clamp(tangent, -center / focal - margin, (size - center) / focal + margin)
+
+
+@wp.struct
+class Footprint:
+    """A Gaussian as the camera sees it, up to the 2x3 matrix M; see the legend of the module."""
+
+    point: wp.vec3  # p, the centre in the camera
+    inverse_z: float
+    tangent_x: float  # x/z and y/z ...
+    tangent_y: float
+    limited_x: float  # ... and as M uses them: X and Y
+    limited_y: float
+    zoom_x: float  # fx/z and fy/z
+    zoom_y: float
+    axes: wp.mat33  # V
+    sizes: wp.vec3  # the diagonal of S
+    m0: wp.vec3
+    m1: wp.vec3
+
+
+@wp.func
+def footprint_of(cam: CameraParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4) -> Footprint:
+    """Linearize the projection at the centre of a Gaussian that lies before the camera."""
+    f = Footprint()
+    f.point = cam.rotation * mean + cam.translation
+    f.inverse_z = 1.0 / f.point[2]
+    f.tangent_x = f.point[0] * f.inverse_z
+    f.tangent_y = f.point[1] * f.inverse_z
+    f.limited_x = clamped_tangent(f.tangent_x, cam.fx, cam.cx, float(cam.width))
+    f.limited_y = clamped_tangent(f.tangent_y, cam.fy, cam.cy, float(cam.height))
+    f.zoom_x = cam.fx * f.inverse_z
+    f.zoom_y = cam.fy * f.inverse_z
+    f.axes = cam.rotation * rotation_of(quat)
+    f.sizes = wp.vec3(wp.exp(log_scale[0]), wp.exp(log_scale[1]), wp.exp(log_scale[2]))
+    f.m0 = f.zoom_x * wp.cw_mul(f.axes[0] - f.limited_x * f.axes[2], f.sizes)
+    f.m1 = f.zoom_y * wp.cw_mul(f.axes[1] - f.limited_y * f.axes[2], f.sizes)
+    return f
