@@ -1,0 +1,67 @@
+"""Why a matched pixel is missing or wrong, told from the truth: labels for disparity without a history."""
+
+import numpy as np
+
+from sim.sensor.cause import Cause
+from sim.sensor.filters import dilate
+from sim.sensor.frame import FrameTruth
+from sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
+from sim.sensor.steps import find_steps
+from sim.sensor.texture import MATCHABLE_SNR
+
+# Error from which a match is wrong and not merely noisy [px] ("bad-1" of the Middlebury benchmark).
+WRONG = 1.0
+
+# Brightness that a camera clips or drowns in noise [DN].
+SATURATED, DARK = 250, 15
+
+# Jump of disparity that a matching window notices [px].
+STEP = 1.0
+
+
+def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
+    """Return the most likely `Cause` of each missing or wrong pixel, (height, width), uint8.
+
+    A pixel to which several causes apply gets the first of: range, band, occlusion, mirror, glass,
+    exposure, gloss, edge, weak texture; the rest is random.
+
+    Args:
+        disparity: of a matcher [px], (height, width), NaN where it found nothing.
+        truth: of the frame; its rays are asked for what the right eye sees.
+    """
+    true = truth.disparity
+    cause = np.full(true.shape, Cause.OK, dtype=np.uint8)
+    failed = ~(np.abs(disparity - true) <= WRONG) & ~np.isnan(true)
+    # From the weakest to the strongest claim: a later one overwrites.
+    cause[failed] = Cause.RANDOM
+    for where, label in _claims(truth):
+        if where is not None:
+            cause[failed & where] = label
+    return cause
+
+
+def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
+    true, gray, rig = truth.disparity, truth.gray, truth.rig
+    columns = np.arange(true.shape[1]) + 0.5
+    return [
+        (truth.texture_snr < MATCHABLE_SNR, Cause.WEAK_TEXTURE),
+        (near_steps(true, rig.window // 2 + 1), Cause.EDGE),
+        (pixels_of(truth, is_glossy), Cause.SPECULAR),
+        ((gray > SATURATED) | (gray < DARK), Cause.EXPOSURE),
+        (pixels_of(truth, is_transparent), Cause.TRANSPARENT),
+        (pixels_of(truth, is_mirror), Cause.MIRROR),
+        (~truth.rays.right_visibility(), Cause.OCCLUDED),
+        (true > columns, Cause.BAND),
+        (truth.depth > rig.max_depth, Cause.FAR),
+        ((truth.depth < rig.min_depth) | (true > rig.max_disparity), Cause.NEAR),
+    ]
+
+
+def near_steps(disparity: np.ndarray, radius: int, threshold: float = STEP) -> np.ndarray:
+    """Return where a depth step lies within ``radius`` pixels along rows or columns, (height, width)."""
+    marked = np.zeros(disparity.shape, dtype=bool)
+    for view, mark in ((disparity, marked), (disparity.T, marked.T)):
+        steps = find_steps(view, threshold)
+        mark[steps.rows, steps.near] = True
+        mark[steps.rows, steps.far] = True
+    return dilate(marked, radius)

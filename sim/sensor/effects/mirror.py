@@ -1,0 +1,54 @@
+"""Mirrors: the sensor measures the reflected scene, behind the surface."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.coherent import coherent_uniform
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.materials import is_mirror, pixels_of
+from sim.sensor.virtual_image import virtual_disparity
+
+# Share of the surface in view that must mirror before the effect shows.
+MIN_SHARE = 1e-4
+
+COHERENCE = 12.0
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Depth of the virtual image in smooth metal."""
+
+    name: ClassVar[str] = "mirror"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when smooth metal is in view."""
+        return choose_above(
+            self.name,
+            "mirror_share",
+            facts.mirror_share,
+            MIN_SHARE,
+            "",
+            on="smooth metal mirrors the scene: the reflection is matched, not the surface",
+            off="no smooth metal in view",
+        )
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Replace the surface by what it mirrors; ``strength`` below 1 is the share of it."""
+        mirrors = pixels_of(truth, is_mirror) if strength > 0 else None
+        if mirrors is None or not mirrors.any():
+            return sensed
+        if strength < 1:
+            rows, columns = np.nonzero(mirrors)
+            drawn = coherent_uniform(rng, mirrors.shape, rows, columns, COHERENCE)
+            mirrors[rows, columns] = drawn < strength
+        return sensed.with_values(
+            mirrors, virtual_disparity(truth, mirrors), Cause.MIRROR, confidence=0.8
+        )

@@ -1,0 +1,89 @@
+"""Motion blur: an image smeared along the rows is matched less precisely, and at last wrongly."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.coherent import coherent_normal
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.motion import image_motion
+
+# Blur along the rows [px] up to which a matcher does not mind; along the columns even 41 px do no harm.
+HARMLESS = 9.0
+
+# Measured by semi-global matching of blurred pairs: RMS error [px] by blur [px]; a sharp pair has 0.13.
+BLURS = (HARMLESS, 15.0, 25.0, 41.0)
+RMS = (0.19, 0.24, 0.35, 0.47)
+SHARP_RMS = 0.13
+
+# Share of matches that are wrong by more than a pixel; the table knows 0 at 25 px and 0.11 at 41 px.
+WRONG_SHARES = (0.0, 0.0, 0.0, 0.11)
+
+# A wrong match lands on a neighbouring structure of the smeared texture [px] [tuned].
+WRONG_ERROR = (1.5, 6.0)
+
+
+@dataclass(frozen=True)
+class MotionBlur:
+    """Noisier disparity where the image moves along the rows during the exposure."""
+
+    name: ClassVar[str] = "motion-blur"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when the image moves so far that the matcher notices."""
+        return choose_above(
+            self.name,
+            "blur_px",
+            facts.blur_px,
+            HARMLESS,
+            "px",
+            on="the camera moves fast enough to smear the texture that is matched",
+            off="the camera moves too slowly to blur depth",
+        )
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Add error where the blur is long; ``strength`` is a factor on the length."""
+        if strength <= 0:
+            return sensed
+        motion = truth.motion
+        along_rows, _ = image_motion(
+            truth.depth, truth.camera.intrinsics, motion.velocity_cam, motion.angular_velocity_cam
+        )
+        blur = np.abs(along_rows) * np.float32(truth.rig.exposure_time * strength)
+        rows, columns = np.nonzero((blur > HARMLESS) & sensed.known)
+        if len(rows) == 0:
+            return sensed
+        length = blur[rows, columns]
+        shape = truth.depth.shape
+        # Smeared texture repeats itself over the length of the blur, and so does the error.
+        cell = truth.rig.noise_correlation + 0.5 * float(np.median(length))
+        noise = coherent_normal(rng, shape, rows, columns, cell)
+        # Excess over the noise of a sharp pair, which has an effect of its own.
+        error = noise * np.sqrt(np.interp(length, BLURS, RMS) ** 2 - SHARP_RMS**2)
+        wrong = np.interp(length, BLURS, WRONG_SHARES)
+        drawn = coherent_normal(rng, shape, rows, columns, cell)
+        missed = np.abs(drawn) > _quantile(wrong)
+        error[missed] = (np.sign(drawn) * rng.uniform(*WRONG_ERROR, len(drawn)))[missed]
+
+        disparity = sensed.disparity.copy()
+        disparity[rows, columns] += error.astype(np.float32)
+        where = np.zeros(shape, dtype=bool)
+        where[rows[missed], columns[missed]] = True
+        return Sensed(disparity, sensed.cause, sensed.confidence).with_values(
+            where, disparity, Cause.MOTION, confidence=0.3
+        )
+
+
+def _quantile(two_sided_share: np.ndarray) -> np.ndarray:
+    """Return what the magnitude of a standard normal value exceeds with this probability."""
+    from scipy.special import ndtri
+
+    with np.errstate(divide="ignore"):
+        return -ndtri(0.5 * two_sided_share)

@@ -1,0 +1,114 @@
+"""Occlusion: what the right eye cannot see has no match, and only part of it is found out."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.coherent import coherent_uniform
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.steps import Runs, find_runs
+
+# Hidden share below which nobody would see the effect.
+MIN_SHARE = 1e-4
+
+# Share of holes among hidden pixels by the length of the hidden run [px]: semi-global matching with a
+# window of 5 and left-right check on a real pair with true disparity (Middlebury Motorcycle). A short run
+# is bridged by the window and the smoothness term, a long one is found out.
+RUN_LENGTHS = (1.0, 2.0, 4.0, 6.5, 10.0, 16.0, 30.0)
+HOLE_SHARES = (0.18, 0.24, 0.31, 0.45, 0.52, 0.58, 0.79)
+
+# What the rest gets, on the same pair: a tenth is right by chance, three quarters take the disparity of
+# what hides them, the others lie between the two.
+RIGHT_SHARE = 0.10
+BETWEEN_SHARE = 0.15
+
+# Distance over which a matcher decides alike [px].
+COHERENCE = 6.0
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """Holes and confident wrong depth on the left side of near things.
+
+    Attributes:
+        hole_gain: factor on the measured share of holes.
+    """
+
+    name: ClassVar[str] = "occlusion"
+    hole_gain: float = 1.0
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when nearer things hide anything from the right eye."""
+        return choose_above(
+            self.name,
+            "occluded_share",
+            facts.occluded_share,
+            MIN_SHARE,
+            "",
+            on="near things hide parts of the scene from the right eye: holes and wrong depth there",
+            off="the right eye sees what the left eye sees",
+        )
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Make holes of some hidden pixels and give most others the disparity of what hides them.
+
+        Below 1, ``strength`` is the share of the hidden pixels that are touched at all; above, it is the
+        number of chances that each of them has to become a hole.
+        """
+        if strength <= 0:
+            return sensed
+        true, shape = truth.disparity, truth.depth.shape
+        columns = np.arange(shape[1]) + 0.5
+        # Further left the point leaves the right image: that is the band, not occlusion.
+        runs = find_runs(~truth.rays.right_visibility() & (true <= columns))
+        rows, columns, run = _pixels(runs)
+
+        touched = rng.random(len(rows)) < strength
+        hole_share = np.interp(runs.lengths, RUN_LENGTHS, HOLE_SHARES) * self.hole_gain
+        hole_share = 1.0 - (1.0 - np.minimum(hole_share, 1.0)) ** max(strength, 1.0)
+        lost = coherent_uniform(rng, shape, rows, columns, COHERENCE) < hole_share[run]
+        guess = _guess(sensed.disparity, runs, rows, columns, run, rng)
+        guess[lost] = np.nan
+        changed = touched & (guess != sensed.disparity[rows, columns])
+
+        disparity = sensed.disparity.copy()
+        disparity[rows[changed], columns[changed]] = guess[changed]
+        where = np.zeros(shape, dtype=bool)
+        where[rows[changed], columns[changed]] = True
+        confidence = np.where(np.isnan(disparity), 0.0, 0.8)  # wrong, and the sensor does not know
+        return sensed.with_values(where, disparity, Cause.OCCLUDED, confidence)
+
+
+def _pixels(runs: Runs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return row, column and number of the run of every pixel in the runs."""
+    run = np.repeat(np.arange(len(runs.rows)), runs.lengths)
+    before = np.cumsum(runs.lengths) - runs.lengths
+    columns = np.arange(len(run)) - before[run] + runs.first[run]
+    return runs.rows[run], columns, run
+
+
+def _guess(
+    disparity: np.ndarray,
+    runs: Runs,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    run: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the disparities that hidden pixels get; NaN where the hiding thing has none, either."""
+    width = disparity.shape[1]
+    # What hides a run lies at its right end; a run that ends at the image's border keeps its holes.
+    hiding = disparity[runs.rows, np.minimum(runs.end, width - 1)]
+    hiding = np.where(runs.end < width, hiding, np.nan)[run]
+    own = disparity[rows, columns]
+    drawn = coherent_uniform(rng, disparity.shape, rows, columns, COHERENCE)
+    between = own + (hiding - own) * (drawn - RIGHT_SHARE) / BETWEEN_SHARE
+    guess = np.where(drawn < RIGHT_SHARE + BETWEEN_SHARE, between, hiding)
+    return np.where(drawn < RIGHT_SHARE, own, guess)

@@ -1,0 +1,100 @@
+"""Specular match: on glossy surfaces with little texture the matcher locks on to the highlight."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.coherent import coherent_uniform
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import SceneFacts
+from sim.sensor.filters import horizontal_gradient
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.materials import is_glossy, pixels_of
+from sim.sensor.virtual_image import virtual_disparity
+
+# Share of the surface in view that must be glossy before the effect shows.
+MIN_SHARE = 1e-4
+
+# Smallest shift between highlight and surface that a matcher can be wrong about [px].
+MIN_SHIFT = 1.0
+
+# A highlight is this much brighter than the middle of the glossy surface [DN] [tuned].
+HIGHLIGHT = 40.0
+
+# Share of wrong, confident matches by the shift [px]: measured with a highlight moved over a plane of weak
+# texture (3 DN); with strong texture (20 DN) the surface holds, and shifts from 5 px on leave holes.
+SHIFTS = (1.0, 2.0, 5.0, 10.0)
+WRONG_SHARES_WEAK = (0.0, 0.57, 0.79, 0.91)
+WRONG_SHARES_STRONG = (0.0, 0.0, 0.10, 0.36)
+HOLE_SHARES_STRONG = (0.0, 0.0, 0.19, 0.20)
+WEAK_TEXTURE, STRONG_TEXTURE = 3.0, 20.0  # [DN]
+
+# RMS contrast of a texture per mean gradient along the rows [px]: textures here vary over some pixels.
+CONTRAST_PER_GRADIENT = 2.0
+
+COHERENCE = 6.0
+
+
+@dataclass(frozen=True)
+class Specular:
+    """Confident wrong depth, and some holes, in the highlights of glossy surfaces."""
+
+    name: ClassVar[str] = "specular"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when highlights on glossy surfaces move between the eyes."""
+        on = facts.specular_share >= MIN_SHARE and facts.highlight_shift >= MIN_SHIFT
+        if facts.specular_share < MIN_SHARE:
+            reason = "no glossy surface in view"
+        elif on:
+            reason = "highlights sit elsewhere in the other eye: the matcher follows them"
+        else:
+            reason = "highlights sit where the surface is: following them does no harm"
+        statistic = (
+            f"specular_share = {facts.specular_share:.2%}, "
+            f"highlight_shift = {facts.highlight_shift:.1f} px"
+        )
+        return Choice(self.name, on, statistic, f">= {MIN_SHARE:.2%}, >= {MIN_SHIFT} px", reason)
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Match highlights instead of the surface; ``strength`` is a factor on their shift."""
+        glossy = pixels_of(truth, is_glossy) if strength > 0 else None
+        if glossy is None or not glossy.any():
+            return sensed
+        gray = truth.gray
+        highlight = glossy & (gray > np.median(gray[glossy]) + HIGHLIGHT)
+        if not highlight.any():
+            return sensed
+        texture = np.median(np.abs(horizontal_gradient(gray))[glossy]) * CONTRAST_PER_GRADIENT
+        image = virtual_disparity(truth, highlight)
+        image = truth.disparity + strength * (image - truth.disparity)
+
+        rows, columns = np.nonzero(highlight)
+        shift = np.abs(image[rows, columns] - truth.disparity[rows, columns])
+        wrong_share, hole_share = failure_shares(shift, float(texture))
+        drawn = coherent_uniform(rng, glossy.shape, rows, columns, COHERENCE)
+        wrong, lost = np.zeros_like(glossy), np.zeros_like(glossy)
+        wrong[rows, columns] = drawn < wrong_share
+        lost[rows, columns] = (drawn >= wrong_share) & (drawn < wrong_share + hole_share)
+        return sensed.with_values(wrong, image, Cause.SPECULAR, 0.8).with_holes(
+            lost, Cause.SPECULAR
+        )
+
+
+def failure_shares(shift: np.ndarray, texture: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the shares of wrong matches and of holes in a highlight.
+
+    Args:
+        shift: between the disparities of highlight and surface [px], any shape.
+        texture: RMS contrast of the surface's own texture [DN].
+    """
+    strong = np.clip((texture - WEAK_TEXTURE) / (STRONG_TEXTURE - WEAK_TEXTURE), 0.0, 1.0)
+    weak_wrong = np.interp(shift, SHIFTS, WRONG_SHARES_WEAK)
+    strong_wrong = np.interp(shift, SHIFTS, WRONG_SHARES_STRONG)
+    holes = np.interp(shift, SHIFTS, HOLE_SHARES_STRONG)
+    return (1 - strong) * weak_wrong + strong * strong_wrong, strong * holes

@@ -1,0 +1,38 @@
+"""Which pixels show a mirror, a glossy or a transparent surface."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sim.scene import Material
+from sim.sensor.frame import FrameTruth
+
+# A metal this smooth shows a sharp picture of its surroundings.
+MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1
+
+# Rougher surfaces smear a highlight so far that it has no gradient to match.
+GLOSSY_ROUGHNESS = 0.3
+
+
+def is_mirror(material: Material) -> bool:
+    """Whether a matcher sees the reflected scene instead of the surface."""
+    return material.metallic > MIRROR_METALLIC and material.roughness < MIRROR_ROUGHNESS
+
+
+def is_glossy(material: Material) -> bool:
+    """Whether the surface shows sharp highlights, but is no mirror."""
+    return material.roughness < GLOSSY_ROUGHNESS and not is_mirror(material)
+
+
+def is_transparent(material: Material) -> bool:
+    """Whether more is seen of what lies behind than of the surface."""
+    return material.is_transparent
+
+
+def pixels_of(truth: FrameTruth, test: Callable[[Material], bool]) -> np.ndarray | None:
+    """Return where the materials pass ``test``, (height, width), bool; None: no material does."""
+    passes = [test(material) for material in truth.materials]
+    if not any(passes):
+        return None
+    # The surround's id -1 picks the last entry.
+    return np.array([*passes, False])[truth.material_ids] & np.isfinite(truth.depth)

@@ -1,0 +1,64 @@
+"""Where a mirrored thing seems to be: the depth that matching a reflection gives."""
+
+import numpy as np
+
+from digs_warp.camera import pixel_centers
+from sim.sensor.frame import FrameTruth
+
+# Concave mirrors can throw the image to infinity or before the surface; it stays within this [m].
+MAX_VIRTUAL_DISTANCE = 100.0
+
+# Neighbours whose depth differs by more than this share belong to another surface.
+SAME_SURFACE = 0.02
+
+
+def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
+    """Return the disparity [px] of what the surface mirrors, (height, width), float64.
+
+    Both eyes see the mirrored thing behind the surface. A flat mirror shows it as far behind as it lies
+    in front; a curved one at v with 1/v = 1/s + 2k (the mirror equation), s the distance of the thing
+    and k the curvature of the surface along the baseline [1/m], positive where convex.
+
+    Args:
+        truth: its rays are asked for the distance of what is mirrored.
+        where: the pixels that are wanted, (height, width), bool; the others are NaN.
+    """
+    rows, columns = np.nonzero(where)
+    k = truth.camera.intrinsics
+    depth = truth.depth[rows, columns].astype(np.float64)
+    x, y = (columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy
+    to_surface = depth * np.sqrt(1 + x * x + y * y)
+    to_mirrored = truth.rays.reflection_distance()[rows, columns].astype(np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / to_mirrored + 2 * curvature_along_rows(truth, rows, columns)
+        behind = 1 / np.maximum(inverse, 1 / MAX_VIRTUAL_DISTANCE)
+        virtual_depth = depth * (to_surface + behind) / to_surface
+    disparity = np.full(where.shape, np.nan)
+    disparity[rows, columns] = truth.rig.intrinsics.fx * truth.rig.baseline / virtual_depth
+    return disparity
+
+
+def curvature_along_rows(truth: FrameTruth, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the curvature of the surface along the rows [1/m] at some pixels, shape (n,).
+
+    Positive where convex (a sphere of radius r seen from outside: 1/r); 0 where a neighbour belongs to
+    another surface.
+    """
+    last = truth.depth.shape[1] - 1
+    left, right = np.maximum(columns - 1, 0), np.minimum(columns + 1, last)
+    centers = pixel_centers(truth.depth.shape[1], truth.depth.shape[0])
+    near, far = (
+        truth.camera.unproject(centers[rows, side], truth.depth[rows, side].astype(np.float64))
+        for side in (left, right)
+    )
+    step = far - near
+    turn = truth.normals_world[rows, right].astype(np.float64) - truth.normals_world[rows, left]
+    length = np.sum(step * step, axis=1)
+    depth = truth.depth[rows, columns]
+    same = (truth.material_ids[rows, left] == truth.material_ids[rows, columns]) & (
+        truth.material_ids[rows, right] == truth.material_ids[rows, columns]
+    )
+    for side in (left, right):
+        same &= np.abs(truth.depth[rows, side] - depth) < SAME_SURFACE * depth
+    same &= length > 0
+    return np.where(same, np.sum(turn * step, axis=1) / np.where(same, length, 1.0), 0.0)
