@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format constraints clean
+.PHONY: help setup demo figures test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -37,6 +37,9 @@ $(VENV)/bin/python:
 
 demo: setup ## The main job on the built-in object: capture, reconstruct, out/demo/scene.usdz
 	$(BIN)/digs-warp run --out out/demo --overwrite
+
+figures: demo ## The pictures of README and docs, from the results of make demo
+	$(BIN)/python scripts/demo_picture.py out/demo
 
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh

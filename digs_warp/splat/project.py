@@ -2,8 +2,9 @@
 # (device code, which Warp's stubs do not type)
 """Projection of Gaussians to splats on the image, and its gradient, one thread per Gaussian.
 
-The notation is that of `digs_warp.splat.footprint`. det is |m0 x m1|^2 + DILATION (|m0|^2 + |m1|^2) + DILATION^2 (Cauchy-Binet): a sum of squares, so that a
-needle of any length keeps a positive determinant in float32.
+The notation is that of `digs_warp.splat.footprint`. The determinant of the covariance is taken as
+|m0 x m1|^2 + DILATION (|m0|^2 + |m1|^2) + DILATION^2 (Cauchy-Binet): a sum of squares, so that a needle of
+any length keeps a positive one in float32.
 
 The gradient is written by hand: it fuses the sum over a splat's tiles, the projection and the colour in
 one pass, which Warp's generated adjoint cannot. Tests compare it with central differences of a float64
@@ -23,7 +24,7 @@ from digs_warp.splat.shade import sh_adjoint, sh_color
 
 wp.set_module_options({"enable_backward": False})
 
-# Columns of a splat's record; one record is one cache line.
+# Columns of a splat's record: what a tile reads of a splat lies together.
 SPLAT_U = wp.constant(0)
 SPLAT_V = wp.constant(1)
 SPLAT_A = wp.constant(2)
