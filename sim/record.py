@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -70,6 +70,9 @@ class SimulateConfig:
     tier: Literal["truth", "law"] = "law"
     """Depth sensor: 'truth' reports exact depth, 'law' adds the noise, steps and range of a stereo pair."""
 
+    strength: float = 1.0
+    """Factor on the errors of the depth sensor; 0: none, 2: twice as bad as the real one."""
+
     object_size: float | None = None
     """Size of the object's longest side [m]. Default: chosen from the mesh, so that it fits a table."""
 
@@ -85,6 +88,8 @@ class SimulateConfig:
                 raise DigsError(f"{name}: {getattr(self, name)}, expected at least 1")
         if self.seed < 0:
             raise DigsError(f"seed: {self.seed}, expected 0 or more")
+        if not (np.isfinite(self.strength) and self.strength >= 0):
+            raise DigsError(f"strength: {self.strength}, expected a finite number, 0 or more")
         if self.object_size is not None:
             check_positive("object_size [m]", self.object_size)
         if self.mesh is None and (self.object_size is not None or self.up != "auto"):
@@ -156,9 +161,15 @@ class _Recorder:
 
     def sense(self, number: int, images: FrameImages) -> FrameImages:
         """Return the images with the depth that the sensor reports."""
-        if self.config.tier == "truth":
+        strength = self.config.strength
+        if self.config.tier == "truth" or strength == 0:
             return images
-        depth = sense_depth(images.depth, self.rig, self.config.seed, number)
+        rig = replace(
+            self.rig,
+            disparity_sigma=strength * self.rig.disparity_sigma,
+            disparity_step=strength * self.rig.disparity_step,
+        )
+        depth = sense_depth(images.depth, rig, self.config.seed, number)
         return FrameImages(images.image, depth, images.mask, images.right, images.depth_true)
 
     def _pixel_seed(self, number: int, eye: int) -> int:

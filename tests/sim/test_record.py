@@ -139,6 +139,23 @@ def test_the_truth_tier_reports_true_depth(config: SimulateConfig, tmp_path: Pat
     np.testing.assert_array_equal(frame.load_depth(), frame.load_depth_true())
 
 
+def test_strength_scales_the_errors(config: SimulateConfig, tmp_path: Path) -> None:
+    errors = []
+    for strength in (0.0, 1.0, 3.0):
+        changed = replace(config, frames=1, strength=strength)
+        (frame,) = simulate(changed, tmp_path / str(strength)).frames
+        near = frame.load_depth_true() < 1.3
+        errors.append(np.std((frame.load_depth() - frame.load_depth_true())[near]))
+    assert errors[0] == 0
+    assert errors[2] == pytest.approx(3 * errors[1], rel=0.1)
+
+
+@pytest.mark.parametrize("strength", [-1.0, float("nan"), float("inf")])
+def test_impossible_strengths_are_refused(strength: float) -> None:
+    with pytest.raises(DigsError, match=r"strength: .*0 or more"):
+        SimulateConfig(strength=strength)
+
+
 def test_one_pixel_is_enough(config: SimulateConfig, tmp_path: Path) -> None:
     capture = simulate(replace(config, frames=2, width=1, height=1), tmp_path / "capture")
     assert capture.frames[0].load_image().shape == (1, 1, 3)
