@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures test lint format constraints clean
+.PHONY: help setup demo figures performance test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -40,6 +40,9 @@ demo: setup ## The main job on the built-in object: capture, reconstruct, out/de
 
 figures: demo ## The pictures of README and docs, from the results of make demo
 	$(BIN)/python scripts/demo_picture.py out/demo
+
+performance: setup ## Measure the rasterizer and write docs/performance.md
+	$(BIN)/python scripts/performance_page.py
 
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh
