@@ -113,7 +113,7 @@ _MATCHER = {
     **_figures("tuned", "any specimen", unit=0),
     **_figures("tuned", "factory calibration, no drift", row_offset=0.0, column_offset=0.0),
     **_figures("tuned", "indoor light", exposure_time=0.01, image_noise=2.0),
-    **_figures("tuned", "small-pixel sensors", full_well=10_000.0, vignetting=0.3),
+    **_figures("tuned", "small pixels at indoor gain", full_well=4_400.0, vignetting=0.3),
 }
 
 _ZED2 = {

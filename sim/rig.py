@@ -40,7 +40,7 @@ class StereoRig:
         column_offset: disparity error that a drifted calibration adds everywhere [px].
         post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of a mid-grey pixel [DN of 255].
-        full_well: electrons that a white pixel holds; sets how noise grows with light.
+        full_well: electrons of a white pixel at the gain in use; sets how noise grows with light.
         exposure_time: [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.
         vignetting: light lost in the corners, 0 to 1.
@@ -64,7 +64,7 @@ class StereoRig:
     column_offset: float = 0.0
     post_filter: bool = False
     image_noise: float = 2.0
-    full_well: float = 10_000.0
+    full_well: float = 4_400.0
     exposure_time: float = 0.01
     readout_time: float = 0.0
     vignetting: float = 0.3
@@ -95,6 +95,12 @@ class StereoRig:
     def focal_baseline(self) -> float:
         """Focal length times baseline [px m]: disparity = focal_baseline / depth."""
         return self.intrinsics.fx * self.baseline
+
+    @property
+    def largest_disparity(self) -> float:
+        """Disparity of the nearest depth that the sensor can report [px]."""
+        nearest = self.focal_baseline / self.min_depth
+        return min(nearest, self.max_disparity) if self.max_disparity > 0 else nearest
 
 
 _AMOUNTS = (

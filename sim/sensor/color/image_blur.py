@@ -1,0 +1,43 @@
+"""Motion blur of the images: the camera moves while the shutter is open.
+
+The images are the mean of several views along the way, in linear light, so that edges, highlights and
+masks blur as they do in a camera. `sim.shutter` renders them; this file says how many are needed.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+
+# Blur below half a pixel hides behind the pixel's own size.
+VISIBLE_BLUR_PX = 0.5
+
+# Views per exposure: one per pixel of blur leaves no gaps; beyond 16 the cost outgrows the use.
+MIN_VIEWS, MAX_VIEWS = 4, 16
+
+
+@dataclass(frozen=True)
+class ImageBlur:
+    """Spreads the exposure over the motion."""
+
+    name: ClassVar[str] = "image-blur"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """It acts where the image moves by a visible amount during the exposure."""
+        return choose_above(
+            self.name,
+            "blur_px",
+            facts.blur_px,
+            VISIBLE_BLUR_PX,
+            "px",
+            on="the hand moves far enough during an exposure to blur the images",
+            off="the shutter is too fast for the hand to blur the images",
+        )
+
+    def views(self, facts: SceneFacts) -> int:
+        """Return how many views make one exposure."""
+        return int(np.clip(np.ceil(facts.blur_px), MIN_VIEWS, MAX_VIEWS))

@@ -1,0 +1,50 @@
+"""What an effect on the colour path is: it says whether a scene calls for it, and changes the images."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from sim.rig import StereoRig
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import SceneFacts
+
+
+@dataclass(frozen=True, eq=False)
+class EyeImages:
+    """What falls on the two sensors, in linear light, 1 is white.
+
+    Attributes:
+        intrinsics: of either eye.
+        left, right: shape (height, width, 3), float32.
+    """
+
+    intrinsics: Intrinsics
+    left: np.ndarray
+    right: np.ndarray
+
+    def with_images(self, left: np.ndarray, right: np.ndarray) -> "EyeImages":
+        """Return the same eyes with other images."""
+        return replace(self, left=left, right=right)
+
+
+class ColorEffect(Protocol):
+    """Common to all effects on the colour path."""
+
+    name: ClassVar[str]
+    """Kebab-case, as --effects takes it; also seeds its random numbers."""
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Return whether the scene calls for the effect, and why."""
+        ...
+
+
+class PixelEffect(ColorEffect, Protocol):
+    """An effect that works on the images once they are rendered."""
+
+    def apply(
+        self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> EyeImages:
+        """Return the images after the effect; ``rng`` is seeded by (seed, frame, effect)."""
+        ...

@@ -1,0 +1,45 @@
+"""Read noise: the sensor's electronics add the same noise to every pixel; it shows in the dark."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.color.noise_law import STEPS_PER_LINEAR, read_sigma
+from sim.sensor.color.protocol import EyeImages
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+
+
+@dataclass(frozen=True)
+class ReadNoise:
+    """Adds noise of one variance, per pixel, channel and eye."""
+
+    name: ClassVar[str] = "read-noise"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """It depends on the sensor alone."""
+        return choose_above(
+            self.name,
+            "read_noise",
+            read_sigma(rig) * STEPS_PER_LINEAR,
+            0.0,
+            "DN",
+            on="the electronics add noise of their own, which shows in the dark",
+            off="shot noise explains all image noise that the profile states",
+        )
+
+    def apply(
+        self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> EyeImages:
+        """Add white Gaussian noise in linear light."""
+        sigma = np.float32(strength * read_sigma(rig))
+        return eyes.with_images(*(_noisy(image, sigma, rng) for image in (eyes.left, eyes.right)))
+
+
+def _noisy(linear: np.ndarray, sigma: np.float32, rng: np.random.Generator) -> np.ndarray:
+    noise = rng.standard_normal(linear.shape, dtype=np.float32)
+    noise *= sigma
+    noise += linear
+    return noise

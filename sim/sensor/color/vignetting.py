@@ -1,0 +1,56 @@
+"""Vignetting: the image gets darker toward its corners.
+
+A lens gathers less light off its axis: cos^4 of the angle. Cameras brighten the corners again, never
+quite; the rig says how much light the corners lose in the end, the law how it fades toward them.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics, pixel_centers
+from sim.rig import StereoRig
+from sim.sensor.color.protocol import EyeImages
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+
+# Loss in the corners below which nobody sees a difference: about one 8-bit step.
+VISIBLE_LOSS = 0.01
+
+
+@dataclass(frozen=True)
+class Vignetting:
+    """Darkens both images toward their corners."""
+
+    name: ClassVar[str] = "vignetting"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """It depends on the lens alone."""
+        return choose_above(
+            self.name,
+            "vignetting",
+            rig.vignetting,
+            VISIBLE_LOSS,
+            "",
+            on="the lens gives the corners visibly less light",
+            off="the corners lose too little light to see",
+        )
+
+    def apply(
+        self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> EyeImages:
+        """Multiply both images by what the lens lets through."""
+        gain = 1 - np.float32(strength * rig.vignetting) * _falloff(eyes.intrinsics)
+        return eyes.with_images(eyes.left * gain, eyes.right * gain)
+
+
+@lru_cache(maxsize=4)
+def _falloff(k: Intrinsics) -> np.ndarray:
+    """Return the loss by the cos^4 law, 1 in the darkest corner, shape (height, width, 1), float32."""
+    tangents = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
+    loss = 1 - 1 / (1 + (tangents**2).sum(axis=-1, keepdims=True)) ** 2
+    return (loss / max(loss.max(), 1e-12)).astype(
+        np.float32
+    )  # a single pixel on the axis loses nothing

@@ -1,0 +1,139 @@
+"""How a shutter sees a moving scene: rows one after another, each over a span of time.
+
+Every band of rows is rendered from where the camera was when it was read, and every exposure is the mean
+of several views along the way. A band is a camera of its own with the same rays, so any renderer can do
+it, and occlusion, highlights, mask and depth come out right: nothing is warped.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from sim.render.protocol import Renderer
+from sim.sensor.color.encoding import decode, encode
+from sim.sensor.frame import FrameRays
+
+# Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
+PoseAt = Callable[[float], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """A shutter; the default is an ideal one: open for an instant, all rows at once.
+
+    Attributes:
+        bands: of rows that share a time, >= 1.
+        views: that are averaged per exposure, >= 1.
+        readout_time: from the first to the last row [s].
+        exposure_time: [s].
+    """
+
+    bands: int = 1
+    views: int = 1
+    readout_time: float = 0.0
+    exposure_time: float = 0.0
+
+    def moments(self, band: int) -> np.ndarray:
+        """Return the times [s] of a band's views, shape (views,), 0 in the middle of the frame."""
+        middle = ((band + 0.5) / self.bands - 0.5) * self.readout_time
+        return middle + ((np.arange(self.views) + 0.5) / self.views - 0.5) * self.exposure_time
+
+
+@dataclass(frozen=True, eq=False)
+class ShutteredEye:
+    """One eye of a moving camera, seen through a shutter.
+
+    Attributes:
+        renderer: what it looks at.
+        shutter: how it looks.
+        intrinsics: of the whole image.
+        pose_at: of this eye.
+    """
+
+    renderer: Renderer
+    shutter: Shutter
+    intrinsics: Intrinsics
+    pose_at: PoseAt
+
+    def image(
+        self, samples_per_pixel: int, seed: np.random.SeedSequence
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the image, (height, width, 3), and the mask, (height, width), both uint8.
+
+        The samples of a pixel are shared out over the views, at least one for each.
+        """
+        samples = max(1, samples_per_pixel // self.shutter.views)
+        images, masks = [], []
+        for band, rows in self._bands():
+            views = [
+                self.renderer.render_image(
+                    Camera(rows, self.pose_at(float(moment))),
+                    samples,
+                    _view_seed(seed, band * self.shutter.views + view),
+                )
+                for view, moment in enumerate(self.shutter.moments(band))
+            ]
+            image, mask = views[0] if len(views) == 1 else _mean(views)
+            images.append(image)
+            masks.append(mask)
+        return np.concatenate(images), np.concatenate(masks)
+
+    def geometry(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return depth, world normals and material ids at the middle of each row's exposure."""
+        layers = [self.renderer.render_geometry(camera) for camera in self._cameras()]
+        depth, normals, materials = zip(*layers, strict=True)
+        return np.concatenate(depth), np.concatenate(normals), np.concatenate(materials)
+
+    def rays(self, baseline: float) -> FrameRays:
+        """Return the rays that effects may ask for; none is cast before."""
+        rays = [self.renderer.frame_rays(camera, baseline) for camera in self._cameras()]
+        return rays[0] if len(rays) == 1 else BandedRays(tuple(rays))
+
+    def _cameras(self) -> Iterator[Camera]:
+        for band, rows in self._bands():
+            yield Camera(rows, self.pose_at(float(self.shutter.moments(band).mean())))
+
+    def _bands(self) -> Iterator[tuple[int, Intrinsics]]:
+        """Yield each band's number and the intrinsics of its rows."""
+        k = self.intrinsics
+        edges = np.linspace(0, k.height, self.shutter.bands + 1).round().astype(int).tolist()
+        for band, (top, bottom) in enumerate(pairwise(edges)):
+            yield band, Intrinsics(k.width, bottom - top, k.fx, k.fy, k.cx, k.cy - top)
+
+
+@dataclass(frozen=True, eq=False)
+class BandedRays:
+    """The rays of an image whose rows were seen from different places."""
+
+    bands: tuple[FrameRays, ...]
+
+    def right_visibility(self) -> np.ndarray:
+        """See `FrameRays`."""
+        return np.concatenate([band.right_visibility() for band in self.bands])
+
+    def reflection_distance(self) -> np.ndarray:
+        """See `FrameRays`."""
+        return np.concatenate([band.reflection_distance() for band in self.bands])
+
+    def depth_behind(self) -> np.ndarray:
+        """See `FrameRays`."""
+        return np.concatenate([band.depth_behind() for band in self.bands])
+
+
+def _mean(views: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean image (in linear light) and the mean mask of several views, uint8."""
+    light = decode(views[0][0])
+    cover = views[0][1].astype(np.float32)
+    for image, mask in views[1:]:
+        light += decode(image)
+        cover += mask
+    light /= len(views)
+    return encode(light), (cover / len(views) + 0.5).astype(np.uint8)
+
+
+def _view_seed(seed: np.random.SeedSequence, view: int) -> int:
+    """Return the seed of one of the views; the first has that of the whole."""
+    return int(seed.generate_state(view + 1)[view])
