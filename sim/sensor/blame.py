@@ -53,7 +53,7 @@ def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
         (~truth.rays.right_visibility(), Cause.OCCLUDED),
         (true > columns, Cause.BAND),
         (truth.depth > rig.max_depth, Cause.FAR),
-        ((truth.depth < rig.min_depth) | (true > rig.max_disparity), Cause.NEAR),
+        (true > rig.largest_disparity, Cause.NEAR),
     ]
 
 

@@ -57,7 +57,7 @@ def search_range(rig: StereoRig) -> int:
 
     Wider images than this do not exist, so the range ends with the image at the latest.
     """
-    nearest = min(rig.focal_baseline / rig.min_depth, rig.max_disparity, rig.intrinsics.width)
+    nearest = min(rig.largest_disparity, rig.intrinsics.width)
     return FIXED_POINT * max(1, int(np.ceil(nearest / FIXED_POINT)))
 
 

@@ -73,11 +73,12 @@ class EdgeFattening:
 
 
 def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) -> np.ndarray:
-    """Return how far an outline moves outward [px], for a window of half-width ``half`` [px].
+    """Return how far an outline moves outward [px]; negative: the near thing shrinks.
 
     Args:
         near_texture: strength of the texture of the nearer side [DN/px], >= 0.
         far_texture: of the farther side.
+        half: half the width of the window [px].
     """
     ratio = np.maximum(near_texture, TEXTURE_FLOOR) / np.maximum(far_texture, TEXTURE_FLOOR)
     contrast = np.clip(np.log(ratio) / SATURATION, -1.0, 1.0)

@@ -27,6 +27,11 @@ HOLE_SHARES = (0.18, 0.24, 0.31, 0.45, 0.52, 0.58, 0.79)
 RIGHT_SHARE = 0.10
 BETWEEN_SHARE = 0.15
 
+# What hides a run is nearer by this much, and lies at most so far to its right [px]: not next to it where
+# the surface comes into sight again before a thin thing, or where disparity has gaps.
+NEARER = 1.0
+SEARCH = 16
+
 # Distance over which a matcher decides alike [px].
 COHERENCE = 6.0
 
@@ -102,13 +107,23 @@ def _guess(
     run: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the disparities that hidden pixels get; NaN where the hiding thing has none, either."""
-    width = disparity.shape[1]
-    # What hides a run lies at its right end; a run that ends at the image's border keeps its holes.
-    hiding = disparity[runs.rows, np.minimum(runs.end, width - 1)]
-    hiding = np.where(runs.end < width, hiding, np.nan)[run]
+    """Return the disparities that hidden pixels get; NaN where nothing seems to hide them."""
+    hiding = _hiding(disparity, runs)[run]
     own = disparity[rows, columns]
     drawn = coherent_uniform(rng, disparity.shape, rows, columns, COHERENCE)
     between = own + (hiding - own) * (drawn - RIGHT_SHARE) / BETWEEN_SHARE
     guess = np.where(drawn < RIGHT_SHARE + BETWEEN_SHARE, between, hiding)
     return np.where(drawn < RIGHT_SHARE, own, guess)
+
+
+def _hiding(disparity: np.ndarray, runs: Runs) -> np.ndarray:
+    """Return the disparity of what hides each run: the first nearer thing to its right; NaN: none."""
+    width = disparity.shape[1]
+    found = np.full(len(runs.rows), np.nan, dtype=disparity.dtype)
+    nearer_than = disparity[runs.rows, runs.end - 1] + NEARER
+    for distance in range(SEARCH):
+        wanted = np.flatnonzero(np.isnan(found) & (runs.end + distance < width))
+        value = disparity[runs.rows[wanted], runs.end[wanted] + distance]
+        nearer = value > nearer_than[wanted]
+        found[wanted[nearer]] = value[nearer]
+    return found

@@ -1,0 +1,76 @@
+"""How far sensed disparity is from the truth, in the terms of the Middlebury stereo benchmark."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.sensor.blame import WRONG, near_steps
+from sim.sensor.frame import FrameTruth
+
+# Pixels this near to a depth step count as edge pixels.
+EDGE_RADIUS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """Shares are 0 to 1; NaN where there is nothing to count.
+
+    Attributes:
+        fill: share of the pixels with true depth that have a value.
+        bad_1: share of the values that are wrong by more than a pixel.
+        rms: RMS error of the other values [px].
+        edge_bad_1: ``bad_1`` within two pixels of a depth step.
+        occluded_holes: share of the pixels hidden from the right eye that have no value.
+        occluded_bad_1: ``bad_1`` among the hidden pixels.
+        visible_holes: share of the pixels that both eyes see that have no value.
+    """
+
+    fill: float
+    bad_1: float
+    rms: float
+    edge_bad_1: float
+    occluded_holes: float
+    occluded_bad_1: float
+    visible_holes: float
+
+
+def score(disparity: np.ndarray, truth: FrameTruth) -> Scores:
+    """Compare sensed disparity [px], (height, width), NaN where missing, with the truth of its frame."""
+    true = truth.disparity
+    known = ~np.isnan(true)
+    filled = known & ~np.isnan(disparity)
+    error = np.abs(disparity - true)
+    bad = filled & (error > WRONG)
+    edge = near_steps(true, EDGE_RADIUS)
+    inside = true <= np.arange(true.shape[1]) + 0.5  # not in the band that the right image lacks
+    seen = truth.rays.right_visibility()
+    hidden, visible = known & inside & ~seen, known & inside & seen
+    good = error[filled & ~bad]
+    return Scores(
+        fill=_share(filled, known),
+        bad_1=_share(bad, filled),
+        rms=float(np.sqrt(np.mean(np.square(good)))) if good.size else np.nan,
+        edge_bad_1=_share(bad, filled & edge),
+        occluded_holes=_share(~filled, hidden),
+        occluded_bad_1=_share(bad, hidden & filled),
+        visible_holes=_share(~filled, visible),
+    )
+
+
+def bad_by_edge_distance(
+    disparity: np.ndarray, truth: FrameTruth, limits: tuple[int, ...] = (2, 5, 10, 20)
+) -> list[float]:
+    """Return ``bad_1`` in zones round the depth steps: up to each limit [px], and beyond the last."""
+    filled = ~np.isnan(disparity) & ~np.isnan(truth.disparity)
+    bad = filled & (np.abs(disparity - truth.disparity) > WRONG)
+    shares, counted = [], np.zeros_like(filled)
+    for limit in limits:
+        within = near_steps(truth.disparity, limit)
+        shares.append(_share(bad, filled & within & ~counted))
+        counted |= within
+    return [*shares, _share(bad, filled & ~counted)]
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> float:
+    count = np.count_nonzero(whole)
+    return float(np.count_nonzero(part & whole) / count) if count else np.nan
