@@ -1,6 +1,34 @@
 """What the planner knows of a scene: statistics measured on rendered frames, before any matching."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from sim.sensor.filters import dilate
+from sim.sensor.frame import FrameTruth
+from sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
+from sim.sensor.motion import image_motion
+from sim.sensor.slopes import width_ratio
+from sim.sensor.steps import find_steps
+from sim.sensor.virtual_image import virtual_disparity
+
+# Thresholds of the statistics; the effects that use them tell their sources.
+TEXTURE_REACH = 20.0  # [px]
+WEAK_SNR = 0.5
+STEP, LARGE_STEP = 1.0, 3.0  # [px]
+STEP_REACH = 2  # [px]
+GRAZING_RATIO = 0.4
+SATURATED, DARK = 250, 15  # [DN]
+
+# A highlight is this much brighter than the middle of the glossy surface [DN] [tuned].
+HIGHLIGHT = 40.0
+
+# Motion is smooth over the image: one pixel in this many along each axis tells enough.
+MOTION_STRIDE = 8
+
+PERCENTILE = 95
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,9 +50,7 @@ class SceneFacts:
     step_share: float  # share within 2 px of a disparity step >= 1 px
     large_step_share: float  # share within 2 px of a disparity step > 3 px
     step_contrast: float  # median ln(foreground texture / background texture) across steps
-    occluded_share: (
-        float  # share that nearer things hide from the right eye, estimated from disparity
-    )
+    occluded_share: float  # share that the right eye cannot see, estimated from disparity
     grazing_share: float  # share with |ln(1 - dd/dx)| >= 0.4
     specular_share: float  # share with roughness < 0.3 that is no mirror
     highlight_shift: float  # 95th percentile of the highlight's disparity error there [px]
@@ -34,3 +60,143 @@ class SceneFacts:
     dark_share: float  # share below 15 of 255
     blur_px: float  # 95th percentile of motion during the exposure [px]
     skew_px: float  # 95th percentile of motion during the shutter's read-out [px]
+
+
+# Extremes over the frames; every other fact is the mean over the frames in which it can be measured.
+_SMALLEST = ("min_depth", "min_disparity")
+_LARGEST = ("max_depth", "max_disparity", "textureless_radius", "highlight_shift")
+
+
+def measure_facts(frames: Sequence[FrameTruth]) -> SceneFacts:
+    """Return the facts of a scene from some of its frames.
+
+    Facts that cannot be measured (no step, nothing in view) are 0, except depths and disparities, which
+    are NaN when nothing is in view.
+
+    Raises:
+        DigsError: no frames.
+    """
+    if not frames:
+        raise DigsError("facts: no frames, expected at least one")
+    measured = [_measure(frame) for frame in frames]
+    facts: dict[str, float] = {}
+    for name in (field.name for field in fields(SceneFacts) if field.name != "frames"):
+        values = np.array([m[name] for m in measured if name in m and np.isfinite(m[name])])
+        if len(values) == 0:
+            facts[name] = np.nan if name in _SMALLEST + _LARGEST[:2] else 0.0
+        elif name in _SMALLEST:
+            facts[name] = float(values.min())
+        elif name in _LARGEST:
+            facts[name] = float(values.max())
+        else:
+            facts[name] = float(values.mean())
+    return SceneFacts(frames=len(frames), **facts)
+
+
+def _measure(truth: FrameTruth) -> dict[str, float]:
+    """Return the facts of one frame; a fact that cannot be measured is left out."""
+    visible = np.isfinite(truth.depth)
+    if not visible.any():
+        return {}
+    depth = truth.depth[visible]
+    return {
+        "min_depth": float(depth.min()),
+        "max_depth": float(depth.max()),
+        "min_disparity": truth.rig.focal_baseline / float(depth.max()),
+        "max_disparity": truth.rig.focal_baseline / float(depth.min()),
+        **_texture(truth, visible),
+        **_steps(truth, visible),
+        **_surfaces(truth, visible),
+        **_motion(truth),
+    }
+
+
+def _texture(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
+    distance = truth.texture_distance[visible]
+    gray = truth.gray[visible]
+    # Where nothing is textured at all, the distance ends at the border of the image.
+    radius = min(float(distance.max()), float(np.hypot(*truth.depth.shape)))
+    return {
+        "texture_rms": float(np.sqrt(np.mean(np.square(truth.gradient[visible])))),
+        "textureless_share": float(np.mean(distance > TEXTURE_REACH)),
+        "textureless_radius": radius,
+        "weak_texture_share": float(np.mean(truth.texture_snr[visible] < WEAK_SNR)),
+        "saturated_share": float(np.mean(gray > SATURATED)),
+        "dark_share": float(np.mean(gray < DARK)),
+    }
+
+
+def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
+    disparity = truth.disparity
+    facts = {
+        "step_share": _share_near_steps(disparity, STEP, visible),
+        "large_step_share": _share_near_steps(disparity, LARGE_STEP, visible),
+        "occluded_share": float(np.mean(_hidden_from_right(disparity)[visible])),
+    }
+    steps = find_steps(disparity, LARGE_STEP)
+    if len(steps.rows):
+        # Texture of either side, clear of the window that holds both.
+        last, window = disparity.shape[1] - 1, truth.rig.window
+        near = np.clip(steps.near - window * steps.away, 0, last)
+        far = np.clip(steps.far + window * steps.away, 0, last)
+        # One grey level: texture below the rounding of the image is none.
+        ratio = (truth.gradient[steps.rows, near] + 1) / (truth.gradient[steps.rows, far] + 1)
+        facts["step_contrast"] = float(np.median(np.log(ratio)))
+    return facts
+
+
+def _share_near_steps(disparity: np.ndarray, threshold: float, visible: np.ndarray) -> float:
+    at_step = np.zeros(disparity.shape, dtype=bool)
+    along_rows, along_columns = find_steps(disparity, threshold), find_steps(disparity.T, threshold)
+    for columns in (along_rows.near, along_rows.far):
+        at_step[along_rows.rows, columns] = True
+    for rows in (along_columns.near, along_columns.far):
+        at_step[rows, along_columns.rows] = True
+    return float(np.mean(dilate(at_step, STEP_REACH)[visible]))
+
+
+def _hidden_from_right(disparity: np.ndarray) -> np.ndarray:
+    """Return which pixels something nearer covers in the right eye, (height, width), bool.
+
+    Points of a row keep their order in the right eye unless one covers another: a point is hidden when
+    one further right lands left of it. Thin things in front break the rule; an estimate needs no more.
+    """
+    landing = np.arange(disparity.shape[1], dtype=np.float32) - np.nan_to_num(disparity)
+    leftmost = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
+    return landing > leftmost + STEP
+
+
+def _surfaces(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
+    count = np.count_nonzero(visible)
+    kinds = (("specular", is_glossy), ("mirror", is_mirror), ("transparent", is_transparent))
+    facts = {"grazing_share": float(np.mean(width_ratio(truth.slope[visible]) > GRAZING_RATIO))}
+    for name, test in kinds:
+        pixels = pixels_of(truth, test)
+        facts[f"{name}_share"] = 0.0 if pixels is None else np.count_nonzero(pixels) / count
+    if facts["specular_share"] > 0:
+        facts["highlight_shift"] = _highlight_shift(truth)
+    return facts
+
+
+def _highlight_shift(truth: FrameTruth) -> float:
+    glossy = pixels_of(truth, is_glossy)
+    assert glossy is not None  # asked only when there are some
+    highlight = glossy & (truth.gray > np.median(truth.gray[glossy]) + HIGHLIGHT)
+    if not highlight.any():
+        return 0.0
+    shift = virtual_disparity(truth, highlight)[highlight] - truth.disparity[highlight]
+    return float(np.percentile(np.abs(shift), PERCENTILE))
+
+
+def _motion(truth: FrameTruth) -> dict[str, float]:
+    u, v = image_motion(
+        truth.depth[::MOTION_STRIDE, ::MOTION_STRIDE],
+        truth.camera.intrinsics,
+        truth.motion.velocity_cam,
+        truth.motion.angular_velocity_cam,
+    )
+    speed = float(np.percentile(np.hypot(u, v), PERCENTILE))
+    return {
+        "blur_px": speed * truth.rig.exposure_time,
+        "skew_px": speed * truth.rig.readout_time,
+    }

@@ -38,6 +38,20 @@ def blur(values: np.ndarray, sigma: float) -> np.ndarray:
     )
 
 
+def separable(values: np.ndarray, kernel: np.ndarray, offset: float) -> np.ndarray:
+    """Return ``values`` filtered with the 1-d ``kernel`` along both axes, plus ``offset``, float32."""
+    import cv2
+
+    return cv2.sepFilter2D(values, cv2.CV_32F, kernel, kernel, delta=offset)
+
+
+def erode(mask: np.ndarray, size: int) -> np.ndarray:
+    """Return where a whole ``size`` x ``size`` window of the bool ``mask`` is true."""
+    import cv2
+
+    return cv2.erode(mask.view(np.uint8), np.ones((size, size), np.uint8)).view(bool)
+
+
 def dilate(mask: np.ndarray, radius: int) -> np.ndarray:
     """Return the bool ``mask`` grown by ``radius`` pixels in x and y."""
     import cv2

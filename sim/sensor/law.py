@@ -18,7 +18,9 @@ from sim.rig import StereoRig
 EFFECT_ID = 1
 
 
-def sense_depth(depth_true: np.ndarray, rig: StereoRig, seed: int, frame: int) -> np.ndarray:
+def sense_depth(
+    depth_true: np.ndarray, rig: StereoRig, seed: int, frame: int, strength: float = 1.0
+) -> np.ndarray:
     """Return what the sensor reports for a true depth image.
 
     Args:
@@ -26,6 +28,7 @@ def sense_depth(depth_true: np.ndarray, rig: StereoRig, seed: int, frame: int) -
         rig: focal length, baseline, noise, step and range.
         seed: of the recording, >= 0.
         frame: number of the frame, >= 0; frames may be sensed in any order.
+        strength: factor on noise and step, >= 0.
 
     Returns:
         Planar depth [m], float32, NaN outside the rig's range.
@@ -36,9 +39,11 @@ def sense_depth(depth_true: np.ndarray, rig: StereoRig, seed: int, frame: int) -
     disparity = focal_baseline / depth_true.astype(np.float64)
     if rig.disparity_sigma > 0:
         rng = np.random.default_rng(np.random.SeedSequence([seed, frame, EFFECT_ID]))
-        disparity += rig.disparity_sigma * rng.standard_normal(disparity.shape, dtype=np.float32)
-    if rig.disparity_step > 0:
-        disparity = np.round(disparity / rig.disparity_step) * rig.disparity_step
+        sigma = strength * rig.disparity_sigma
+        disparity += sigma * rng.standard_normal(disparity.shape, dtype=np.float32)
+    step = strength * rig.disparity_step
+    if step > 0:
+        disparity = np.round(disparity / step) * step
     with np.errstate(divide="ignore"):
         depth = (focal_baseline / disparity).astype(np.float32)
     # A disparity of zero or below has no depth; it comes out infinite or negative.

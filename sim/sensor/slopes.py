@@ -21,3 +21,14 @@ def surface_slope(disparity: np.ndarray, axis: int) -> np.ndarray:
     after = np.concatenate([steps, last], axis)
     slope = np.where(np.abs(before) < np.abs(after), before, after)
     return np.nan_to_num(slope, copy=False, nan=0.0)
+
+
+def width_ratio(slope: np.ndarray) -> np.ndarray:
+    """Return ``|ln(1 - slope)|``: by what factor the eyes differ in the width of a patch, float32.
+
+    A patch one pixel wide on the left is ``1 - slope`` wide on the right, with ``slope`` the change of
+    disparity per pixel; from 1 on the right eye sees its back, and the result is inf.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.abs(np.log1p(-slope))
+    return np.where(slope >= 1, np.float32(np.inf), ratio)

@@ -63,5 +63,9 @@ def choose_above(
     above = bool(value > limit)
     unit = f" {unit}" if unit else ""
     return Choice(
-        effect, above, f"{statistic} = {value:.3g}{unit}", f"> {limit:g}{unit}", on if above else off
+        effect,
+        above,
+        f"{statistic} = {value:.3g}{unit}",
+        f"> {limit:g}{unit}",
+        on if above else off,
     )

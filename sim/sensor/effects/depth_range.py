@@ -1,0 +1,50 @@
+"""The range: too near for the search, or too far to be told from infinity."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+
+# Room for noise at the ends of the range [px].
+MARGIN = 2.0
+
+
+@dataclass(frozen=True)
+class DepthRange:
+    """Holes where the sensed depth is outside the rig's range, coded too near or too far."""
+
+    name: ClassVar[str] = "depth-range"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when anything in view is near or beyond an end of the range."""
+        smallest = rig.focal_baseline / rig.max_depth
+        on = bool(
+            facts.max_disparity > rig.largest_disparity - MARGIN
+            or facts.min_disparity < smallest + MARGIN
+        )
+        reason = (
+            "parts of the scene lie near or beyond the ends of the sensor's range"
+            if on
+            else "the whole scene lies well within the sensor's range"
+        )
+        statistic = f"disparity = {facts.min_disparity:.1f} to {facts.max_disparity:.1f} px"
+        threshold = f"outside {smallest + MARGIN:.1f} to {rig.largest_disparity - MARGIN:.1f} px"
+        return Choice(self.name, on, statistic, threshold, reason)
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Drop what is out of range; ``strength`` shrinks the range at both ends."""
+        rig = truth.rig
+        largest = rig.largest_disparity / max(strength, 1.0)
+        smallest = rig.focal_baseline / rig.max_depth * max(strength, 1.0)
+        sensed = sensed.with_holes(sensed.disparity > np.float32(largest), Cause.NEAR)
+        # Half a millionth: a depth right at the end counts as within, whatever its rounding.
+        too_far = sensed.disparity < np.float32(smallest * (1 - 5e-7))
+        return sensed.with_holes(too_far, Cause.FAR)

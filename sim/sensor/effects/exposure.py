@@ -1,0 +1,45 @@
+"""Exposure: saturated and black areas have no texture left."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import DARK, SATURATED, SceneFacts
+from sim.sensor.filters import erode
+from sim.sensor.frame import FrameTruth, Sensed
+
+# Share of the surface in view that must be too bright or too dark before the effect shows.
+MIN_SHARE = 1e-3
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """Holes where a whole matching window is saturated (ZED: remove_saturated_areas) or black."""
+
+    name: ClassVar[str] = "exposure"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when part of the image is saturated or black."""
+        on = max(facts.saturated_share, facts.dark_share) > MIN_SHARE
+        reason = (
+            "parts of the image are clipped or black: nothing to match"
+            if on
+            else "the image is well exposed"
+        )
+        statistic = (
+            f"saturated_share = {facts.saturated_share:.2%}, dark_share = {facts.dark_share:.2%}"
+        )
+        return Choice(self.name, on, statistic, f"either > {MIN_SHARE:.1%}", reason)
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Make holes; ``strength`` moves the limits into the range of grey values."""
+        bright = 255 - (255 - SATURATED) * strength
+        window = truth.rig.window
+        clipped = erode(truth.gray > bright, window) | erode(truth.gray < DARK * strength, window)
+        return sensed.with_holes(clipped, Cause.EXPOSURE)

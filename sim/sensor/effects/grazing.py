@@ -1,0 +1,65 @@
+"""Grazing surfaces: the two eyes see a patch in different widths, and its texture does not match."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.cause import Cause
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import GRAZING_RATIO, SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.noise_field import patchy_uniform
+from sim.sensor.slopes import surface_slope, width_ratio
+
+# Semi-global matching of slanted planes, window 5: matched shares of 99, 75, 19 and 2 % at a slope along
+# rows of 0.35, 0.40, 0.45 and 0.50, that is |ln(1 - slope)| = 0.43, 0.51, 0.60, 0.69: a logistic curve.
+HALF_RATIO, RATIO_WIDTH = 0.548, 0.035
+# Surfaces that widen toward the right eye hold longer: 94 % at -0.8.
+HALF_RATIO_WIDENING = 0.686
+# A window of 9 fails from 0.1 earlier.
+RATIO_PER_WINDOW = 0.025
+# Along columns: 82 % at 0.6, 7 % at 0.8.
+HALF_SLOPE, SLOPE_WIDTH = 0.673, 0.049
+
+
+MIN_SHARE = 1e-3
+
+
+@dataclass(frozen=True)
+class Grazing:
+    """Holes on surfaces seen so flatly that their texture is compressed in one eye."""
+
+    name: ClassVar[str] = "grazing"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on when a share of the surface has |ln(1 - slope)| above 0.4."""
+        return choose_above(
+            self.name,
+            f"share with width ratio above {GRAZING_RATIO}",
+            facts.grazing_share,
+            MIN_SHARE,
+            "",
+            on="surfaces are seen so flatly that the eyes see them in different widths",
+            off="no surface is seen flatly enough to look different to the two eyes",
+        )
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Make holes; ``strength`` divides the slopes that matching bears."""
+        tighter = RATIO_PER_WINDOW * (truth.rig.window - 5)
+        along_rows = truth.slope
+        half = np.where(along_rows > 0, HALF_RATIO - tighter, HALF_RATIO_WIDENING - tighter)
+        excess = (strength * width_ratio(along_rows) - half) / RATIO_WIDTH
+        along_columns = np.abs(surface_slope(truth.disparity, axis=0))
+        excess = np.maximum(excess, (strength * along_columns - HALF_SLOPE) / SLOPE_WIDTH)
+        rows, columns = np.nonzero(excess > -8)  # below, less than one pixel in 3000 fails
+        if len(rows) == 0:
+            return sensed
+        lost = np.zeros(truth.depth.shape, dtype=bool)
+        draw = patchy_uniform(rng, truth.depth.shape, truth.rig.noise_correlation)
+        failure = 1 / (1 + np.exp(-excess[rows, columns]))
+        lost[rows, columns] = draw[rows, columns] < failure
+        return sensed.with_holes(lost, Cause.GRAZING)

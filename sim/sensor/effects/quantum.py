@@ -1,0 +1,41 @@
+"""The quantum: disparity is reported in steps of a fraction of a pixel."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+from sim.sensor.frame import FrameTruth, Sensed
+
+
+@dataclass(frozen=True)
+class Quantum:
+    """Rounding to the rig's disparity step: 1/16 px in OpenCV, 1/32 in a D435, 1/8 in an OAK-D."""
+
+    name: ClassVar[str] = "quantum"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on for every rig that has a step."""
+        return choose_above(
+            self.name,
+            "disparity_step",
+            rig.disparity_step,
+            0.0,
+            "px",
+            on="the sensor reports disparity in fixed point",
+            off="the rig reports disparity without steps",
+        )
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Round the disparity; ``strength`` is a factor on the step."""
+        step = np.float32(strength * truth.rig.disparity_step)
+        if step <= 0:
+            return sensed
+        steps = np.rint(sensed.disparity / step)
+        steps *= step
+        return Sensed(steps, sensed.cause, sensed.confidence)

@@ -1,0 +1,67 @@
+"""The static field: what is left of the lenses after calibration, smooth and the same in every frame."""
+
+import zlib
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from sim.rig import StereoRig
+from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.facts import SceneFacts
+from sim.sensor.filters import enlarge_smoothly
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.noise_field import smooth_normal
+
+# Correlation length, as a share of the image width: 46 px on the pair (741 px wide) that shows it.
+SCALE = 1 / 16
+
+# The field is drawn on a grid with this many points per correlation length.
+POINTS = 4
+
+
+@dataclass(frozen=True)
+class StaticField:
+    """A smooth disparity error that belongs to the specimen: ``rig.unit`` chooses it.
+
+    On a real pair with ground truth, 0.15 to 0.2 px of error varies over 40 px and more; ideal pairs lack
+    it.
+    """
+
+    name: ClassVar[str] = "static-field"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Switch on for every rig that has a field."""
+        return choose_above(
+            self.name,
+            "static_field",
+            rig.static_field,
+            0.0,
+            "px",
+            on="calibration leaves a smooth error of its own in every camera",
+            off="the rig is calibrated without remainder",
+        )
+
+    def apply(
+        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+    ) -> Sensed:
+        """Add the field; ``strength`` is a factor on it."""
+        k = truth.rig.intrinsics
+        field = unit_field(truth.rig.unit, k.width, k.height)
+        return sensed.shifted(np.float32(strength * truth.rig.static_field) * field)
+
+
+@lru_cache(maxsize=4)
+def unit_field(unit: int, width: int, height: int) -> np.ndarray:
+    """Return the field of a specimen, of mean 0 and variance 1, (height, width), float32.
+
+    It is shared between frames: not to be written to.
+    """
+    rng = np.random.default_rng([unit, zlib.crc32(StaticField.name.encode())])
+    grid = max(1.0, SCALE * width / POINTS)
+    coarse = (int(np.ceil(height / grid)) + 1, int(np.ceil(width / grid)) + 1)
+    field = enlarge_smoothly(smooth_normal(rng, coarse, POINTS), (height, width))
+    field -= field.mean()
+    spread = field.std()
+    return field / spread if spread > 0 else field

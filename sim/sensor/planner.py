@@ -1,0 +1,73 @@
+"""Which effects a scene calls for: a pure function from facts to a plan, with reasons for a reader."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from digs_warp.checks import DigsError
+from sim.rig import StereoRig
+from sim.sensor.effects import EFFECTS
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import SceneFacts
+
+# "auto": what the scene calls for; or names of effects.
+Selection = Literal["auto", "all", "none"] | Sequence[str]
+
+
+def plan(
+    facts: SceneFacts, rig: StereoRig, selection: Selection | str = "auto"
+) -> tuple[Choice, ...]:
+    """Return a choice for every effect, in the order in which they act.
+
+    Args:
+        facts: of the scene.
+        rig: of the sensor.
+        selection: "auto", "all", "none", or the names of the effects that are wanted (a sequence, or a
+            string with commas); anything but "auto" overrides the facts, and the reason says so.
+
+    Raises:
+        DigsError: an effect of an unknown name.
+    """
+    choices = tuple(effect.choose(facts, rig) for effect in EFFECTS)
+    wanted = wanted_effects(selection)
+    if wanted is None:
+        return choices
+    return tuple(_overridden(choice, choice.effect in wanted) for choice in choices)
+
+
+def wanted_effects(selection: Selection | str) -> frozenset[str] | None:
+    """Return the names that a selection switches on, None for "auto"; see `plan`."""
+    known = [effect.name for effect in EFFECTS]
+    if selection == "auto":
+        return None
+    if selection == "all":
+        return frozenset(known)
+    if selection == "none":
+        return frozenset()
+    names = selection.split(",") if isinstance(selection, str) else selection
+    wanted = frozenset(name.strip() for name in names if name.strip())
+    unknown = sorted(wanted - set(known))
+    if unknown:
+        raise DigsError(
+            f"effects: {', '.join(unknown)} unknown; expected auto, all, none, or a list of "
+            f"{', '.join(known)}"
+        )
+    return wanted
+
+
+def format_plan(choices: Sequence[Choice]) -> str:
+    """Return the plan as a text table: one line per effect."""
+    rows = [(c.effect, "on" if c.on else "off", c.statistic, c.threshold) for c in choices]
+    widths = [max((len(row[i]) for row in rows), default=0) for i in range(4)]
+    lines = []
+    for row, choice in zip(rows, choices, strict=True):
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
+        lines.append("  ".join([*cells, choice.reason]).rstrip())
+    return "\n".join(lines)
+
+
+def _overridden(choice: Choice, on: bool) -> Choice:
+    if choice.on == on:
+        return choice
+    word = "asked for" if on else "left out"
+    return replace(choice, on=on, reason=f"{word} by the user; by itself: {choice.reason}")

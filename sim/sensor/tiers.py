@@ -1,0 +1,100 @@
+"""The tiers of the depth sensor: from perfect depth to real matching of two images."""
+
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from sim.sensor.cause import Cause
+from sim.sensor.effects import EFFECTS
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.law import sense_depth
+
+Tier = Literal["truth", "law", "planned", "matcher"]
+
+
+def sense(
+    truth: FrameTruth,
+    tier: Tier,
+    plan: Sequence[Choice] = (),
+    seed: int = 0,
+    strength: float = 1.0,
+) -> Sensed:
+    """Return what the sensor makes of a frame.
+
+    The same arguments give the same bytes, whatever was sensed before.
+
+    Args:
+        truth: of the frame.
+        tier: "truth": perfect; "law": the closed-form law of stereo; "planned": the effects that the
+            plan has on; "matcher": semi-global matching of the two images with noise.
+        plan: for the planned tier.
+        seed: of the recording, >= 0.
+        strength: factor on all effects, >= 0; 0 is the truth.
+
+    Raises:
+        DigsError: an unknown tier.
+    """
+    if tier == "truth" or (strength == 0 and tier != "matcher"):
+        return Sensed.of(truth)
+    if tier == "law":
+        return _sense_law(truth, seed, strength)
+    if tier == "planned":
+        names = [choice.effect for choice in plan if choice.on]
+        return sense_effects(truth, names, seed, strength)
+    if tier == "matcher":
+        from sim.sensor.matcher import sense_by_matching
+
+        return sense_by_matching(truth, seed, strength)
+    raise DigsError(f"tier '{tier}': expected truth, law, planned or matcher")
+
+
+def sense_effects(
+    truth: FrameTruth, names: Iterable[str], seed: int = 0, strength: float = 1.0
+) -> Sensed:
+    """Return the frame after the named effects, in their physical order; see `sense`."""
+    wanted = set(names)
+    sensed = Sensed.of(truth)
+    for effect in EFFECTS:
+        if effect.name in wanted:
+            rng = effect_rng(seed, truth.number, effect.name)
+            sensed = effect.apply(sensed, truth, rng, strength)
+    return sensed
+
+
+def effect_rng(seed: int, frame: int, name: str) -> np.random.Generator:
+    """Return the random numbers of one effect on one frame; no other effect or frame shares them."""
+    sequence = np.random.SeedSequence([seed, frame, zlib.crc32(name.encode())])
+    # Twice as fast as the default, with the same statistical quality.
+    return np.random.Generator(np.random.SFC64(sequence))
+
+
+def depth_of(sensed: Sensed, truth: FrameTruth) -> np.ndarray:
+    """Return planar depth [m], (height, width), float32, coded as a ZED does.
+
+    NaN: nothing was matched; -inf: too near; +inf: too far. Where the sensor is right to the bit, so is
+    the depth.
+    """
+    with np.errstate(divide="ignore"):
+        depth = np.float32(truth.rig.focal_baseline) / sensed.disparity
+    np.copyto(depth, truth.depth, where=sensed.disparity == truth.disparity)
+    missing = np.isnan(depth)
+    np.copyto(depth, np.float32(-np.inf), where=missing & (sensed.cause == Cause.NEAR))
+    np.copyto(depth, np.float32(np.inf), where=missing & (sensed.cause == Cause.FAR))
+    return depth
+
+
+def _sense_law(truth: FrameTruth, seed: int, strength: float) -> Sensed:
+    rig = truth.rig
+    depth = sense_depth(truth.depth, rig, seed, truth.number, strength)
+    missing = np.isnan(depth) & np.isfinite(truth.depth)
+    # Depth outside the range is missing on that side to which it was closer.
+    is_near = truth.depth < np.sqrt(rig.min_depth * rig.max_depth)
+    sensed = Sensed.of(truth)
+    sensed = sensed.with_holes(missing & is_near, Cause.NEAR)
+    sensed = sensed.with_holes(missing & ~is_near, Cause.FAR)
+    return replace(sensed, disparity=np.float32(rig.focal_baseline) / depth)
