@@ -1,0 +1,66 @@
+"""Simulated captures that are kept between test runs, by what decides their bytes."""
+
+import hashlib
+import os
+import shutil
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+
+from digs_warp.capture import Capture, read_capture
+from digs_warp.log import to_json, versions
+from sim.record import SimulateConfig, simulate
+
+# Folders of this package and the files below it whose code decides the bytes of a capture.
+_SOURCES = ("sim/**/*.py", "digs_warp/*.py")
+
+
+@dataclass(frozen=True)
+class CaptureCache:
+    """A folder of captures, each made once.
+
+    The name of a capture is a hash of its settings, of the files they name, of the simulator's code and
+    of the packages under it: when any of them changes, it is made anew.
+    """
+
+    folder: Path
+
+    def capture(self, config: SimulateConfig) -> Capture:
+        """Return the capture of these settings; simulates it when it is not there yet."""
+        folder = self.folder / _key(config)
+        if not folder.is_dir():
+            self._simulate(config, folder)
+        return read_capture(folder)
+
+    def _simulate(self, config: SimulateConfig, folder: Path) -> None:
+        # Test processes may run side by side: each makes its own, the first one to finish wins.
+        unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+        try:
+            simulate(config, unfinished)
+            try:
+                os.replace(unfinished, folder)
+            except OSError:
+                if not folder.is_dir():
+                    raise
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+
+
+def _key(config: SimulateConfig) -> str:
+    digest = hashlib.sha256(to_json(config).encode())
+    digest.update(to_json(versions()).encode())
+    digest.update(_source_digest())
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if isinstance(value, Path) and value.is_file():
+            digest.update(hashlib.sha256(value.read_bytes()).digest())
+    return digest.hexdigest()[:20]
+
+
+@cache
+def _source_digest() -> bytes:
+    root = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for path in sorted(path for pattern in _SOURCES for path in root.glob(pattern)):
+        digest.update(path.read_bytes())
+    return digest.digest()

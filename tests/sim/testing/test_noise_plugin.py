@@ -1,0 +1,212 @@
+"""The pytest plug-in for sensor-noise robustness, used as another project would use it."""
+
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.capture import Capture, file_hashes
+from digs_warp.checks import DigsError
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from sim.record import SimulateConfig
+from sim.testing import cache
+from sim.testing.cache import CaptureCache
+from sim.testing.curve import DegradationCurve
+from sim.testing.series import NoiseSeries
+
+TRIANGLE = "v 0 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1 1\nf 1 2 3\nf 2 3 4\nf 1 3 4\nf 1 2 4\n"
+
+
+def depth_error(capture: Capture) -> float:
+    """RMS error of the sensed depth on the object, in units of squared depth."""
+    errors = []
+    for frame in capture.frames:
+        true, sensed = frame.load_depth_true(), frame.load_depth()
+        known = (frame.load_mask() == 255) & np.isfinite(sensed)
+        errors.append(((sensed - true) / true**2)[known])
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def initialization_error(capture: Capture) -> float:
+    """Mean distance [m] of the initial points to those of perfect depth."""
+    from scipy.spatial import KDTree
+
+    perfect = [
+        replace(
+            frame, files={**frame.files, "depth_file_path": frame.files["depth_true_file_path"]}
+        )
+        for frame in capture.frames
+    ]
+    surface = initial_points(perfect, InitConfig()).points_world
+    points = initial_points(capture.frames, InitConfig()).points_world
+    return float(KDTree(surface).query(points)[0].mean())
+
+
+@pytest.mark.sensor_noise(tier="law", strengths=(0, 1, 2, 4), frames=4)
+def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
+    curve = sensor_noise.measure(depth_error)
+    assert curve.errors[0] == 0.0
+    # sigma_Z = Z^2 sigma_d / (f b): linear in the noise.
+    assert [growth for *_, growth in curve.growth()] == pytest.approx([1.0, 1.0], abs=0.1)
+    curve.assert_no_cliff(largest_growth=1.1)
+
+
+@pytest.mark.sensor_noise(tier="law", strengths=(0, 1, 2, 4), frames=4)
+def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
+    curve = sensor_noise.measure(initialization_error)
+    curve.assert_at_most({0: 1e-6, 1: 0.01})
+    curve.assert_no_cliff()
+
+
+@pytest.mark.sensor_noise(tier="law", strengths=(0, 2), frames=4)
+def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> None:
+    (_, perfect), (_, noisy) = sensor_noise
+    before, after = file_hashes(perfect.folder), file_hashes(noisy.folder)
+    assert before.keys() == after.keys()
+    different = {path.split("/")[0] for path in before if before[path] != after[path]}
+    assert different - {"transforms.json"} == {"depth"}
+
+
+# The cache
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> SimulateConfig:
+    (tmp_path / "thing.obj").write_text(TRIANGLE)
+    mesh = tmp_path / "thing.obj"
+    return SimulateConfig(mesh=mesh, frames=1, width=24, height=16, samples_per_pixel=1)
+
+
+def test_a_capture_is_simulated_once(config: SimulateConfig, tmp_path: Path) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    first = captures.capture(config)
+    (first.folder / "mark").touch()
+    assert (captures.capture(config).folder / "mark").exists()
+
+
+def test_whatever_decides_the_bytes_decides_the_name(
+    config: SimulateConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    names = {captures.capture(config).folder.name}
+    names.add(captures.capture(replace(config, seed=1)).folder.name)
+    names.add(captures.capture(replace(config, strength=2.0)).folder.name)
+    assert config.mesh is not None
+    config.mesh.write_text(TRIANGLE.replace("v 0 1 1", "v 0 2 1"))
+    names.add(captures.capture(config).folder.name)
+    monkeypatch.setattr(cache, "_source_digest", lambda: b"other code")
+    names.add(captures.capture(config).folder.name)
+    assert len(names) == 5
+
+
+def test_a_failed_simulation_leaves_nothing_behind(config: SimulateConfig, tmp_path: Path) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    with pytest.raises(DigsError, match="no such file"):
+        captures.capture(replace(config, mesh=tmp_path / "missing.obj"))
+    assert not list(tmp_path.glob("cache/*")) and not list(tmp_path.glob("cache/.*"))
+
+
+def test_a_failing_function_tells_the_strength(config: SimulateConfig, tmp_path: Path) -> None:
+    series = NoiseSeries(config, (0, 3), CaptureCache(tmp_path / "cache"))
+
+    def fails_on_noise(capture: Capture) -> float:
+        frame = capture.frames[0]
+        assert np.array_equal(frame.load_depth(), frame.load_depth_true(), equal_nan=True)
+        return 0.0
+
+    with pytest.raises(AssertionError) as caught:
+        series.measure(fails_on_noise)
+    assert caught.value.__notes__ == ["on the simulated capture at sensor noise strength 3"]
+
+
+@pytest.mark.parametrize("strengths", [(), (1, 1), (2, 1), (-1, 2)])
+def test_strengths_have_to_rise(
+    strengths: tuple[float, ...], config: SimulateConfig, tmp_path: Path
+) -> None:
+    with pytest.raises(DigsError, match="expected rising numbers"):
+        NoiseSeries(config, strengths, CaptureCache(tmp_path))
+
+
+# The curve
+
+
+def test_growth_is_the_slope_between_logarithms() -> None:
+    curve = DegradationCurve((0, 1, 2, 8), (0.0, 3.0, 12.0, 12.0))
+    assert curve.growth() == [(1, 2, pytest.approx(2.0)), (2, 8, 0.0)]
+
+
+def test_a_cliff_is_found_and_shown() -> None:
+    curve = DegradationCurve((0, 1, 2, 4), (0.001, 0.01, 0.02, 0.64))
+    curve.assert_no_cliff(largest_growth=5.0)
+    with pytest.raises(AssertionError) as caught:
+        curve.assert_no_cliff()
+    message = str(caught.value)
+    assert "from strength 2 to 4 it grows with exponent 5.00 (limit 2)" in message
+    assert "       4         0.64 " + "#" * 40 in message
+
+
+def test_an_error_that_starts_from_nothing_is_a_cliff() -> None:
+    with pytest.raises(AssertionError, match="exponent inf"):
+        DegradationCurve((1, 2), (0.0, 0.1)).assert_no_cliff()
+    DegradationCurve((1, 2), (0.0, 0.0)).assert_no_cliff()
+
+
+@pytest.mark.parametrize("broken", [math.nan, math.inf])
+def test_errors_that_are_no_numbers_never_pass(broken: float) -> None:
+    curve = DegradationCurve((0, 1, 2), (0.0, broken, 0.1))
+    with pytest.raises(AssertionError, match="no numbers"):
+        curve.assert_no_cliff()
+    with pytest.raises(AssertionError, match="at noise strength 1 "):
+        curve.assert_at_most({1: 5.0})
+
+
+def test_limits_hold_at_the_strengths_they_name() -> None:
+    curve = DegradationCurve((0, 1, 2), (0.0, 0.1, 0.5))
+    curve.assert_at_most({0: 0.0, 1: 0.1})
+    with pytest.raises(AssertionError, match=r"at noise strength 2 \(limit 0.4\)"):
+        curve.assert_at_most({1: 0.1, 2: 0.4})
+    with pytest.raises(KeyError):
+        curve.assert_at_most({3: 1.0})
+
+
+# In another project
+
+
+def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run pytest in a fresh process, in a folder that knows nothing of this repository."""
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:dash", "--strict-markers", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_worked_example_passes_in_another_project(tmp_path: Path) -> None:
+    page = Path(__file__).resolve().parents[3] / "docs/sensor-noise-plugin.md"
+    example = page.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    (tmp_path / "test_example.py").write_text(example)
+    done = run_pytest(tmp_path, "-q")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert list(tmp_path.glob(".pytest_cache/d/sensor_noise/*/transforms.json"))
+
+
+def test_wrong_use_is_explained(tmp_path: Path) -> None:
+    (tmp_path / "test_wrong.py").write_text(
+        "import pytest\n"
+        "@pytest.mark.sensor_noise(strenghts=(0, 1))\n"
+        "def test_typing_error(sensor_noise): pass\n"
+        "@pytest.mark.sensor_noise('law')\n"
+        "def test_position(sensor_noise): pass\n"
+    )
+    done = run_pytest(tmp_path)
+    assert done.returncode == 1
+    assert "unknown strenghts; expected strengths or one of" in done.stdout
+    assert "takes keyword arguments only" in done.stdout
+    assert "sensor_noise(effects='auto'" in run_pytest(tmp_path, "--markers").stdout
