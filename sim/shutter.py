@@ -89,8 +89,10 @@ class ShutteredEye:
 
     def rays(self, baseline: float) -> FrameRays:
         """Return the rays that effects may ask for; none is cast before."""
-        rays = [self.renderer.frame_rays(camera, baseline) for camera in self._cameras()]
-        return rays[0] if len(rays) == 1 else BandedRays(tuple(rays))
+        cameras = list(self._cameras())
+        rays = [self.renderer.frame_rays(camera, baseline) for camera in cameras]
+        heights = tuple(camera.intrinsics.height for camera in cameras)
+        return rays[0] if len(rays) == 1 else BandedRays(tuple(rays), heights)
 
     def _cameras(self) -> Iterator[Camera]:
         for band, rows in self._bands():
@@ -109,10 +111,16 @@ class BandedRays:
     """The rays of an image whose rows were seen from different places."""
 
     bands: tuple[FrameRays, ...]
+    heights: tuple[int, ...]
 
-    def right_visibility(self) -> np.ndarray:
+    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
         """See `FrameRays`."""
-        return np.concatenate([band.right_visibility() for band in self.bands])
+        if where is None:
+            return np.concatenate([band.right_visibility() for band in self.bands])
+        parts = np.split(where, np.cumsum(self.heights)[:-1])
+        return np.concatenate(
+            [band.right_visibility(part) for band, part in zip(self.bands, parts, strict=True)]
+        )
 
     def reflection_distance(self) -> np.ndarray:
         """See `FrameRays`."""

@@ -29,11 +29,13 @@ def right_visibility_kernel(
     view: View,
     right_center: wp.vec3,
     surface: Surface,
+    pixels: wp.array[int],
     # outputs
     visible: wp.array[wp.uint8],  # [pixels]
 ):
-    """Look from the right eye at what the left one sees at a pixel centre."""
-    pixel = first + wp.tid()
+    """Look from the right eye at what the left one sees at the centres of some pixels."""
+    index = first + wp.tid()
+    pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
     y = float(pixel // view.width) + 0.5
     direction = view.world_from_cam * ray_direction_cam(view, x, y)
@@ -53,7 +55,7 @@ def right_visibility_kernel(
         hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
         if hit.result:
             clear = wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
-    visible[pixel] = wp.uint8(wp.where(clear, 1, 0))
+    visible[index] = wp.uint8(wp.where(clear, 1, 0))
 
 
 @wp.kernel
@@ -131,13 +133,14 @@ class SurfaceRays:
         self._view = make_view(camera, surround_radius)
         self._threads = threads
 
-    def right_visibility(self) -> np.ndarray:
+    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
         """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
 
         Nothing opaque is in the way, and the surface turns the same side to both eyes. Points outside
-        the right image count as seen: its border is another matter.
+        the right image count as seen: its border is another matter. Rays are cast only at ``where``,
+        (height, width), bool; None: everywhere, once. The other pixels count as seen.
         """
-        return self._right_visibility
+        return self._right_visibility if where is None else self._look_from_right(where)
 
     def reflection_distance(self) -> np.ndarray:
         """Distance from the surface to what it would mirror [m], (height, width), float32.
@@ -156,8 +159,18 @@ class SurfaceRays:
 
     @cached_property
     def _right_visibility(self) -> np.ndarray:
+        k = self._camera.intrinsics
+        return self._look_from_right(np.ones((k.height, k.width), dtype=bool))
+
+    def _look_from_right(self, where: np.ndarray) -> np.ndarray:
         right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
-        return self._cast(right_visibility_kernel, wp.uint8, right) != 0
+        pixels = np.flatnonzero(where).astype(np.int32)
+        seen = wp.empty(len(pixels), dtype=wp.uint8, device="cpu")
+        inputs = [self._view, right, self._scene.surface, wp.from_numpy(pixels, device="cpu"), seen]
+        launch_parallel(right_visibility_kernel, len(pixels), inputs, threads=self._threads)
+        visible = np.ones(where.shape, dtype=bool)
+        visible[where] = seen.numpy() != 0
+        return visible
 
     @cached_property
     def _reflection_distance(self) -> np.ndarray:

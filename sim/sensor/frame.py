@@ -18,8 +18,11 @@ from sim.sensor.texture import gradient_rms, noise_of, texture_distance
 class FrameRays(Protocol):
     """Rays that only some effects need; a renderer casts them when asked, once per frame."""
 
-    def right_visibility(self) -> np.ndarray:
-        """Whether the right eye sees the point at each left pixel centre, (height, width), bool."""
+    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+        """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
+
+        Rays are cast only at ``where``, (height, width), bool (None: everywhere); the others count as seen.
+        """
         ...
 
     def reflection_distance(self) -> np.ndarray:
