@@ -70,8 +70,15 @@ def hard_cases() -> dict[str, SplatScene]:
     pile = random_gaussians(20, seed=5, degree=0)
     behind = with_means(pile, (np.linspace(-0.2, 0.2, 20)[:, None] * forward).astype(np.float32))
     opaque = replace(behind, opacity_logits=np.full(20, 20.0, np.float32))
+    # Wide and opaque enough to saturate every pixel of a tile: the rest of its list is skipped.
+    wall = replace(opaque, log_scales=np.full((20, 3), np.log(0.4), np.float32))
+    # A centre outside the image and its margin, where the tangents are clamped, and wide enough to be seen.
     aside = some.means.copy()
     aside[0] = view.center_world + 0.3 * forward + 0.45 * view.world_from_cam[:3, 0]
+    aside_scales = some.log_scales.copy()
+    aside_scales[0] = np.log(0.15)
+    aside_logits = some.opacity_logits.copy()
+    aside_logits[0] = 1.0
     return {
         "one Gaussian": SplatScene(one, view),
         "no Gaussian": SplatScene(random_gaussians(0, seed=0), view),
@@ -88,5 +95,8 @@ def hard_cases() -> dict[str, SplatScene]:
         "long quaternions": SplatScene(replace(some, quats=some.quats * 1e3), view),
         "opacity 0 and 1": SplatScene(replace(some, opacity_logits=logits), view),
         "saturated pixels": SplatScene(opaque, view),
-        "outside the field of view": SplatScene(with_means(some, aside), view),
+        "saturated tiles": SplatScene(wall, view),
+        "outside the field of view": SplatScene(
+            replace(some, means=aside, log_scales=aside_scales, opacity_logits=aside_logits), view
+        ),
     }

@@ -18,7 +18,13 @@ IMAGE_TOLERANCE = 5e-6
 GRADIENT_TOLERANCE = 2e-5
 # A conic of a needle or of a splat across the image is the small difference of large numbers in float32.
 STIFF_TOLERANCE = 1e-3
-STIFF = ("needles", "covers the whole image", "just before the near plane", "saturated pixels")
+STIFF = (
+    "needles",
+    "covers the whole image",
+    "just before the near plane",
+    "saturated pixels",
+    "saturated tiles",
+)
 
 HARD = hard_cases()
 RANDOM = [random_scene(seed) for seed in range(4)]
