@@ -1,102 +1,37 @@
 """Record a scene with the stereo camera: mesh and environment in, capture folder out."""
 
-import json
-import time
-from collections.abc import Sequence
+import math
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
-import numpy as np
-
-from digs_warp.camera import Camera
 from digs_warp.capture import (
     INDEX_NAME,
     Capture,
     CaptureWriter,
-    FrameImages,
     Rig,
     file_hashes,
+    read_capture,
 )
-from digs_warp.checks import DigsError, check_positive
-from digs_warp.log import RunLog, progress, read_json, to_json
-from sim.environment import Environment, load_environment, procedural_environment
-from sim.rig import StereoRig, zed2_like
-from sim.scene import Scene
-from sim.sensor.law import sense_depth
-from sim.trajectory import fitting_distance, handheld_orbits
-
-if TYPE_CHECKING:
-    from sim.render.raycast import RaycastRenderer
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.log import RunLog, progress, read_json, to_json, write_atomically
+from sim.config import SimulateConfig as SimulateConfig
+from sim.frame_maker import Clock, FrameMaker, RenderedFrame, layers_of
+from sim.profiles import Profile
+from sim.sensor.cause import Cause
+from sim.sensor_plan import PLAN_NAME, SensorPlan, check_effects, make_plan
+from sim.session import Session, load_inputs, prepare_session
 
 RUN_NAME = "run.json"
 
-# Room between the object and the nearest depth that the sensor reports, as a share of its radius.
-NEAR_MARGIN = 1.2
+# Threads that sense and write frames while the next ones are rendered, and frames that may wait for
+# them; this bounds the memory.
+WORKERS = 2
+QUEUE = 4
 
-# The walls stand at least this many orbit distances away.
-SURROUND_MARGIN = 2.0
-
-# Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
-LEFT_EYE, RIGHT_EYE = 101, 102
-
-# Frames that may wait for the disk while the next ones are rendered; bounds the memory.
-WRITE_QUEUE = 4
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulateConfig:
-    """What to record and how. The same settings give the same bytes."""
-
-    mesh: Path | None = None
-    """The object: GLB, glTF, OBJ, PLY or STL. Default: the built-in object."""
-
-    environment: Path | None = None
-    """The surround and its light: an equirectangular HDR, EXR, PNG or JPG. Default: a built-in room."""
-
-    frames: int = 60
-    """Number of stereo frames, uniformly spaced in time over three orbits."""
-
-    width: int = 640
-    """Image width [px]."""
-
-    height: int = 360
-    """Image height [px]."""
-
-    samples_per_pixel: int = 4
-    """Rays averaged in each pixel; more give smoother edges and take longer."""
-
-    tier: Literal["truth", "law"] = "law"
-    """Depth sensor: 'truth' reports exact depth, 'law' adds the noise, steps and range of a stereo pair."""
-
-    strength: float = 1.0
-    """Factor on the errors of the depth sensor; 0: none, 2: twice as bad as the real one."""
-
-    object_size: float | None = None
-    """Size of the object's longest side [m]. Default: chosen from the mesh, so that it fits a table."""
-
-    up: Literal["auto", "y", "z"] = "auto"
-    """Which axis of the mesh file points up."""
-
-    seed: int = 0
-    """Seed of hand shake, pixel sampling and depth noise."""
-
-    def __post_init__(self) -> None:
-        for name in ("frames", "width", "height", "samples_per_pixel"):
-            if getattr(self, name) < 1:
-                raise DigsError(f"{name}: {getattr(self, name)}, expected at least 1")
-        if self.seed < 0:
-            raise DigsError(f"seed: {self.seed}, expected 0 or more")
-        if not (np.isfinite(self.strength) and self.strength >= 0):
-            raise DigsError(f"strength: {self.strength}, expected a finite number, 0 or more")
-        if self.object_size is not None:
-            check_positive("object_size [m]", self.object_size)
-        if self.mesh is None and (self.object_size is not None or self.up != "auto"):
-            raise DigsError(
-                "object_size and up say how to take a mesh file; the built-in object has its own size: "
-                "leave them out, or name a mesh"
-            )
+# Every so many frames the times so far are saved, in case the run is killed.
+SAVE_EVERY = 10
 
 
 def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capture:
@@ -112,154 +47,128 @@ def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capt
         DigsError: bad input, a folder that holds another recording, or settings that differ on resume.
     """
     folder = Path(folder)
-    log = RunLog("simulate", config)
-    _claim_folder(folder, config, resume)
+    record = folder / RUN_NAME
+    check_effects(config)
+    log = _claim_folder(folder, config, resume)
+    if resume and _is_finished(folder, config):
+        return read_capture(folder)
     with log.stage("load"):
-        scene, environment = _load(config)
-    log.save(folder / RUN_NAME)  # from here on the folder belongs to these settings
-    with log.stage("prepare"):
-        from sim.render.raycast import RaycastRenderer
-
-        rig = zed2_like(config.width, config.height)
-        distance = _orbit_distance(scene, rig)
-        radius = max(environment.radius, SURROUND_MARGIN * distance)
-        renderer = RaycastRenderer(scene, Environment(environment.radiance, radius))
-        poses = handheld_orbits(config.frames, distance, config.seed)
-    writer = CaptureWriter(folder, rig.intrinsics, Rig(rig.baseline))
-    _record(_Recorder(config, rig, renderer), poses, writer, log)
-    capture = writer.finish(
-        {
-            "tier": config.tier,
+        inputs = load_inputs(config)
+    log.save(record)  # from here on the folder belongs to these settings
+    try:
+        with log.stage("prepare"):
+            session = prepare_session(config, *inputs)
+        with log.stage("plan"):
+            plan = make_plan(session)
+        if config.plans_effects:
+            write_atomically(folder / PLAN_NAME, to_json(plan.as_json()).encode())
+        writer = CaptureWriter(folder, session.rig.intrinsics, Rig(session.rig.baseline))
+        _record(FrameMaker(session, plan), writer, log, record)
+        capture = writer.finish(_metadata(session, plan))
+        log.results = {
+            "frames": len(capture),
             "seed": config.seed,
-            "object_radius": scene.radius,
-            "surround_radius": radius,
-            "exposure": renderer.exposure,
-            "sensor": {key: value for key, value in asdict(rig).items() if key != "intrinsics"},
+            "profile": _profile_record(session.profile),
+            "sha256": file_hashes(folder),
         }
-    )
-    log.results = {"frames": len(capture), "seed": config.seed, "sha256": file_hashes(folder)}
-    log.save(folder / RUN_NAME)
+    finally:
+        log.save(record)  # the times of a run that is cut off count, too
     return capture
 
 
-@dataclass(frozen=True)
-class _Recorder:
-    """Makes the images of one frame; frames do not depend on each other."""
-
-    config: SimulateConfig
-    rig: StereoRig
-    renderer: "RaycastRenderer"
-
-    def render(self, number: int, left: Camera) -> FrameImages:
-        """Return both eyes, the mask and the true depth (which stands in for the sensed one)."""
-        samples = self.config.samples_per_pixel
-        view = self.renderer.render(left, samples, self._pixel_seed(number, LEFT_EYE))
-        right, _ = self.renderer.render_image(
-            left.shifted_right(self.rig.baseline), samples, self._pixel_seed(number, RIGHT_EYE)
-        )
-        return FrameImages(view.image, view.depth, view.mask, right, view.depth)
-
-    def sense(self, number: int, images: FrameImages) -> FrameImages:
-        """Return the images with the depth that the sensor reports."""
-        strength = self.config.strength
-        if self.config.tier == "truth" or strength == 0:
-            return images
-        rig = replace(
-            self.rig,
-            disparity_sigma=strength * self.rig.disparity_sigma,
-            disparity_step=strength * self.rig.disparity_step,
-        )
-        depth = sense_depth(images.depth, rig, self.config.seed, number)
-        return FrameImages(images.image, depth, images.mask, images.right, images.depth_true)
-
-    def _pixel_seed(self, number: int, eye: int) -> int:
-        sequence = np.random.SeedSequence([self.config.seed, number, eye])
-        return int(sequence.generate_state(1)[0])
-
-
-def _record(
-    recorder: _Recorder,
-    poses: Sequence[tuple[np.ndarray, float]],
-    writer: CaptureWriter,
-    log: RunLog,
-) -> None:
-    """Render and sense the frames that are not there yet, and write them beside the rendering.
-
-    The time noted for writing is that of the writing threads: most of it passes while rays are cast.
-    """
-    log.seconds.update({"render": 0.0, "sense": 0.0, "write": 0.0})
-    missing = [number for number in range(len(poses)) if not writer.has_frame(number)]
-    pending: list[Future[float]] = []
-
-    def settle(limit: int) -> None:
-        while len(pending) > limit:
-            log.seconds["write"] += pending.pop(0).result()
-
-    with (
-        ThreadPoolExecutor(2, thread_name_prefix="write") as pool,
-        progress(len(poses), "Recording", "frame", len(poses) - len(missing)) as bar,
-    ):
-        for number in missing:
-            with log.stage("render"):
-                camera = Camera(recorder.rig.intrinsics, poses[number][0])
-                images = recorder.render(number, camera)
-            with log.stage("sense"):
-                images = recorder.sense(number, images)
-            pending.append(pool.submit(_timed_write, writer, number, images))
-            settle(WRITE_QUEUE)
-            bar.update()
-        settle(0)
-    for number, (world_from_cam, moment) in enumerate(poses):
-        writer.add_pose(number, world_from_cam, moment)
-
-
-def _timed_write(writer: CaptureWriter, number: int, images: FrameImages) -> float:
-    start = time.perf_counter()
-    writer.write_frame(number, images)
-    return time.perf_counter() - start
-
-
-def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> None:
-    """Refuse a folder that holds another recording."""
+def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
+    """Return the log of the recording, with earlier times; refuse a folder that holds another one."""
+    log = RunLog("simulate", config)
     record = folder / RUN_NAME
-    if not record.exists() and not (folder / INDEX_NAME).exists():
-        return
-    if not (resume and record.exists()):
+    if record.exists() and resume:
+        log.continue_from(record)
+    elif record.exists() or (folder / INDEX_NAME).exists():
         raise DigsError(
             f"capture '{folder}': the folder already holds a recording; resume it if it was cut off, "
             "or choose another folder"
         )
-    before = read_json(record, "run record").get("settings", {})
-    now: dict[str, Any] = _plain_settings(config)
-    different = sorted(key for key in now | before if now.get(key) != before.get(key))
-    if different:
-        changes = ", ".join(f"{key} {before.get(key)} -> {now.get(key)}" for key in different)
-        raise DigsError(
-            f"capture '{folder}': begun with other settings ({changes}); resume with the same ones, "
-            "or record into another folder"
-        )
+    return log
 
 
-def _plain_settings(config: SimulateConfig) -> dict[str, Any]:
-    """Return the settings as they read back from run.json."""
-    return json.loads(to_json(config))
+def _is_finished(folder: Path, config: SimulateConfig) -> bool:
+    """Whether nothing is left to do."""
+    if not read_json(folder / RUN_NAME, "run record")["results"]:
+        return False
+    try:
+        frames = read_capture(folder).frames
+    except CaptureError:  # something was deleted: it is made again
+        return False
+    return all(frame.has(layer) for frame in frames for layer in layers_of(config))
 
 
-def _load(config: SimulateConfig) -> tuple[Scene, Environment]:
-    if config.mesh is None:
-        from sim.procedural import procedural_scene
+def _record(maker: FrameMaker, writer: CaptureWriter, log: RunLog, record: Path) -> None:
+    """Make the frames that are not there yet: rendering here, the rest beside it in other threads.
 
-        scene = procedural_scene()
-    else:
-        from sim.load import load_scene
+    The times noted for the workers' stages add up over the threads: most of them pass while rays are cast.
+    """
+    config = maker.session.config
+    layers = layers_of(config)
+    missing = [n for n in range(config.frames) if not writer.has_frame(n, layers)]
+    pending: list[Future[dict[str, float]]] = []
 
-        scene = load_scene(config.mesh, config.object_size, config.up)
-    if config.environment is None:
-        return scene, procedural_environment()
-    return scene, load_environment(config.environment)
+    def settle(limit: int) -> None:
+        while len(pending) > limit:
+            for stage, seconds in pending.pop(0).result().items():
+                log.seconds[stage] = log.seconds.get(stage, 0.0) + seconds
+
+    with (
+        ThreadPoolExecutor(WORKERS, thread_name_prefix="sense") as pool,
+        progress(config.frames, "Recording", "frame", config.frames - len(missing)) as bar,
+    ):
+        for number in missing:
+            with log.stage("render"):
+                frame = maker.render(number)
+            pending.append(pool.submit(_finish, maker, frame, writer))
+            # The first frame goes alone: it compiles kernels, which is no work for two threads.
+            settle(0 if number == missing[0] else QUEUE)
+            if number % SAVE_EVERY == 0:
+                log.save(record)
+            bar.update()
+        settle(0)
+    for number, moment in enumerate(maker.session.moments):
+        writer.add_pose(number, maker.session.walk.pose(moment), moment)
 
 
-def _orbit_distance(scene: Scene, rig: StereoRig) -> float:
-    """Return the distance at which the object fits the image and no part is too near for the sensor."""
-    fitting = fitting_distance(scene.radius, rig.intrinsics)
-    return max(fitting, rig.min_depth + NEAR_MARGIN * scene.radius)
+def _finish(maker: FrameMaker, frame: RenderedFrame, writer: CaptureWriter) -> dict[str, float]:
+    """Sense and write a frame; return the seconds of each stage."""
+    clock = Clock()
+    images = maker.finish(frame, clock)
+    with clock.stage("write"):
+        writer.write_frame(frame.truth.number, images)
+    return clock.seconds
+
+
+def _metadata(session: Session, plan: SensorPlan) -> dict[str, Any]:
+    """Return what the index tells of the recording."""
+    config = session.config
+    about: dict[str, Any] = {
+        "tier": config.tier,
+        "seed": config.seed,
+        "object_radius": session.scene.radius,
+        "surround_radius": session.environment.radius,
+        "exposure": session.renderer.exposure,
+        "sensor": {k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
+    }
+    if config.plans_effects:
+        about["effects"] = plan.effects_on
+        about["cause_labels"] = {str(cause.value): cause.name.lower() for cause in Cause}
+    return about
+
+
+def _profile_record(profile: Profile) -> dict[str, Any]:
+    """Return the camera model with the origin of every figure."""
+    figures = {
+        name: {**asdict(figure), "value": _plain(figure.value)}
+        for name, figure in profile.figures.items()
+    }
+    return {"name": profile.name, "title": profile.title, "figures": figures}
+
+
+def _plain(value: Any) -> Any:
+    """Return the value, or None for an infinite one, which JSON cannot say."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -16,7 +16,7 @@ from digs_warp.commands.quality import read_quality
 from digs_warp.init.config import InitConfig
 from digs_warp.log import RunLog
 from digs_warp.train.config import TrainConfig
-from sim.record import SimulateConfig
+from sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.commands.output import OutputFolder
-from sim.record import SimulateConfig
+from sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, kw_only=True)

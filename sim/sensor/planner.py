@@ -1,6 +1,6 @@
 """Which effects a scene calls for: a pure function from facts to a plan, with reasons for a reader."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -12,6 +12,8 @@ from sim.sensor.facts import SceneFacts
 
 # "auto": what the scene calls for; or names of effects.
 Selection = Literal["auto", "all", "none"] | Sequence[str]
+
+EFFECT_NAMES = tuple(effect.name for effect in EFFECTS)
 
 
 def plan(
@@ -30,14 +32,18 @@ def plan(
     """
     choices = tuple(effect.choose(facts, rig) for effect in EFFECTS)
     wanted = wanted_effects(selection)
-    if wanted is None:
-        return choices
+    return choices if wanted is None else override(choices, wanted)
+
+
+def override(choices: Sequence[Choice], wanted: Collection[str]) -> tuple[Choice, ...]:
+    """Return the choices with exactly the ``wanted`` effects on; reasons say what was overridden."""
     return tuple(_overridden(choice, choice.effect in wanted) for choice in choices)
 
 
-def wanted_effects(selection: Selection | str) -> frozenset[str] | None:
-    """Return the names that a selection switches on, None for "auto"; see `plan`."""
-    known = [effect.name for effect in EFFECTS]
+def wanted_effects(
+    selection: Selection | str, known: Sequence[str] = EFFECT_NAMES
+) -> frozenset[str] | None:
+    """Return the names out of ``known`` that a selection switches on, None for "auto"; see `plan`."""
     if selection == "auto":
         return None
     if selection == "all":

@@ -38,6 +38,6 @@ class ImageBlur:
             off="the shutter is too fast for the hand to blur the images",
         )
 
-    def views(self, facts: SceneFacts) -> int:
-        """Return how many views make one exposure."""
-        return int(np.clip(np.ceil(facts.blur_px), MIN_VIEWS, MAX_VIEWS))
+    def views(self, facts: SceneFacts, strength: float = 1.0) -> int:
+        """Return how many views make one exposure, ``strength`` times as long as the rig's."""
+        return int(np.clip(np.ceil(strength * facts.blur_px), MIN_VIEWS, MAX_VIEWS))

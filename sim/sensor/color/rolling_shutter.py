@@ -40,7 +40,7 @@ class RollingShutter:
             off="the rows are read too fast, or all at once, for the hand to bend the images",
         )
 
-    def bands(self, facts: SceneFacts, rig: StereoRig) -> int:
-        """Return into how many bands of rows the image is cut."""
-        bands = int(np.clip(np.ceil(facts.skew_px / STEP_PX), MIN_BANDS, MAX_BANDS))
+    def bands(self, facts: SceneFacts, rig: StereoRig, strength: float = 1.0) -> int:
+        """Return into how many bands of rows the image is cut; ``strength`` stretches the read-out."""
+        bands = int(np.clip(np.ceil(strength * facts.skew_px / STEP_PX), MIN_BANDS, MAX_BANDS))
         return min(bands, rig.intrinsics.height)

@@ -1,0 +1,89 @@
+"""The settings of a recording: what to record, with which camera, and how."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from digs_warp.checks import DigsError, check_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateConfig:
+    """What to record and how. The same settings give the same bytes."""
+
+    mesh: Path | None = None
+    """The object: GLB, glTF, OBJ, PLY or STL. Default: the built-in object."""
+
+    environment: Path | None = None
+    """The surround and its light: an equirectangular HDR, EXR, PNG or JPG. Default: a built-in room."""
+
+    frames: int = 60
+    """Number of stereo frames, uniformly spaced in time over three orbits."""
+
+    profile: str | None = None
+    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: the figures
+    of zed2-720 with a narrower view (60 degrees), in which an object fills the image."""
+
+    width: int | None = None
+    """Image width [px]. Default: that of the profile; 640 without one."""
+
+    height: int | None = None
+    """Image height [px]. Default: follows from the width and the shape of the camera's image."""
+
+    samples_per_pixel: int = 4
+    """Rays averaged in each pixel; more give smoother edges and take longer."""
+
+    tier: Literal["truth", "law", "planned", "matcher"] = "law"
+    """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'planned' has the
+    effects that the scene calls for, on depth and images; 'matcher' matches the two noisy images."""
+
+    effects: str = "auto"
+    """Effects of the sensor: auto (what the scene calls for), all, none, or names with commas between
+    ('digs-warp plan' lists them). For the tiers 'planned' and 'matcher'."""
+
+    strength: float = 1.0
+    """Factor on the errors of the sensor; 0: none, 2: twice as bad as the real one."""
+
+    normals: bool = False
+    """Also write the true normals."""
+
+    renderer: Literal["raycast", "gl"] = "raycast"
+    """'raycast' needs no graphics driver; 'gl' draws with OpenGL: a cross-check, without reflections."""
+
+    object_size: float | None = None
+    """Size of the object's longest side [m]. Default: chosen from the mesh, so that it fits a table."""
+
+    up: Literal["auto", "y", "z"] = "auto"
+    """Which axis of the mesh file points up."""
+
+    seed: int = 0
+    """Seed of hand shake, pixel sampling and everything random in the sensor."""
+
+    def __post_init__(self) -> None:
+        for name in ("frames", "width", "height", "samples_per_pixel"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise DigsError(f"{name}: {value}, expected at least 1")
+        if self.seed < 0:
+            raise DigsError(f"seed: {self.seed}, expected 0 or more")
+        if not (np.isfinite(self.strength) and self.strength >= 0):
+            raise DigsError(f"strength: {self.strength}, expected a finite number, 0 or more")
+        if self.object_size is not None:
+            check_positive("object_size [m]", self.object_size)
+        if self.mesh is None and (self.object_size is not None or self.up != "auto"):
+            raise DigsError(
+                "object_size and up say how to take a mesh file; the built-in object has its own size: "
+                "leave them out, or name a mesh"
+            )
+        if self.effects != "auto" and not self.plans_effects:
+            raise DigsError(
+                f"effects: '{self.effects}' has no meaning for tier '{self.tier}'; "
+                "choose tier 'planned' or 'matcher', or leave the effects out"
+            )
+
+    @property
+    def plans_effects(self) -> bool:
+        """Whether the tier asks the scene which effects it calls for."""
+        return self.tier in ("planned", "matcher")

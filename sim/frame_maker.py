@@ -1,0 +1,94 @@
+"""Makes the images of one frame: what the eyes see, what the sensor makes of it, what the files hold."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from digs_warp.capture import BASIC_LAYERS, FrameImages
+from digs_warp.images import to_uint8
+from sim.config import SimulateConfig
+from sim.sensor.color.encoding import decode, encode
+from sim.sensor.color.protocol import EyeImages
+from sim.sensor.frame import FrameTruth
+from sim.sensor.tiers import depth_of, effect_rng, sense
+from sim.sensor_plan import SensorPlan
+from sim.session import Session
+
+
+def layers_of(config: SimulateConfig) -> tuple[str, ...]:
+    """Return the layers that a recording writes for every frame, as keys of transforms.json."""
+    sensor = ("cause_file_path", "confidence_file_path") if config.plans_effects else ()
+    normals = ("normals_file_path",) if config.normals else ()
+    return (*BASIC_LAYERS, *sensor, *normals)
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedFrame:
+    """A frame before the sensor: its truth and the mask of the object."""
+
+    truth: FrameTruth
+    mask: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMaker:
+    """Renders frames and applies the sensor to them; frames do not depend on each other."""
+
+    session: Session
+    plan: SensorPlan
+
+    def render(self, number: int) -> RenderedFrame:
+        """Return what the eyes see."""
+        shutter = self.plan.shutter(self.session.rig, self.session.config.strength)
+        return RenderedFrame(*self.session.truth(number, shutter))
+
+    def finish(self, frame: RenderedFrame, clock: "Clock") -> FrameImages:
+        """Return what the files hold; safe to call beside `render` in another thread."""
+        config, truth = self.session.config, frame.truth
+        with clock.stage("sense"):
+            sensed = sense(truth, config.tier, self.plan.depth, config.seed, config.strength)
+            depth = truth.depth if config.tier == "truth" else depth_of(sensed, truth)
+        with clock.stage("color"):
+            image, right = self._colored(truth)
+        tells = config.plans_effects
+        return FrameImages(
+            image=image,
+            depth=depth,
+            mask=frame.mask,
+            right=right,
+            depth_true=truth.depth,
+            cause=sensed.cause if tells else None,
+            confidence=to_uint8(sensed.confidence) if tells else None,
+            normals=truth.normals_world if config.normals else None,
+        )
+
+    def _colored(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two images after the effects of the plan; without any, the bytes they had."""
+        config, rig = self.session.config, self.session.rig
+        effects = self.plan.pixel_effects if config.strength > 0 else ()
+        if not effects:
+            return truth.image, truth.right
+        eyes = EyeImages(rig.intrinsics, decode(truth.image), decode(truth.right))
+        for effect in effects:
+            rng = effect_rng(config.seed, truth.number, effect.name)
+            eyes = effect.apply(eyes, rig, rng, config.strength)
+        return encode(eyes.left), encode(eyes.right)
+
+
+@dataclass
+class Clock:
+    """Seconds per stage of one frame."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = time.perf_counter() - start

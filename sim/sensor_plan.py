@@ -1,0 +1,105 @@
+"""The plan of a recording: which effects its sensor has, on depth and on the images, and why."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.config import SimulateConfig
+from sim.rig import StereoRig
+from sim.sensor.color import COLOR_EFFECTS, IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from sim.sensor.color.protocol import PixelEffect
+from sim.sensor.effects import EFFECTS
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import SceneFacts, measure_facts
+from sim.sensor.planner import override, plan, wanted_effects
+from sim.session import Session
+from sim.shutter import Shutter
+
+PLAN_NAME = "sensor_plan.json"
+
+# Frames that are looked at before the recording, evenly spaced: two on each of the three orbits.
+SAMPLE_FRAMES = 6
+
+
+@dataclass(frozen=True)
+class SensorPlan:
+    """The choices for a recording.
+
+    Attributes:
+        depth: effects on the depth path, in the order in which they act; empty where the tier plans none.
+        color: the same on the colour path.
+        facts: what the choices rest on; None where the tier plans nothing.
+    """
+
+    depth: tuple[Choice, ...] = ()
+    color: tuple[Choice, ...] = ()
+    facts: SceneFacts | None = None
+
+    @property
+    def effects_on(self) -> tuple[str, ...]:
+        """Names of all effects that are on."""
+        return tuple(choice.effect for choice in (*self.color, *self.depth) if choice.on)
+
+    @property
+    def pixel_effects(self) -> tuple[PixelEffect, ...]:
+        """Effects for the finished images, in the order in which they act."""
+        return tuple(effect for effect in PIXEL_EFFECTS if self._has_color(effect.name))
+
+    def shutter(self, rig: StereoRig, strength: float = 1.0) -> Shutter:
+        """Return the shutter through which the eyes look; ``strength`` stretches its times."""
+        rolling, blurring = map(self._has_color, (ROLLING_SHUTTER.name, IMAGE_BLUR.name))
+        if self.facts is None or strength == 0:
+            return Shutter()
+        return Shutter(
+            bands=ROLLING_SHUTTER.bands(self.facts, rig, strength) if rolling else 1,
+            views=IMAGE_BLUR.views(self.facts, strength) if blurring else 1,
+            readout_time=strength * rig.readout_time if rolling else 0.0,
+            exposure_time=strength * rig.exposure_time if blurring else 0.0,
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the plan as sensor_plan.json holds it."""
+        facts = {} if self.facts is None else asdict(self.facts)
+        return {
+            "depth": [asdict(choice) for choice in self.depth],
+            "color": [asdict(choice) for choice in self.color],
+            # Where nothing is in view, depth has no extremes.
+            "facts": {name: v if np.isfinite(v) else None for name, v in facts.items()},
+        }
+
+    def _has_color(self, name: str) -> bool:
+        return any(choice.effect == name and choice.on for choice in self.color)
+
+
+def make_plan(session: Session) -> SensorPlan:
+    """Look at some frames and choose the effects; tiers without effects get an empty plan."""
+    config = session.config
+    if not config.plans_effects:
+        return SensorPlan()
+    check_effects(config)
+    count = min(SAMPLE_FRAMES, config.frames)
+    numbers = np.linspace(0, config.frames - 1, count).round().astype(int).tolist()
+    facts = measure_facts([session.truth(number, Shutter())[0] for number in numbers])
+    return plan_for_facts(facts, session.rig, config)
+
+
+def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) -> SensorPlan:
+    """Return the plan for a scene that has been measured."""
+    wanted = _wanted(config.effects)
+    color = tuple(effect.choose(facts, rig) for effect in COLOR_EFFECTS)
+    # The matcher makes its own errors on the depth path.
+    depth = plan(facts, rig) if config.tier == "planned" else ()
+    if wanted is not None:
+        color, depth = override(color, wanted), override(depth, wanted)
+    return SensorPlan(depth, color, facts)
+
+
+def check_effects(config: SimulateConfig) -> None:
+    """Raise a `DigsError` when the settings name an effect that does not exist."""
+    _wanted(config.effects)
+
+
+def _wanted(selection: str) -> frozenset[str] | None:
+    """Return the names that are asked for; None: what the scene calls for."""
+    return wanted_effects(selection, [effect.name for effect in (*COLOR_EFFECTS, *EFFECTS)])

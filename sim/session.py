@@ -1,0 +1,164 @@
+"""Everything that stands ready before the first frame is recorded: scene, light, camera and its way."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from sim.config import SimulateConfig
+from sim.environment import Environment, load_environment, procedural_environment
+from sim.profiles import Profile, load_profile
+from sim.render.protocol import Renderer
+from sim.rig import DEFAULT_FOV_DEG, StereoRig
+from sim.scene import Scene
+from sim.sensor.frame import FrameTruth, Motion
+from sim.shutter import Shutter, ShutteredEye
+from sim.trajectory import Walk, fitting_distance
+
+# Camera and image where no profile is named: a quarter of the pixels of HD720, quick to make.
+DEFAULT_PROFILE = "zed2-720"
+DEFAULT_WIDTH = 640
+DEFAULT_ASPECT = 16 / 9
+
+# Room between the object and the nearest depth that the sensor reports, as a share of its radius.
+NEAR_MARGIN = 1.2
+
+# The walls stand at least this many orbit distances away.
+SURROUND_MARGIN = 2.0
+
+# Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
+LEFT_EYE, RIGHT_EYE = 101, 102
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """A scene in front of a camera that is about to be carried round it.
+
+    Attributes:
+        config: what to record.
+        scene: the object.
+        environment: the surround, large enough for the walk.
+        profile: the camera model.
+        rig: the camera at the image size in use.
+        walk: where the camera is at any time.
+        renderer: what it sees.
+    """
+
+    config: SimulateConfig
+    scene: Scene
+    environment: Environment
+    profile: Profile
+    rig: StereoRig
+    walk: Walk
+    renderer: Renderer
+
+    @property
+    def moments(self) -> list[float]:
+        """Times of the frames [s]."""
+        return self.walk.moments(self.config.frames)
+
+    def truth(self, number: int, shutter: Shutter) -> tuple[FrameTruth, np.ndarray]:
+        """Render a frame; frames do not depend on each other.
+
+        Args:
+            number: of the frame, 0 to ``config.frames`` - 1.
+            shutter: through which both eyes look.
+
+        Returns:
+            The truth of the frame, and the mask of the object, (height, width), uint8.
+        """
+        moment, samples, k = (
+            self.moments[number],
+            self.config.samples_per_pixel,
+            self.rig.intrinsics,
+        )
+        left, right = (
+            ShutteredEye(self.renderer, shutter, k, partial(self._pose, moment, shift))
+            for shift in (0.0, self.rig.baseline)
+        )
+        image, mask = left.image(samples, self._eye_seed(number, LEFT_EYE))
+        right_image, _ = right.image(samples, self._eye_seed(number, RIGHT_EYE))
+        depth, normals, materials = left.geometry()
+        velocity, angular_velocity = self.walk.motion(moment)
+        truth = FrameTruth(
+            number=number,
+            camera=Camera(k, self.walk.pose(moment)),
+            rig=self.rig,
+            image=image,
+            right=right_image,
+            depth=depth,
+            normals_world=normals,
+            material_ids=materials,
+            materials=self.scene.materials,
+            motion=Motion(_triple(velocity), _triple(angular_velocity)),
+            rays=left.rays(self.rig.baseline),
+        )
+        return truth, mask
+
+    def _pose(self, moment: float, shift: float, after: float) -> np.ndarray:
+        """Return the pose of an eye ``shift`` metres to the right, ``after`` seconds after a moment."""
+        world_from_cam = self.walk.pose(moment + after)
+        world_from_cam[:3, 3] += shift * world_from_cam[:3, 0]
+        return world_from_cam
+
+    def _eye_seed(self, number: int, eye: int) -> np.random.SeedSequence:
+        return np.random.SeedSequence([self.config.seed, number, eye])
+
+
+def load_inputs(config: SimulateConfig) -> tuple[Scene, Environment, Profile]:
+    """Return object, surround and camera model; everything that a wrong path can make fail."""
+    profile = load_profile(config.profile or DEFAULT_PROFILE)
+    if config.mesh is None:
+        from sim.procedural import procedural_scene
+
+        scene = procedural_scene()
+    else:
+        from sim.load import load_scene
+
+        scene = load_scene(config.mesh, config.object_size, config.up)
+    if config.environment is None:
+        return scene, procedural_environment(), profile
+    return scene, load_environment(config.environment), profile
+
+
+def prepare_session(
+    config: SimulateConfig, scene: Scene, environment: Environment, profile: Profile
+) -> Session:
+    """Put the camera at a distance at which it sees the object, and the surround beyond its way."""
+    rig = _make_rig(config, profile)
+    distance = _orbit_distance(scene, rig)
+    radius = max(environment.radius, SURROUND_MARGIN * distance)
+    surround = Environment(environment.radiance, radius)
+    walk = Walk.around(distance, config.seed)
+    renderer = _make_renderer(config, scene, surround)
+    return Session(config, scene, surround, profile, rig, walk, renderer)
+
+
+def _make_rig(config: SimulateConfig, profile: Profile) -> StereoRig:
+    if config.profile is not None:
+        return profile.rig(config.width, config.height)
+    width = config.width or DEFAULT_WIDTH
+    height = config.height or max(1, round(width / DEFAULT_ASPECT))
+    return profile.rig(width, height, DEFAULT_FOV_DEG)
+
+
+def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environment) -> Renderer:
+    if config.renderer == "gl":
+        from sim.render.gl import GlRenderer
+
+        return GlRenderer(scene, environment)
+    from sim.render.raycast import RaycastRenderer
+
+    return RaycastRenderer(scene, environment)
+
+
+def _orbit_distance(scene: Scene, rig: StereoRig) -> float:
+    """Return the distance at which the object fits the image and no part is too near for the sensor."""
+    fitting = fitting_distance(scene.radius, rig.intrinsics)
+    return max(fitting, rig.min_depth + NEAR_MARGIN * scene.radius)
+
+
+def _triple(vector: np.ndarray) -> Any:
+    return tuple(float(value) for value in vector)
