@@ -87,10 +87,9 @@ class Profile:
         else:
             intrinsics = Intrinsics.from_fov(width, height, horizontal_fov_deg)
         values: dict[str, Any] = {name: self.figures[name].value for name in RIG_FIGURES}
-        values |= {"window": int(values["window"]), "unit": int(values["unit"])}
-        return StereoRig(
-            intrinsics=intrinsics, **values | {"post_filter": bool(values["post_filter"])}
-        )
+        for kind, names in ((int, ("window", "unit")), (bool, ("post_filter", "drops_saturated"))):
+            values |= {name: kind(values[name]) for name in names}
+        return StereoRig(intrinsics=intrinsics, **values)
 
 
 def _figures(origin: Origin, note: str, **values: float) -> dict[str, Figure]:
@@ -111,6 +110,7 @@ _MATCHER = {
         "tuned", "synthetic pairs: 0.02-0.06 px temporal, 0.03-0.1 px fixed", temporal_share=0.5
     ),
     **_figures("tuned", "any specimen", unit=0),
+    **_figures("tuned", "as the matcher leaves it", drops_saturated=0.0, post_filter=0.0),
     **_figures("tuned", "factory calibration, no drift", row_offset=0.0, column_offset=0.0),
     **_figures("tuned", "indoor light", exposure_time=0.01, image_noise=2.0),
     **_figures("tuned", "small pixels at indoor gain", full_well=4_400.0, vignetting=0.3),
@@ -121,6 +121,7 @@ _ZED2 = {
     **_figures("vendor", "data sheet", baseline=0.12, min_depth=0.3, max_depth=20.0),
     **_figures("tuned", "no limit but the nearest depth", max_disparity=0.0),
     **_figures("vendor", "neural depth modes smooth across edges", post_filter=1.0),
+    **_figures("vendor", "default of the ROS 2 wrapper", drops_saturated=1.0),
 }
 
 # Random invalid pixels: Ortiz et al. 2018, doi 10.5565/rev/elcvia.1084, first ZED, per resolution.
@@ -158,7 +159,6 @@ _D435 = {
     **_figures("vendor", "rule of thumb of the vendor's engineers", disparity_sigma=0.08),
     **_figures("vendor", "sub-pixel linearity improved 3-5 times", ripple=0.02),
     **_figures("tuned", "projected pattern; no published figure", random_invalid=0.005),
-    **_figures("vendor", "raw depth, no filter", post_filter=0.0),
     **_figures("vendor", "global shutter", readout_time=0.0),
 }
 
@@ -172,7 +172,6 @@ _OAKD = {
     # Vendor's medians (2 % at 4 m, 4 % at 7 m) are bounds with bias: they allow 0.3 px.
     **_figures("tuned", "census matching, below the vendor's bound", disparity_sigma=0.15),
     **_figures("tuned", "no published figure", random_invalid=0.01),
-    **_figures("vendor", "raw depth, no filter", post_filter=0.0),
     **_figures("vendor", "global shutter", readout_time=0.0),
 }
 

@@ -38,6 +38,7 @@ class StereoRig:
         random_invalid: share of pixels that drop out without a visible reason, 0 to 1.
         row_offset: how far the rows of the two eyes miss each other [px].
         column_offset: disparity error that a drifted calibration adds everywhere [px].
+        drops_saturated: whether pixels in saturated areas are dropped although smoothness could fill them.
         post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of a mid-grey pixel [DN of 255].
         full_well: electrons of a white pixel at the gain in use; sets how noise grows with light.
@@ -62,6 +63,7 @@ class StereoRig:
     random_invalid: float = 0.023
     row_offset: float = 0.0
     column_offset: float = 0.0
+    drops_saturated: bool = False
     post_filter: bool = False
     image_noise: float = 2.0
     full_well: float = 4_400.0

@@ -38,11 +38,13 @@ def blur(values: np.ndarray, sigma: float) -> np.ndarray:
     )
 
 
-def separable(values: np.ndarray, kernel: np.ndarray, offset: float) -> np.ndarray:
-    """Return ``values`` filtered with the 1-d ``kernel`` along both axes, plus ``offset``, float32."""
+def separable(
+    values: np.ndarray, across: np.ndarray, down: np.ndarray, offset: float
+) -> np.ndarray:
+    """Return ``values`` filtered with 1-d kernels along rows and columns, plus ``offset``, float32."""
     import cv2
 
-    return cv2.sepFilter2D(values, cv2.CV_32F, kernel, kernel, delta=offset)
+    return cv2.sepFilter2D(values, cv2.CV_32F, across, down, delta=offset)
 
 
 def erode(mask: np.ndarray, size: int) -> np.ndarray:

@@ -13,7 +13,10 @@ KERNEL_REACH = 3.0
 
 
 def smooth_normal(
-    rng: np.random.Generator, shape: tuple[int, int], correlation: float
+    rng: np.random.Generator,
+    shape: tuple[int, int],
+    correlation: float,
+    vertical_correlation: float | None = None,
 ) -> np.ndarray:
     """Return a normal field whose correlation falls to 1/e at ``correlation`` pixels, float32.
 
@@ -24,18 +27,25 @@ def smooth_normal(
     Args:
         rng: draws the field.
         shape: (height, width).
-        correlation: [px], >= 2.
+        correlation: along rows [px], >= 2.
+        vertical_correlation: along columns [px], >= 2; by default the same.
     """
+    across, down = _kernel(correlation), _kernel(vertical_correlation or correlation)
+    left, top = len(across) // 2, len(down) // 2
+    # A frame wide enough that every pixel averages the same number of bytes.
+    height, width = shape[0] + 2 * top, shape[1] + 2 * left
+    noise = np.frombuffer(rng.bytes(height * width), np.uint8).reshape(height, width)
+    across /= BYTE_SIGMA
+    field = separable(noise, across, down, -BYTE_MEAN * float(across.sum() * down.sum()))
+    return field[top : top + shape[0], left : left + shape[1]]
+
+
+def _kernel(correlation: float) -> np.ndarray:
+    """Return a Gaussian whose squares add up to 1, so that it keeps the variance of white noise."""
     sigma = 0.5 * correlation
     reach = int(np.ceil(KERNEL_REACH * sigma))
-    offsets = np.arange(-reach, reach + 1)
-    kernel = np.exp(-0.5 * np.square(offsets / sigma))
-    kernel /= np.sqrt(np.sum(np.square(kernel)) * BYTE_SIGMA)  # both axes together: variance 1
-    # A frame wide enough that every pixel averages the same number of bytes.
-    height, width = shape[0] + 2 * reach, shape[1] + 2 * reach
-    noise = np.frombuffer(rng.bytes(height * width), np.uint8).reshape(height, width)
-    field = separable(noise, kernel, -BYTE_MEAN * float(kernel.sum()) ** 2)
-    return field[reach : reach + shape[0], reach : reach + shape[1]]
+    kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
+    return kernel / np.linalg.norm(kernel)
 
 
 def patchy_uniform(rng: np.random.Generator, shape: tuple[int, int], cell: float) -> np.ndarray:

@@ -8,8 +8,8 @@ import numpy as np
 from sim.rig import StereoRig
 from sim.sensor.cause import Cause
 from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import DARK, SATURATED, SceneFacts
-from sim.sensor.filters import erode
+from sim.sensor.facts import DARK, SATURATED, TEXTURE_REACH, SceneFacts
+from sim.sensor.filters import distance_to, erode
 from sim.sensor.frame import FrameTruth, Sensed
 
 # Share of the surface in view that must be too bright or too dark before the effect shows.
@@ -18,7 +18,11 @@ MIN_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Exposure:
-    """Holes where a whole matching window is saturated (ZED: remove_saturated_areas) or black."""
+    """Holes where a whole matching window is saturated or black.
+
+    Some rigs drop all of these (ZED: remove_saturated_areas); with the others smoothness fills in from
+    the rim, as in any textureless area.
+    """
 
     name: ClassVar[str] = "exposure"
 
@@ -42,4 +46,6 @@ class Exposure:
         bright = 255 - (255 - SATURATED) * strength
         window = truth.rig.window
         clipped = erode(truth.gray > bright, window) | erode(truth.gray < DARK * strength, window)
+        if not truth.rig.drops_saturated and clipped.any():
+            clipped = distance_to(~clipped) > TEXTURE_REACH
         return sensed.with_holes(clipped, Cause.EXPOSURE)

@@ -22,11 +22,10 @@ DECAY = 17.0  # [px]
 SLOPE_GAIN = 30.0
 
 # Of the failed pixels of these discs 0 to a half become holes; the rest is wrong and confident.
-HOLE_SHARE = 0.3
+HOLE_SHARE = 0.35
 
-# Failures come in patches of this size [px], wrong by at least 1 px and by half as much again as this
-# one time in three [px] [tuned].
-PATCH, WRONG_ERROR = 16.0, 3.0
+# Failures come in patches of this size, wrong by 1 px and up to this much more [px] [tuned].
+PATCH, WRONG_ERROR = 24.0, 3.0
 
 
 @dataclass(frozen=True)

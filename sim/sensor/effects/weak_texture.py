@@ -14,13 +14,13 @@ from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import patchy_uniform, smooth_normal
 from sim.sensor.texture import noise_of
 
-# Temporal disparity error of semi-global matching: 0.4 sqrt(2) / (w SNR) px for a window of w pixels and
-# SNR = gradient / image noise; 0.34 to 0.6 were seen instead of 0.4.
-ERROR_PER_SNR = 0.4 * np.sqrt(2)
-LARGEST_ERROR = 0.5  # [px]; beyond it, pixels are lost instead
+# Temporal disparity error of semi-global matching: c sqrt(2) / (w SNR) px for a window of w pixels and
+# SNR = gradient / image noise; c was between 0.34 and 0.6.
+ERROR_PER_SNR = 0.47 * np.sqrt(2)
+LARGEST_ERROR = 1.0  # [px]; beyond it, pixels are lost instead
 
-# In weak texture noise is smooth over twice the distance (10 by 5 px were seen instead of 4 by 4).
-CORRELATION_GAIN = 2.0
+# In weak texture noise is smooth over more pixels: 10 along rows, 5 along columns were seen, not 4.
+CORRELATION_GAIN = (1.25, 2.5)  # columns, rows
 
 # SNR is that of a region: semi-global matching gathers evidence beyond its window [windows].
 REGION = 4
@@ -67,7 +67,8 @@ class WeakTexture:
         # Excess over the noise of good texture, which has an effect of its own.
         usual = np.float32(rig.disparity_sigma**2 * rig.temporal_share)
         excess = _root(np.square(error) - usual)
-        field = smooth_normal(rng, shape, CORRELATION_GAIN * rig.noise_correlation)
+        vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
+        field = smooth_normal(rng, shape, horizontal, vertical)
         sensed = sensed.shifted(excess * field)
 
         coarse = box_mean(
