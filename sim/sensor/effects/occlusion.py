@@ -16,11 +16,14 @@ from sim.sensor.steps import Runs, find_runs
 # Hidden share below which nobody would see the effect.
 MIN_SHARE = 1e-4
 
-# Share of holes among hidden pixels by the length of the hidden run [px]: semi-global matching with a
-# window of 5 and left-right check on a real pair with true disparity (Middlebury Motorcycle). A short run
-# is bridged by the window and the smoothness term, a long one is found out.
-RUN_LENGTHS = (1.0, 2.0, 4.0, 6.5, 10.0, 16.0, 30.0)
-HOLE_SHARES = (0.18, 0.24, 0.31, 0.45, 0.52, 0.58, 0.79)
+# Share of holes among hidden pixels, by the length of the hidden run and by the distance to what hides it
+# [px]: semi-global matching with a window of 5 and left-right check, mean of a real pair with true
+# disparity (Middlebury Motorcycle) and of rendered frames of six meshes. The window and the smoothness
+# term carry the near disparity across the first few pixels; what lies farther is found out.
+RUN_LENGTHS = (1.0, 2.0, 4.0, 6.5, 10.0, 16.0, 30.0, 55.0, 100.0)
+HOLE_SHARES_NEAR = (0.15, 0.20, 0.30, 0.40, 0.50, 0.58, 0.62, 0.60, 0.62)
+HOLE_SHARES_FAR = (0.15, 0.20, 0.30, 0.50, 0.65, 0.70, 0.83, 0.87, 0.96)
+NEAR_REACH, FAR_REACH = 4.0, 12.0
 
 # What the rest gets, on the same pair: a tenth is right by chance, three quarters take the disparity of
 # what hides them, the others lie between the two.
@@ -37,19 +40,14 @@ SEARCH = 16
 BETWEEN_PIXELS = 0.5
 
 # Distance over which a matcher decides alike [px].
-COHERENCE = 6.0
+COHERENCE = 12.0
 
 
 @dataclass(frozen=True)
 class Occlusion:
-    """Holes and confident wrong depth on the left side of near things.
-
-    Attributes:
-        hole_gain: factor on the measured share of holes.
-    """
+    """Holes and confident wrong depth on the left side of near things."""
 
     name: ClassVar[str] = "occlusion"
-    hole_gain: float = 1.0
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """Switch on when nearer things hide anything from the right eye."""
@@ -79,9 +77,9 @@ class Occlusion:
         rows, columns, run = _pixels(runs)
 
         touched = rng.random(len(rows)) < strength
-        hole_share = np.interp(runs.lengths, RUN_LENGTHS, HOLE_SHARES) * self.hole_gain
-        hole_share = 1.0 - (1.0 - np.minimum(hole_share, 1.0)) ** max(strength, 1.0)
-        lost = coherent_uniform(rng, shape, rows, columns, COHERENCE) < hole_share[run]
+        share = hole_share(runs.lengths[run], runs.end[run] - columns)
+        share = 1.0 - (1.0 - share) ** max(strength, 1.0)
+        lost = coherent_uniform(rng, shape, rows, columns, COHERENCE) < share
         guess = _guess(sensed.disparity, runs, rows, columns, run, rng)
         guess[lost] = np.nan
         changed = touched & (guess != sensed.disparity[rows, columns])
@@ -92,6 +90,19 @@ class Occlusion:
         where[rows[changed], columns[changed]] = True
         confidence = np.where(np.isnan(disparity), 0.0, 0.8)  # wrong, and the sensor does not know
         return sensed.with_values(where, disparity, Cause.OCCLUDED, confidence)
+
+
+def hole_share(run_length: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Return the probability that a hidden pixel has no value, shape (n,).
+
+    Args:
+        run_length: of the hidden pixels in its row [px].
+        distance: to what hides it, 1 for its neighbour [px].
+    """
+    near = np.interp(run_length, RUN_LENGTHS, HOLE_SHARES_NEAR)
+    far = np.interp(run_length, RUN_LENGTHS, HOLE_SHARES_FAR)
+    away = np.clip((distance - NEAR_REACH) / (FAR_REACH - NEAR_REACH), 0.0, 1.0)
+    return near + (far - near) * away
 
 
 def possibly_hidden(disparity: np.ndarray) -> np.ndarray:
