@@ -3,7 +3,6 @@
 # Warp's type hints take the dtype of an array for a value, and structs for functions.
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from digs_warp.parallel import launch_parallel
 from sim.environment import Environment
 from sim.render.kernels import color_kernel, geometry_kernel, openness_kernel
 from sim.render.lighting import prepare_light
+from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
 from sim.render.surface import upload_scene
 from sim.render.view import make_view
@@ -29,37 +29,18 @@ MIN_OPENNESS_RAYS = 8
 OPENNESS_REACH = 0.7
 
 
-@dataclass(frozen=True, eq=False)
-class RenderedView:
-    """What one eye sees.
-
-    Attributes:
-        image: sRGB, shape (height, width, 3), uint8.
-        mask: share of each pixel that the object covers, 0..255, shape (height, width), uint8.
-        depth: planar z at the pixel centres [m], shape (height, width), float32; the surround has the
-            depth of its sphere.
-        normals_world: unit normals toward the viewer at the pixel centres, (height, width, 3), float32.
-        material_ids: material at the pixel centres, (height, width), int32; -1: the surround.
-    """
-
-    image: np.ndarray
-    mask: np.ndarray
-    depth: np.ndarray
-    normals_world: np.ndarray
-    material_ids: np.ndarray
-
-
 class RaycastRenderer:
     """A scene and its environment, ready to be seen from any camera inside the surround."""
 
     def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
         self.threads = threads
         self.surround_radius = environment.radius
+        self._radius = scene.radius
         self._panorama_height = environment.radiance.shape[0]
         self._light = prepare_light(environment, threads)
         self._scene = upload_scene(scene)
         self._surface = self._scene.surface
-        self._surface.openness = self._measure_openness(scene)
+        self._openness: Any = None  # measured for the first image
 
     @property
     def exposure(self) -> float:
@@ -85,6 +66,7 @@ class RaycastRenderer:
         texel_angle = np.pi / self._panorama_height
         surround_level = float(max(0.0, np.log2(view.pixel_cone / texel_angle)))
         height, width = camera.intrinsics.height, camera.intrinsics.width
+        self._ensure_openness()
         image = wp.empty((height * width, 3), dtype=wp.uint8, device="cpu")
         mask = wp.empty(height * width, dtype=wp.uint8, device="cpu")
         scalars = [surround_level, samples_per_pixel, _int32(seed)]
@@ -111,20 +93,17 @@ class RaycastRenderer:
         """Return the rays that the sensor's effects may ask for; none is cast before it is asked for."""
         return SurfaceRays(self._scene, camera, baseline, self.surround_radius, self.threads)
 
-    def _measure_openness(self, scene: Scene) -> Any:
-        count = len(scene.vertices)
+    def _ensure_openness(self) -> None:
+        if self._openness is not None:
+            return
+        points = self._scene.mesh.points
+        count = len(points)
         rays = int(np.clip(OPENNESS_BUDGET // (2 * count), MIN_OPENNESS_RAYS, OPENNESS_RAYS))
         openness = wp.empty(count, dtype=wp.vec2, device="cpu")
-        scalars = [rays, OPENNESS_REACH * scene.radius, self._surface.lift]
-        inputs = [
-            self._surface.mesh,
-            self._scene.mesh.points,
-            self._surface.normals,
-            *scalars,
-            openness,
-        ]
+        scalars = [rays, OPENNESS_REACH * self._radius, self._surface.lift]
+        inputs = [self._surface.mesh, points, self._surface.normals, *scalars, openness]
         self._launch(openness_kernel, count, inputs)
-        return openness
+        self._surface.openness = self._openness = openness
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
         launch_parallel(kernel, dim, inputs, threads=self.threads)

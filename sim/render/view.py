@@ -47,18 +47,23 @@ def surround_distance(view: View, origin: wp.vec3, direction: wp.vec3) -> float:
     return wp.where(along > 0.0, gap / (root + along), root - along)
 
 
-def make_view(camera: Camera, surround_radius: float, samples_per_pixel: int = 1) -> View:
-    """Return the camera for kernels.
-
-    Raises:
-        DigsError: the camera stands outside the surround.
-    """
+def check_inside(camera: Camera, surround_radius: float) -> None:
+    """Raise a `DigsError` when the camera stands outside the surround."""
     distance = float(np.linalg.norm(camera.center_world))
     if distance >= surround_radius:
         raise DigsError(
             f"camera: {distance:.3g} m from the origin, outside the surround of radius "
             f"{surround_radius:.3g} m; make the environment larger or come closer"
         )
+
+
+def make_view(camera: Camera, surround_radius: float, samples_per_pixel: int = 1) -> View:
+    """Return the camera for kernels.
+
+    Raises:
+        DigsError: the camera stands outside the surround.
+    """
+    check_inside(camera, surround_radius)
     k = camera.intrinsics
     view = View()
     view.width = k.width

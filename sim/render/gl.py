@@ -1,0 +1,184 @@
+"""The OpenGL renderer (pyrender on EGL): an independent check of the ray caster, and an alternative.
+
+Depth, masks, normals and material ids mean the same as the ray caster's. Colours are plainer: one light
+and an ambient level stand in for the environment, there are no shadows, and each pixel always has four
+samples. Rays that effects ask for go through the ray caster's BVH.
+"""
+
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Camera, pixel_centers
+from digs_warp.checks import DigsError
+from digs_warp.imports import PYRENDER_APT, MissingLibraryError, import_pyrender
+from sim.environment import Environment
+from sim.render.gl_scene import (
+    material_meshes,
+    normal_mesh,
+    sphere_mesh,
+    two_lights,
+)
+from sim.render.lighting import prepare_light
+from sim.render.protocol import RenderedView
+from sim.render.rays import SurfaceRays
+from sim.render.surface import DeviceScene, upload_scene
+from sim.render.view import check_inside
+from sim.scene import Scene
+
+# OpenGL cameras look along -z, with y up.
+GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
+
+# The near plane never comes closer than this share of the scene's radius: 24 bits of depth have to do.
+NEAREST_SHARE = 2e-3
+
+# A background in the code of normals: no direction, so that blended edges keep theirs.
+NO_NORMAL = (0.5, 0.5, 0.5, 0.0)
+
+# Room between the clipping planes and the scene, as a share of its radius.
+CLIP_MARGIN = 0.01
+
+
+class GlRenderer:
+    """A scene and its environment, drawn by OpenGL.
+
+    Args:
+        scene: what is drawn; cut-out and transparent materials have the depth of a solid surface.
+        environment: the surround; its light is reduced to one direction and an ambient level.
+        threads: of the rays that effects ask for, 0: all cores.
+
+    Raises:
+        MissingLibraryError: there is no EGL on this machine; the message names the packages.
+    """
+
+    def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
+        self._pyrender = import_pyrender()
+        _canvas()  # says so at once where there is no EGL
+        self._scene = scene
+        self._threads = threads
+        self.surround_radius = environment.radius
+        light = prepare_light(environment, threads)
+        self.exposure = light.exposure
+        self._drawing = self._pyrender.Scene(bg_color=np.zeros(4))
+        self._shown = [self._drawing.add(m) for m in material_meshes(self._pyrender, scene)]
+        self._normals = [self._drawing.add(normal_mesh(self._pyrender, scene))]
+        sphere = sphere_mesh(self._pyrender, environment, self.exposure)
+        self._surround = [self._drawing.add(sphere)]
+        two_lights(self._pyrender, self._drawing, light.struct.irradiance.numpy())
+        self._has_glass = any(material.is_transparent for material in scene.materials)
+        # Ids as colours; 0 is the background.
+        self._id_colors = {node: _id_color(int(node.mesh.name) + 1) for node in self._shown}
+
+    def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
+        """Return image, mask, depth, normals and material ids; the sampling is fixed."""
+        image, mask = self.render_image(camera, samples_per_pixel, seed)
+        return RenderedView(image, mask, *self.render_geometry(camera))
+
+    def render_image(
+        self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the image, (height, width, 3), and the mask, (height, width), both uint8."""
+        if samples_per_pixel < 1:
+            raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
+        flags = self._pyrender.RenderFlags
+        surround, _ = self._draw(self._surround, camera, flags.FLAT | flags.SKIP_CULL_FACES)
+        flat, _ = self._draw(self._normals, camera, flags.FLAT | flags.RGBA, background=NO_NORMAL)
+        mask = flat[..., 3]
+        black, _ = self._draw(self._shown, camera, 0, background=(0.0, 0.0, 0.0, 1.0))
+        through = 1.0 - mask[..., None] / 255.0
+        if self._has_glass:
+            white, _ = self._draw(self._shown, camera, 0, background=(1.0, 1.0, 1.0, 1.0))
+            through = (white.astype(np.float32) - black) / 255.0
+        image = np.clip(black + through * surround + 0.5, 0, 255).astype(np.uint8)
+        return image, mask.copy()
+
+    def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return depth, world normals and material ids at the pixel centres.
+
+        Normals come out of eight bits: about half a degree off.
+        """
+        flags = self._pyrender.RenderFlags
+        ids, depth = self._draw(self._shown, camera, flags.SEG)
+        materials = ids.astype(np.int32) @ np.array([1, 256, 65536], np.int32) - 1
+        is_object = materials >= 0
+        rays, far = self._surround_depth(camera)
+        flat, _ = self._draw(self._normals, camera, flags.FLAT, background=NO_NORMAL)
+        normals = flat / 127.5 - 1.0
+        inward = -(camera.center_world + rays * far[..., None])
+        normals = np.where(is_object[..., None], normals, inward)
+        normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
+        depth = np.where(is_object, depth, far)
+        return depth.astype(np.float32), normals.astype(np.float32), materials
+
+    def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
+        """Return the rays that the sensor's effects may ask for; none is cast before that."""
+        return SurfaceRays(
+            self._device_scene, camera, baseline, self.surround_radius, self._threads
+        )
+
+    @cached_property
+    def _device_scene(self) -> DeviceScene:
+        return upload_scene(self._scene)
+
+    def _draw(
+        self,
+        nodes: list[Any],
+        camera: Camera,
+        flags: int,
+        background: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Draw some of the meshes; return colours, uint8, and planar depth [m], 0 where nothing is.
+
+        Everything stays in one scene: pyrender uploads meshes again when they come and go.
+        """
+        check_inside(camera, self.surround_radius)
+        for node in self._drawing.mesh_nodes:
+            node.mesh.is_visible = node in nodes
+        self._drawing.bg_color = background
+        k = camera.intrinsics
+        canvas = _canvas()
+        canvas.viewport_width, canvas.viewport_height = k.width, k.height
+        near, far = self._clip_planes(camera, nodes is self._surround)
+        eye = self._pyrender.IntrinsicsCamera(k.fx, k.fy, k.cx, k.cy, znear=near, zfar=far)
+        eye_node = self._drawing.add(eye, pose=camera.world_from_cam @ GL_FROM_CV)
+        try:
+            return canvas.render(self._drawing, flags, self._id_colors)
+        finally:
+            self._drawing.remove_node(eye_node)
+
+    def _clip_planes(self, camera: Camera, whole_surround: bool) -> tuple[float, float]:
+        """Return the clipping depths [m], as tight round the scene as it gets."""
+        radius = self._scene.radius
+        nearest = NEAREST_SHARE * radius
+        if whole_surround:
+            return nearest, 2.0 * self.surround_radius
+        depth = float(camera.cam_from_world[2, 3])  # of the origin
+        reach = (1.0 + CLIP_MARGIN) * radius
+        near = max(depth - reach, nearest)
+        return near, max(depth + reach, 2.0 * near)
+
+    def _surround_depth(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Return rays with z_cam = 1, (height, width, 3), and the planar depth of the surround [m]."""
+        k = camera.intrinsics
+        px = pixel_centers(k.width, k.height)
+        eye = camera.center_world
+        rays = camera.unproject(px, np.ones(px.shape[:2])) - eye
+        a, b = (rays**2).sum(axis=-1), rays @ eye
+        return rays, (-b + np.sqrt(b * b + a * (self.surround_radius**2 - eye @ eye))) / a
+
+
+@cache
+def _canvas() -> Any:
+    """Return the off-screen buffer of the process: pyrender shuts EGL down with the first one it frees."""
+    try:
+        return import_pyrender().OffscreenRenderer(1, 1)
+    except Exception as error:  # PyOpenGL raises its own, ctypes' and plain AttributeErrors
+        raise MissingLibraryError(
+            f"OpenGL cannot draw off-screen here ({type(error).__name__}: {error}); install EGL and "
+            f"its drivers: {PYRENDER_APT}; or use the ray caster"
+        ) from error
+
+
+def _id_color(number: int) -> tuple[int, int, int]:
+    return number & 255, (number >> 8) & 255, number >> 16

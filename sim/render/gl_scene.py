@@ -1,0 +1,150 @@
+"""A `Scene` and its surround as meshes of pyrender."""
+
+from typing import Any
+
+import numpy as np
+
+from digs_warp.images import srgb_from_linear, to_uint8
+from digs_warp.sh import sh_basis
+from sim.environment import Environment
+from sim.panorama import panorama_directions
+from sim.scene import Material, Scene
+
+# Segments of the surround's sphere; its texture bends within one by less than a tenth of a degree.
+SPHERE_COLUMNS, SPHERE_ROWS = 256, 128
+
+
+def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
+    """Return one mesh per material that has faces, named by the material's number, with both sides."""
+    faces = _faces_along_normals(scene)
+    meshes = []
+    for number, material in enumerate(scene.materials):
+        chosen = faces[scene.face_materials == number]
+        if not len(chosen):
+            continue
+        used, index = np.unique(chosen, return_inverse=True)
+        index = index.reshape(-1, 3)
+        white = (scene.vertex_colors[used] == 1).all()
+        colors = None if white else np.tile(_with_alpha(scene.vertex_colors[used]), (2, 1))
+        primitive = pyrender.Primitive(
+            positions=np.tile(scene.vertices[used], (2, 1)),
+            normals=np.concatenate([scene.normals[used], -scene.normals[used]]),
+            texcoord_0=np.tile(scene.uvs[used], (2, 1)),
+            color_0=colors,
+            # OpenGL lights and draws front faces only: the back is a second sheet.
+            indices=np.concatenate([index, index[:, ::-1] + len(used)]),
+            material=_material(pyrender, material),
+        )
+        meshes.append(pyrender.Mesh([primitive], name=str(number)))
+    return meshes
+
+
+def normal_mesh(pyrender: Any, scene: Scene) -> Any:
+    """Return the scene with its normals as vertex colours, those of the back reversed."""
+    faces = _faces_along_normals(scene)
+    normals = np.concatenate([scene.normals, -scene.normals])
+    primitive = pyrender.Primitive(
+        positions=np.tile(scene.vertices, (2, 1)),
+        normals=normals,
+        color_0=_with_alpha(0.5 + 0.5 * normals),
+        indices=np.concatenate([faces, faces[:, ::-1] + len(scene.vertices)]),
+        material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
+    )
+    return pyrender.Mesh([primitive])
+
+
+def sphere_mesh(pyrender: Any, environment: Environment, exposure: float) -> Any:
+    """Return the surround: a sphere that shows the exposed panorama, clipped to eight bits."""
+    u, v = np.meshgrid(
+        np.linspace(0, 1, SPHERE_COLUMNS + 1), np.linspace(0, 1, SPHERE_ROWS + 1), indexing="xy"
+    )
+    azimuth, polar = (0.5 - u) * 2 * np.pi, v * np.pi
+    positions = np.stack(
+        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1
+    )
+    columns = SPHERE_COLUMNS + 1
+    corner = (np.arange(SPHERE_ROWS)[:, None] * columns + np.arange(SPHERE_COLUMNS)).reshape(-1)
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + 1, corner + columns], axis=1),
+            np.stack([corner + 1, corner + columns + 1, corner + columns], axis=1),
+        ]
+    )
+    pixels = to_uint8(srgb_from_linear(np.clip(environment.radiance * exposure, 0, 1)))
+    primitive = pyrender.Primitive(
+        positions=environment.radius * positions.reshape(-1, 3),
+        texcoord_0=np.stack([u, 1 - v], axis=-1).reshape(-1, 2),
+        indices=faces,
+        material=_textured(pyrender, pixels),
+    )
+    return pyrender.Mesh([primitive])
+
+
+def two_lights(pyrender: Any, scene: Any, irradiance: np.ndarray) -> None:
+    """Light ``scene`` with one direction and an ambient level that fit the environment best.
+
+    Args:
+        pyrender: the module.
+        scene: of pyrender.
+        irradiance: spherical-harmonics coefficients of the diffuse light, shape (9, 3).
+    """
+    normals = panorama_directions(32, 16).reshape(-1, 3)
+    light = sh_basis(normals, 2) @ irradiance
+    direction = (light.mean(axis=1, keepdims=True) * normals).mean(axis=0)
+    direction /= max(float(np.linalg.norm(direction)), 1e-9)
+    lit = np.maximum(normals @ direction, 0.0)
+    columns = np.stack([lit, np.ones_like(lit)], axis=1)
+    key, ambient = np.maximum(np.linalg.lstsq(columns, light, rcond=None)[0], 0.0)
+    scene.ambient_light = ambient
+    strength = float(key.max())
+    if strength > 0:
+        lamp = pyrender.DirectionalLight(color=key / strength, intensity=np.pi * strength)
+        scene.add(lamp, pose=_looking_from(direction))
+
+
+def _faces_along_normals(scene: Scene) -> np.ndarray:
+    """Return the faces wound so that they turn their front to the side of their normals."""
+    a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
+    normals = scene.normals[scene.faces].sum(axis=1)
+    against = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals) < 0
+    return np.where(against[:, None], scene.faces[:, ::-1], scene.faces)
+
+
+def _with_alpha(colors: np.ndarray) -> np.ndarray:
+    return np.concatenate([colors, np.ones((len(colors), 1))], axis=1).astype(np.float32)
+
+
+def _material(pyrender: Any, material: Material) -> Any:
+    opacity = material.opacity * (1.0 - material.transmission)
+    shown = pyrender.MetallicRoughnessMaterial(
+        baseColorFactor=(*(float(value) for value in material.base_color), opacity),
+        metallicFactor=material.metallic,
+        roughnessFactor=material.roughness,
+        emissiveFactor=material.emission,
+        alphaMode="BLEND" if material.is_transparent else "OPAQUE",
+    )
+    if material.texture is not None:
+        shown.baseColorTexture = _texture(pyrender, material.texture)
+    if material.emission_texture is not None:
+        shown.emissiveTexture = _texture(pyrender, material.emission_texture)
+    return shown
+
+
+def _textured(pyrender: Any, pixels: np.ndarray) -> Any:
+    return pyrender.MetallicRoughnessMaterial(
+        baseColorTexture=_texture(pyrender, pixels), baseColorFactor=(1.0, 1.0, 1.0, 1.0)
+    )
+
+
+def _texture(pyrender: Any, pixels: np.ndarray) -> Any:
+    return pyrender.Texture(source=pixels, source_channels="RGB")
+
+
+def _looking_from(direction: np.ndarray) -> np.ndarray:
+    """Return a pose whose -z axis points from ``direction`` to the origin, shape (4, 4)."""
+    helper = np.eye(3)[np.abs(direction).argmin()]
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([x, np.cross(direction, x), direction], axis=1)
+    return pose

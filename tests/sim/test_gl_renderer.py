@@ -1,0 +1,223 @@
+"""OpenGL against the ray caster: two independent ways to the same depth, masks, ids and normals."""
+
+import gc
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.plates import join_scenes, plate
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.checks import DigsError
+from digs_warp.geometry import look_at
+from digs_warp.imports import MissingLibraryError
+from sim.environment import Environment
+from sim.load import load_scene
+from sim.panorama import panorama_directions
+from sim.procedural import procedural_scene
+from sim.render.gl import GlRenderer
+from sim.render.raycast import RaycastRenderer
+from sim.scene import Material, Scene
+
+UP = np.array([0.0, 0.0, 1.0])
+INTRINSICS = Intrinsics(321, 181, 300.0, 310.0, 158.3, 93.1)  # off centre, on purpose
+SKY = Environment(np.random.default_rng(0).uniform(0.2, 1.8, (16, 32, 3)).astype(np.float32))
+
+DATA = Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
+MESHES = sorted((Path(__file__).parents[2] / DATA / "meshes").glob("*/*.glb"))
+
+MAX_DEPTH_ERROR = 1e-4  # relative, away from edges
+MIN_MASK_IOU = 0.995
+# Where inverse depth bends more than this from pixel to pixel [relative], there is an edge.
+MAX_BEND = 1e-3
+
+
+def gl_renderer(scene: Scene, environment: Environment = SKY) -> GlRenderer:
+    try:
+        return GlRenderer(scene, environment)
+    except MissingLibraryError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def vase() -> tuple[GlRenderer, RaycastRenderer]:
+    """The built-in object in both renderers, under a smooth sky."""
+    sky = Environment((panorama_directions(64, 32) + 1).astype(np.float32))
+    scene = procedural_scene()
+    return gl_renderer(scene, sky), RaycastRenderer(scene, sky)
+
+
+def is_edge(depth: np.ndarray, materials: np.ndarray) -> np.ndarray:
+    """Pixels beside a step, a crease or another material; inverse depth is linear on planes."""
+    inverse = 1.0 / depth
+    edge = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        before, after = np.roll(inverse, 1, axis), np.roll(inverse, -1, axis)
+        edge |= np.abs(before + after - 2 * inverse) > MAX_BEND * inverse
+        for shift in (-1, 1):
+            edge |= np.roll(materials, shift, axis) != materials
+    return edge
+
+
+def assert_same_geometry(gl: GlRenderer, rays: RaycastRenderer, camera: Camera) -> None:
+    gl_depth, _, gl_ids = gl.render_geometry(camera)
+    depth, _, ids = rays.render_geometry(camera)
+    here, there = gl_ids >= 0, ids >= 0
+    assert (here & there).sum() >= MIN_MASK_IOU * (here | there).sum()
+    inner = ~is_edge(depth, ids)
+    assert (inner & there).sum() > 0.3 * there.sum()
+    error = np.abs(gl_depth / depth - 1)[inner]
+    assert error.max() <= MAX_DEPTH_ERROR, f"{(error > MAX_DEPTH_ERROR).sum()} of {inner.sum()}"
+    assert (gl_ids == ids)[inner].all()
+
+
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_depth_masks_and_ids_agree_on_every_mesh(path: Path) -> None:
+    scene = load_scene(path)
+    eye = np.array([0.8, -0.6, 0.35]) * scene.radius / 0.3
+    camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), UP))
+    assert_same_geometry(gl_renderer(scene), RaycastRenderer(scene, SKY), camera)
+
+
+def test_the_sample_meshes_were_found(sample_data: Path) -> None:
+    """Otherwise the comparison above would pass without comparing anything."""
+    assert len(MESHES) == len(list((sample_data / "meshes").glob("*/*.glb"))) > 0
+
+
+def test_the_built_in_object_agrees_from_a_rolled_camera(
+    vase: tuple[GlRenderer, RaycastRenderer],
+) -> None:
+    pose = look_at(np.array([-0.5, 0.7, 0.3]), np.array([0.05, 0, 0.02]), np.array([0.3, 0.2, 1]))
+    camera = Camera(INTRINSICS, pose)
+    assert_same_geometry(*vase, camera)
+    gl, rays = (renderer.render(camera) for renderer in vase)
+    inner = ~is_edge(rays.depth, rays.material_ids)
+    cosine = (gl.normals_world * rays.normals_world).sum(axis=-1)[inner]
+    assert np.degrees(np.arccos(np.clip(np.median(cosine), -1, 1))) < 0.5
+    assert (cosine > 0.9).mean() > 0.98
+    # Coverage comes in quarters there and from four other samples here.
+    assert np.abs(gl.mask[inner].astype(int) - rays.mask[inner]).mean() < 1.0
+
+
+def test_images_show_the_same_things_at_the_same_places(
+    vase: tuple[GlRenderer, RaycastRenderer],
+) -> None:
+    """Lighting differs, so colours are compared loosely, and the surround closely."""
+    camera = Camera(INTRINSICS, look_at(np.array([0.8, 0.3, 0.3]), np.zeros(3), UP))
+    gl, rays = (renderer.render(camera) for renderer in vase)
+    surround = (gl.mask == 0) & (rays.mask == 0)
+    difference = np.abs(gl.image.astype(int) - rays.image)
+    assert surround.sum() > 10000 and difference[surround].mean() < 3
+    solid = (gl.mask == 255) & (rays.mask == 255)
+    a, b = (view.image[solid].astype(float).ravel() for view in (gl, rays))
+    assert np.corrcoef(a, b)[0, 1] > 0.85
+
+
+def test_both_sides_of_a_sheet_are_there() -> None:
+    sheet = plate((0, 0, 0), (0, 0.3, 0), (0, 0, 0.3), Material("paper", np.ones(3, np.float32)))
+    gl, rays = gl_renderer(sheet), RaycastRenderer(sheet, SKY)
+    for x in (1.0, -1.0):
+        camera = Camera(INTRINSICS, look_at(np.array([x, 0, 0]), np.zeros(3), UP))
+        assert_same_geometry(gl, rays, camera)
+        view = gl.render(camera)
+        solid = view.mask == 255
+        np.testing.assert_allclose(view.normals_world[solid] @ [x, 0, 0], 1.0, atol=1e-3)
+        assert view.image[solid].min() > 100
+
+
+def test_glass_shows_what_lies_behind() -> None:
+    glass = Material("glass", np.ones(3, np.float32), opacity=0.25)
+    red = Material("red", np.array([1, 0, 0], np.float32))
+    scene = join_scenes(
+        plate((0, 0, 0), (0, 0.1, 0), (0, 0, 0.1), glass),
+        plate((-0.3, 0, 0), (0, 0.5, 0), (0, 0, 0.5), red),
+    )
+    camera = Camera(INTRINSICS, look_at(np.array([1.0, 0, 0]), np.zeros(3), UP))
+    view = gl_renderer(scene).render(camera)
+    middle = view.image[90, 158].astype(int)
+    assert middle[0] > middle[1] + 40  # red shines through, dimmed by the white pane
+    assert view.depth[90, 158] == pytest.approx(1.0, rel=1e-4)  # the pane's depth all the same
+    assert view.mask[90, 158] == 255
+
+
+def test_a_camera_that_nearly_touches_the_object() -> None:
+    """The near plane cuts nothing off that is farther than 2 mm, and depth stays exact."""
+    grey = Material("wall", np.full(3, 0.5, np.float32))
+    wall = plate((0, 0, 0), (0, 0.3, 0), (0, 0.1, 0.3), grey)
+    rays = RaycastRenderer(wall, SKY)
+    camera = Camera(INTRINSICS, look_at(np.array([0.004, 0, 0]), np.array([-1.0, 0, 0]), UP))
+    assert rays.render_geometry(camera)[0].max() < 0.01
+    assert_same_geometry(gl_renderer(wall), rays, camera)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 64), (64, 1)])
+def test_images_one_pixel_wide(
+    width: int, height: int, vase: tuple[GlRenderer, RaycastRenderer]
+) -> None:
+    intrinsics = Intrinsics(width, height, 200.0, 200.0, width / 2, height / 2)
+    camera = Camera(intrinsics, look_at(np.array([0.9, 0, 0]), np.zeros(3), UP))
+    gl, rays = (renderer.render(camera) for renderer in vase)
+    assert gl.image.shape == rays.image.shape == (height, width, 3)
+    same = gl.material_ids == rays.material_ids
+    assert same.mean() > 0.95
+    assert np.median(np.abs(gl.depth / rays.depth - 1)[same]) < MAX_DEPTH_ERROR
+
+
+def test_an_empty_view_shows_the_surround_alone(vase: tuple[GlRenderer, RaycastRenderer]) -> None:
+    camera = Camera(INTRINSICS, look_at(np.array([1.0, 0, 0]), np.array([3.0, 0, 0]), UP))
+    gl, rays = (renderer.render(camera) for renderer in vase)
+    assert not gl.mask.any() and (gl.material_ids == -1).all()
+    np.testing.assert_allclose(gl.depth, rays.depth, rtol=1e-5)
+    np.testing.assert_allclose(gl.normals_world, rays.normals_world, atol=1e-5)
+
+
+def test_a_camera_outside_the_surround_is_refused(
+    vase: tuple[GlRenderer, RaycastRenderer],
+) -> None:
+    camera = Camera(INTRINSICS, look_at(np.array([9.0, 0, 0]), np.zeros(3), UP))
+    with pytest.raises(DigsError, match="outside the surround of radius 4 m"):
+        vase[0].render(camera)
+
+
+def test_rays_are_those_of_the_ray_caster(vase: tuple[GlRenderer, RaycastRenderer]) -> None:
+    camera = Camera(INTRINSICS, look_at(np.array([0.8, 0.3, 0.3]), np.zeros(3), UP))
+    gl, rays = (renderer.frame_rays(camera, 0.12) for renderer in vase)
+    np.testing.assert_array_equal(gl.right_visibility(), rays.right_visibility())
+
+
+def test_a_renderer_outlives_another(vase: tuple[GlRenderer, RaycastRenderer]) -> None:
+    """pyrender shuts EGL down for the whole process when it frees a buffer."""
+    camera = Camera(INTRINSICS, look_at(np.array([0.8, 0.3, 0.3]), np.zeros(3), UP))
+    before = vase[0].render_geometry(camera)[0]
+    sheet = plate((0, 0, 0), (0, 0.3, 0), (0, 0, 0.3), Material("paper", np.ones(3, np.float32)))
+    other = gl_renderer(sheet)
+    other.render_geometry(camera)
+    del other
+    gc.collect()
+    np.testing.assert_array_equal(vase[0].render_geometry(camera)[0], before)
+
+
+def test_without_a_driver_the_message_names_the_packages() -> None:
+    """A fresh process in which EGL finds no vendor's driver."""
+    code = (
+        "from sim.render.gl import GlRenderer\n"
+        "from sim.procedural import procedural_scene\n"
+        "from sim.environment import procedural_environment\n"
+        "GlRenderer(procedural_scene(), procedural_environment())\n"
+    )
+    without = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        check=False,
+        env=without,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    last = result.stderr.strip().splitlines()[-1]
+    assert result.returncode != 0
+    assert last.startswith("digs_warp.imports.MissingLibraryError")
+    assert "libegl1 libgl1-mesa-dri" in last
