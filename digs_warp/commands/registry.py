@@ -6,6 +6,7 @@ from digs_warp.commands.bench import Bench
 from digs_warp.commands.convert import Convert
 from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
+from digs_warp.commands.plan import Plan
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
@@ -23,6 +24,7 @@ class Command(Protocol):
 
 COMMANDS: dict[str, type[Command]] = {
     "run": Run,
+    "plan": Plan,
     "simulate": Simulate,
     "reconstruct": Reconstruct,
     "export-usd": ExportUsd,

@@ -1,0 +1,56 @@
+"""`digs-warp plan`: which effects a sensor would show on a scene, and why, without recording it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+
+from digs_warp.commands.output import check_output_file
+from digs_warp.log import to_json, write_atomically
+from sim.config import SimulateConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PlanOptions(SimulateConfig):
+    """The recording that is planned."""
+
+    tier: Literal["planned", "matcher"] = "planned"
+    """Sensor: 'planned' has effects on depth and images, 'matcher' on images alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Look at a few frames of a scene and say which effects of the depth camera it calls for, and why."""
+
+    recording: Annotated[_PlanOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=_PlanOptions
+    )
+    json: Path | None = None
+    """Also write the plan and the measured facts to this file."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace that file if it exists."""
+
+    can_resume: ClassVar[bool] = False
+
+    def execute(self) -> str:
+        """Measure, choose, and return the choices as two tables."""
+        from sim.sensor.planner import format_plan
+        from sim.sensor_plan import check_effects, make_plan
+        from sim.session import load_inputs, prepare_session
+
+        if self.json is not None:
+            check_output_file(self.json, self.overwrite)
+        check_effects(self.recording)
+        session = prepare_session(self.recording, *load_inputs(self.recording))
+        plan = make_plan(session)
+        if self.json is not None:
+            write_atomically(self.json, to_json(plan.as_json()).encode())
+        looked = plan.facts.frames if plan.facts else 0
+        parts = [f"{session.profile.title}, measured on {looked} frames"]
+        for name, choices in (("On the images", plan.color), ("On depth", plan.depth)):
+            if choices:
+                on = sum(choice.on for choice in choices)
+                parts.append(f"{name}, {on} of {len(choices)} effects:\n{format_plan(choices)}")
+        return "\n\n".join(parts)

@@ -1,0 +1,50 @@
+"""`digs-warp plan`: says what it measured and chose, and writes nothing unless asked."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+
+TINY = ["--width", "64", "--samples-per-pixel", "1", "--frames", "2"]
+
+
+def test_the_plan_names_every_effect_and_lands_in_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "plan.json"
+    assert main(["plan", *TINY, "--json", str(path)]) == EXIT_OK
+    printed = capsys.readouterr().out
+    plan = json.loads(path.read_text())
+    assert plan["facts"]["frames"] == 2
+    for choice in (*plan["depth"], *plan["color"]):
+        state = "on" if choice["on"] else "off"
+        (line,) = (row for row in printed.splitlines() if row.split()[:1] == [choice["effect"]])
+        assert line.split()[1] == state
+        assert choice["statistic"] in line and choice["reason"] in line
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_list_of_effects_overrides_what_the_scene_calls_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["plan", *TINY, "--effects", "occlusion,shot-noise"]) == EXIT_OK
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    on = {row[0] for row in rows if row[1:2] == ["on"]}
+    assert on == {"occlusion", "shot-noise"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (["--effects", "rain"], EXIT_BAD_INPUT, "rain unknown; expected auto, all, none"),
+        (["--profile", "kinect"], EXIT_BAD_INPUT, "profile 'kinect': not known"),
+        (["--tier", "law"], EXIT_WRONG_USAGE, "law"),
+    ],
+)
+def test_wrong_settings_are_explained(
+    arguments: list[str], code: int, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plan", *TINY, *arguments]) == code
+    assert word in capsys.readouterr().err
