@@ -16,7 +16,8 @@ TEXT = """# Performance
 
 This page is written by `make performance`; the raw numbers come from `digs-warp bench raster --json FILE`.
 Measured on {machine},
-Python {python}, Warp {warp}. Absolute times belong to the machine; the ratios are the point: both kernels ran in one process, on the same splats, best of several launches after a warm-up.
+Python {python}, Warp {warp}. Absolute times belong to the machine; the ratios are the point: both kernels
+ran in one process, on the same splats, best of several launches after a warm-up.
 
 *plain* is one Warp thread per pixel with `wp.exp` and an early exit, the way one writes it first (on a CPU
 Warp runs it on one core). *vectorized* is what training uses: one thread per tile, inner loops that LLVM
