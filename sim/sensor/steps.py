@@ -53,6 +53,13 @@ class Runs:
         """Number of pixels of each run."""
         return self.end - self.first
 
+    def pixels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return row, column and number of its run of every pixel in the runs, each shape (m,)."""
+        run = np.repeat(np.arange(len(self.rows)), self.lengths)
+        before = np.cumsum(self.lengths) - self.lengths
+        columns = np.arange(len(run)) - before[run] + self.first[run]
+        return self.rows[run], columns, run
+
 
 def find_runs(marked: np.ndarray) -> Runs:
     """Return the runs of True in each row of a (height, width) mask, in reading order."""

@@ -1,4 +1,7 @@
-"""Edge fattening: a matching window across a depth step takes the depth of the stronger texture."""
+"""Edge fattening: a matching window across a depth step takes the depth of the stronger texture.
+
+Narrow gaps between near things close altogether; thin near things survive.
+"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,7 +14,7 @@ from sim.sensor.coherent import coherent_normal, coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.steps import Steps, find_steps
+from sim.sensor.steps import Runs, Steps, find_steps
 
 # Smallest jump that a window notices [px] (measured on textured steps of 10 to 40 px).
 STEP = 2.0
@@ -33,6 +36,13 @@ COHERENCE = 5.0
 # On real and rendered outlines the displacement varies more than on synthetic ones: its quantiles 10, 50
 # and 90 % are about 0, 2 and 5 px for a mean of 2.2 px. A gamma distribution of this shape does that.
 SPREAD_SHAPE = 2.0
+
+# What becomes of a gap between two near things, by its width [px]: closed with their depth, or a hole.
+# Semi-global matching, window 5, of a real pair and of rendered frames of six meshes.
+GAP_WIDTHS = (6.0, 10.0, 13.0, 20.0, 32.0, 41.0)
+GAP_CLOSED = (0.75, 0.65, 0.45, 0.25, 0.15, 0.0)
+GAP_LOST = (0.10, 0.25, 0.25, 0.15, 0.05, 0.0)
+GAP_COHERENCE = 16.0
 
 # Gradient of an evenly lit wall [DN/px]: below it texture is noise, and ratios mean nothing.
 TEXTURE_FLOOR = 0.5
@@ -69,11 +79,15 @@ class EdgeFattening:
         half = truth.rig.window // 2
         true, texture, disparity = truth.disparity, truth.gradient, sensed.disparity.copy()
         moved = np.zeros(disparity.shape, dtype=bool)
-        sideways, upright = strength, strength * VERTICAL_SHARE
-        _move(true, texture, sensed.disparity, half, sideways, rng, disparity, moved)
+        source, upright = sensed.disparity, strength * VERTICAL_SHARE
         # Transposed views: columns become rows, and writing to them writes to the frame.
-        _move(true.T, texture.T, sensed.disparity.T, half, upright, rng, disparity.T, moved.T)
-        return sensed.with_values(moved, disparity, Cause.EDGE, confidence=0.6)
+        _move(true, texture, source, half, strength, rng, disparity, moved)
+        _move(true.T, texture.T, source.T, half, upright, rng, disparity.T, moved.T)
+        _close_gaps(true, source, strength, rng, disparity, moved)
+        _close_gaps(true.T, source.T, strength, rng, disparity.T, moved.T)
+        lost = np.isnan(disparity)
+        confidence = np.where(lost, np.float32(0.0), np.float32(0.6))
+        return sensed.with_values(moved, disparity, Cause.EDGE, confidence)
 
 
 def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) -> np.ndarray:
@@ -147,3 +161,34 @@ def _spread(
         usable = same_side & ~np.isnan(value)
         disparity[rows[usable], column[usable]] = value[usable]
         moved[rows[usable], column[usable]] = True
+
+
+def _close_gaps(
+    true: np.ndarray,
+    source: np.ndarray,
+    strength: float,
+    rng: np.random.Generator,
+    disparity: np.ndarray,
+    moved: np.ndarray,
+) -> None:
+    """Close or lose narrow gaps along the rows: read ``source``, write ``disparity`` and ``moved``."""
+    steps = find_steps(true, STEP)
+    if len(steps.rows) < 2:
+        return
+    # Steps come in reading order: a gap is a step down to the far side and the next one up from it.
+    same_row = steps.rows[1:] == steps.rows[:-1]
+    gap = np.flatnonzero(same_row & (steps.away[:-1] > 0) & (steps.away[1:] < 0))
+    gaps = Runs(steps.rows[gap], steps.far[gap], steps.near[gap + 1])
+    narrow = gaps.lengths < GAP_WIDTHS[-1]
+    gaps = Runs(gaps.rows[narrow], gaps.first[narrow], gaps.end[narrow])
+    rows, columns, run = gaps.pixels()
+    width = gaps.lengths[run]
+    closed = 1.0 - (1.0 - np.interp(width, GAP_WIDTHS, GAP_CLOSED)) ** strength
+    lost = 1.0 - (1.0 - np.interp(width, GAP_WIDTHS, GAP_LOST)) ** strength
+    drawn = coherent_uniform(rng, true.shape, rows, columns, GAP_COHERENCE)
+    nearer_left = columns - gaps.first[run] < width / 2
+    beside = np.where(nearer_left, gaps.first[run] - 1, gaps.end[run])
+    value = np.where(drawn < closed, source[rows, beside], np.nan)
+    changed = (drawn < closed + lost) & ~((drawn < closed) & np.isnan(value))
+    disparity[rows[changed], columns[changed]] = value[changed]
+    moved[rows[changed], columns[changed]] = True

@@ -74,7 +74,7 @@ class Occlusion:
         true, shape = truth.disparity, truth.depth.shape
         maybe = possibly_hidden(true)
         runs = find_runs(maybe & ~truth.rays.right_visibility(maybe))
-        rows, columns, run = _pixels(runs)
+        rows, columns, run = runs.pixels()
 
         touched = rng.random(len(rows)) < strength
         share = hole_share(runs.lengths[run], runs.end[run] - columns)
@@ -119,14 +119,6 @@ def possibly_hidden(disparity: np.ndarray) -> np.ndarray:
     hidden = np.zeros(disparity.shape, dtype=bool)
     hidden[:, :-1] = leftmost_to_come[:, 1:] < landing[:, :-1] + BETWEEN_PIXELS
     return hidden & (disparity <= columns + 0.5)
-
-
-def _pixels(runs: Runs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return row, column and number of the run of every pixel in the runs."""
-    run = np.repeat(np.arange(len(runs.rows)), runs.lengths)
-    before = np.cumsum(runs.lengths) - runs.lengths
-    columns = np.arange(len(run)) - before[run] + runs.first[run]
-    return runs.rows[run], columns, run
 
 
 def _guess(
