@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.capture import Capture, Frame
-from digs_warp.report.markup import legend, picture, picture_grid, section
+from digs_warp.report.causes import CAUSE, describe_causes, paint_causes
+from digs_warp.report.markup import legend, picture, picture_grid, section, swatches
 from digs_warp.report.pictures import (
     ColorScale,
     data_uri,
@@ -57,6 +58,7 @@ def capture_section(capture: Capture) -> str:
         "fitted to the object; what lies farther has its darkest colour. Errors are shown on the object.",
         picture_grid(headings, rows),
         f"<div class=legends>{''.join(legends)}</div>",
+        swatches(causes) if (causes := describe_causes(capture, frames)) else "",
     )
 
 
@@ -84,6 +86,12 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
             lambda frame: depths.paint(frame.load_depth()),
         ),
         _Column("Depth error", "sensed minus true depth in colours", (_TRUE, _SENSED), error),
+        _Column(
+            "Cause of errors",
+            "cause of missing and wrong depth in colours",
+            (CAUSE,),
+            lambda frame: paint_causes(frame.load_cause()),
+        ),
         _Column("Mask", "object mask, white on the object", ("mask_path",), grey),
     ]
 

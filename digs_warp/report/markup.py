@@ -78,6 +78,15 @@ def legend(scale: ColorScale, missing: bool = False) -> str:
     )
 
 
+def swatches(items: Iterable[tuple[str, str]]) -> str:
+    """Return a legend of (CSS colour, text) pairs."""
+    parts = (
+        f'<span><i style="background:{escape(color)}"></i>{escape(text)}</span>'
+        for color, text in items
+    )
+    return f"<div class=swatches>{''.join(parts)}</div>"
+
+
 def number(value: Any, decimals: int, unit: str = "") -> str:
     """Return a number as text, a dash when it is not known."""
     return UNKNOWN if value is None else f"{value:,.{decimals}f}{' ' + unit if unit else ''}"

@@ -15,6 +15,7 @@ from digs_warp.report.run_section import (
     settings_section,
     times_section,
 )
+from digs_warp.report.sensor_section import sensor_section
 from digs_warp.report.style import CSS
 from digs_warp.report.views_section import views_section
 
@@ -37,6 +38,7 @@ def write_report(capture: Capture, reconstruction: Path, path: Path) -> None:
             views_section(capture, results),
             course_section(results),
             capture_section(capture),
+            sensor_section(capture),
             times_section(records),
             settings_section(records),
         ]

@@ -48,6 +48,10 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
 .ticks { display: flex; justify-content: space-between; font-variant-numeric: tabular-nums; }
 .missing { width: .75rem; height: .75rem; border-radius: 3px; background: rgb(128 128 128);
   margin-right: -.35rem; }
+.swatches { display: flex; flex-wrap: wrap; gap: .25rem 1.25rem; font-size: .82rem; color: var(--soft);
+  margin-bottom: 1rem; }
+.swatches i { display: inline-block; width: .75rem; height: .75rem; border-radius: 3px;
+  margin-right: .35rem; outline: 1px solid var(--rule); vertical-align: -.08rem; }
 .columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
   gap: 0 2.5rem; align-items: start; }
 details { margin-top: .75rem; }

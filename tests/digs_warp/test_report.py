@@ -177,6 +177,43 @@ def test_contact_sheet_shows_every_kind_of_image_of_six_frames(
     assert "sensed minus true depth [mm]" in page.text
 
 
+CHOICE = {
+    "effect": "occlusion",
+    "on": True,
+    "statistic": "occluded_share = 0.09",
+    "threshold": "> 0.0001",
+    "reason": "near things hide <far> ones",
+}
+
+
+def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path]) -> None:
+    before = write_and_parse(run)
+    assert "effects of the depth camera" not in before.text
+    capture = run[0]
+    cause = np.zeros((HEIGHT, WIDTH), np.uint8)
+    cause[:, : WIDTH // 4] = 2
+    for frame in capture.frames:
+        write_image(capture.folder / f"cause/{frame.name}.png", cause)
+    index = json.loads((capture.folder / "transforms.json").read_text())
+    for number, entry in enumerate(index["frames"]):
+        entry["cause_file_path"] = f"cause/{number:04d}.png"
+    index["digs_warp"]["cause_labels"] = {"0": "ok", "2": "occluded"}
+    (capture.folder / "transforms.json").write_text(json.dumps(index))
+    plan = {"depth": [CHOICE], "color": [{**CHOICE, "effect": "shot-noise", "on": False}]}
+    (capture.folder / "sensor_plan.json").write_text(json.dumps(plan))
+    page = write_and_parse((read_capture(capture.folder), *run[1:]))
+    assert "1 of 2 effects of the depth camera" in page.text
+    assert all(str(CHOICE[key]) in page.text for key in CHOICE if key != "on")
+    assert "occluded 25.0%" in page.text and "ok 75.0%" in page.text
+    assert len(page.images) == len(before.images) + 6
+
+
+def test_a_broken_sensor_plan_is_named(run: tuple[Capture, Path, Path]) -> None:
+    (run[0].folder / "sensor_plan.json").write_text('{"depth": [{}]}')
+    with pytest.raises(DigsError, match=r"sensor_plan\.json'.*expected lists"):
+        write_and_parse(run)
+
+
 def test_columns_that_the_capture_lacks_are_left_out(tmp_path: Path) -> None:
     capture = write_capture(tmp_path / "capture", full=False)
     write_reconstruction(tmp_path / "reconstruction", capture)
