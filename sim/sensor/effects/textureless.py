@@ -13,9 +13,9 @@ from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import patchy_uniform
 
 # Semi-global matching of plain discs in good texture: a radius of 20 px is filled and right; 40, 80, 120
-# px fail over 6, 34 and 53 % of the area. Failure at a distance t from texture with probability
-# 1 - exp(-(t - 20) / 17) gives 7, 33 and 50 %.
-DECAY = 17.0  # [px]
+# px fail over 6, 34 and 53 % of the area. Failure at a distance t from the last window with texture, of
+# probability 1 - exp(-(t - 20) / 14), gives 7, 34 and 51 %.
+DECAY = 14.0  # [px]
 
 # On a slope of 0.05 px/px the same discs fail over 37, 74 and 92 %: smoothness wants constant disparity.
 # Reach and decay divided by 1 + 30 |slope| give 43, 67 and 77 %.

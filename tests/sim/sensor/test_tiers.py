@@ -1,0 +1,167 @@
+"""The tiers as a whole: exactness without effects, one label per effect, seeds, and no cost when off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
+
+from digs_warp.checks import DigsError
+from sim.profiles import load_profile
+from sim.sensor.cause import Cause
+from sim.sensor.effects import EFFECTS
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.frame import FrameTruth, Motion, Sensed
+from sim.sensor.law import sense_depth
+from sim.sensor.tiers import depth_of, sense, sense_effects
+
+NAMES = [effect.name for effect in EFFECTS]
+
+# Labels that an effect may set; the others only shift values.
+LABELS = {
+    "transparency": {Cause.TRANSPARENT},
+    "mirror": {Cause.MIRROR},
+    "specular": {Cause.SPECULAR},
+    "edge-fattening": {Cause.EDGE},
+    "exposure": {Cause.EXPOSURE},
+    "textureless": {Cause.TEXTURELESS},
+    "weak-texture": {Cause.WEAK_TEXTURE},
+    "grazing": {Cause.GRAZING},
+    "occlusion": {Cause.OCCLUDED},
+    "motion-blur": {Cause.MOTION},
+    "mis-rectification": {Cause.RECTIFICATION},
+    "flying-pixels": {Cause.FLYING},
+    "invalid-band": {Cause.BAND},
+    "depth-range": {Cause.NEAR, Cause.FAR},
+    "random-invalid": {Cause.RANDOM},
+}
+
+
+class StepRays(CountedRays):
+    """The right eye does not see the strip left of the near square."""
+
+    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+        visible = super().right_visibility(where)
+        visible[60:180, 70:110] = False
+        return visible
+
+
+def rich_frame(number: int = 0) -> FrameTruth:
+    """A frame with something for most effects: a step, a plain and a white area, a drifted rig."""
+    rig = replace(load_profile("zed2-720").rig(320, 240, 60), row_offset=1.5, min_depth=0.7)
+    disparity = np.broadcast_to(20 + 0.02 * np.arange(240.0)[:, None], (240, 320)).copy()
+    disparity[60:180, 110:230] = 60.0
+    disparity[200:220] = 2.0 * np.arange(320.0)[None] * 0.25 + 10
+    image = broadband((240, 320))
+    image[60:180, 110:230] = 128
+    image[:40, 250:] = 255
+    truth = make_frame(disparity, rig, image, number, Motion((1.5, 0.0, 0.0), (0.0, 4.0, 0.0)))
+    return replace(truth, rays=StepRays((240, 320)))
+
+
+def choices(*names: str) -> tuple[Choice, ...]:
+    return tuple(Choice(name, name in names, "", "", "") for name in NAMES)
+
+
+def assert_same(first: Sensed, second: Sensed) -> None:
+    for name in ("disparity", "cause", "confidence"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+@pytest.mark.parametrize("tier", ["truth", "planned"])
+def test_without_effects_the_truth_comes_back_bit_for_bit(tier: str) -> None:
+    truth = make_frame(np.random.default_rng(0).uniform(2.5, 249, (240, 320)))
+    truth.depth[5, 5:9] = np.nan
+    sensed = sense(truth, tier, choices())  # pyright: ignore[reportArgumentType]
+    np.testing.assert_array_equal(depth_of(sensed, truth), truth.depth)
+    assert (sensed.cause == Cause.OK).all() and (sensed.confidence == 1).all()
+
+
+def test_strength_zero_is_the_truth_whatever_the_plan() -> None:
+    truth = rich_frame()
+    for tier in ("planned", "law"):
+        sensed = sense(truth, tier, choices(*NAMES), strength=0.0)
+        np.testing.assert_array_equal(depth_of(sensed, truth), truth.depth)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_effect_alone_sets_only_its_own_label(name: str) -> None:
+    sensed = sense_effects(rich_frame(), [name])
+    allowed = {Cause.OK} | LABELS.get(name, set())
+    assert set(np.unique(sensed.cause)) <= {int(cause) for cause in allowed}
+    assert (sensed.cause[~sensed.known] != Cause.OK).all(), "every hole has a cause"
+    assert ((sensed.confidence == 0) == ~sensed.known).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_effect_gives_the_same_bytes_in_any_order_of_frames(name: str) -> None:
+    forward = [sense_effects(rich_frame(number), [name], seed=7) for number in (0, 1)]
+    backward = [sense_effects(rich_frame(number), [name], seed=7) for number in (1, 0)]
+    assert_same(forward[0], backward[1])
+    assert_same(forward[1], backward[0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_effect_writes_to_the_truth_or_to_what_it_is_given(name: str) -> None:
+    truth = rich_frame()
+    before = {key: getattr(truth, key).copy() for key in ("depth", "disparity", "image", "gray")}
+    given = Sensed.of(truth)
+    sense_effects(truth, [name])
+    for key, value in before.items():
+        np.testing.assert_array_equal(getattr(truth, key), value)
+    assert_same(given, Sensed.of(truth))
+
+
+def test_random_effects_change_with_seed_and_frame() -> None:
+    for name in ("correlated-noise", "random-invalid", "occlusion"):
+        sensed = [sense_effects(rich_frame(n), [name], seed=s) for n, s in ((0, 0), (0, 1), (1, 0))]
+        for other in sensed[1:]:
+            assert not np.array_equal(sensed[0].disparity, other.disparity, equal_nan=True)
+
+
+def test_an_effect_does_not_change_the_random_numbers_of_another() -> None:
+    rig = make_rig(disparity_sigma=0.1, random_invalid=0.1)
+    truth = make_frame(50.0, rig)
+    both = sense_effects(truth, ["correlated-noise", "random-invalid"])
+    noise = sense_effects(truth, ["correlated-noise"])
+    np.testing.assert_array_equal(both.disparity[both.known], noise.disparity[both.known])
+
+
+def test_rays_are_cast_only_for_effects_that_are_on() -> None:
+    needs_rays = {"occlusion", "mirror", "specular", "transparency"}
+    truth = rich_frame()
+    sense_effects(truth, set(NAMES) - needs_rays)
+    assert isinstance(truth.rays, CountedRays) and truth.rays.asked == []
+    sense_effects(truth, ["occlusion"])
+    assert truth.rays.asked == ["right_visibility"]
+
+
+def test_law_tier_is_the_law() -> None:
+    truth = make_frame(np.linspace(3, 240, 320)[None], make_rig(disparity_sigma=0.1), number=3)
+    truth = replace(truth, rig=replace(truth.rig, min_depth=0.4, max_depth=5.0))
+    sensed = sense(truth, "law", seed=5)
+    expected = sense_depth(truth.depth, truth.rig, 5, 3)
+    known = np.isfinite(expected)
+    np.testing.assert_allclose(depth_of(sensed, truth)[known], expected[known], rtol=1e-6)
+    assert set(np.unique(sensed.cause[~known])) == {Cause.NEAR, Cause.FAR}
+    assert (depth_of(sensed, truth)[sensed.cause == Cause.NEAR] == -np.inf).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (40, 1), (1, 40), (3, 3)])
+def test_every_effect_bears_tiny_images(shape: tuple[int, int]) -> None:
+    height, width = shape
+    rig = load_profile("zed2-vga").rig(width, height, 60)
+    truth = make_frame(2.0, rig, broadband(shape))
+    sensed = sense(truth, "planned", choices(*NAMES))
+    assert sensed.disparity.shape == shape
+
+
+def test_every_effect_bears_an_empty_frame() -> None:
+    truth = make_frame(np.nan, load_profile("zed2-vga").rig(64, 48))
+    sensed = sense(truth, "planned", choices(*NAMES))
+    assert np.isnan(depth_of(sensed, truth)).all()
+
+
+def test_unknown_tier_is_refused() -> None:
+    with pytest.raises(DigsError, match="expected truth, law, planned or matcher"):
+        sense(make_frame(50.0), "kinect")  # pyright: ignore[reportArgumentType]
