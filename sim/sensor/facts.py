@@ -163,7 +163,7 @@ def _hidden_from_right(disparity: np.ndarray) -> np.ndarray:
     """
     landing = np.arange(disparity.shape[1], dtype=np.float32) - np.nan_to_num(disparity)
     leftmost = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
-    return landing > leftmost + STEP
+    return landing > leftmost + 0.5  # half a pixel: rounding hides nothing
 
 
 def _surfaces(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:

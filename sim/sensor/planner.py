@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Literal
 
 from digs_warp.checks import DigsError
 from sim.rig import StereoRig
@@ -10,15 +9,13 @@ from sim.sensor.effects import EFFECTS
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.facts import SceneFacts
 
-# "auto": what the scene calls for; or names of effects.
-Selection = Literal["auto", "all", "none"] | Sequence[str]
+# "auto": what the scene calls for; "all"; "none"; or names of effects.
+Selection = str | Sequence[str]
 
 EFFECT_NAMES = tuple(effect.name for effect in EFFECTS)
 
 
-def plan(
-    facts: SceneFacts, rig: StereoRig, selection: Selection | str = "auto"
-) -> tuple[Choice, ...]:
+def plan(facts: SceneFacts, rig: StereoRig, selection: Selection = "auto") -> tuple[Choice, ...]:
     """Return a choice for every effect, in the order in which they act.
 
     Args:
@@ -41,7 +38,7 @@ def override(choices: Sequence[Choice], wanted: Collection[str]) -> tuple[Choice
 
 
 def wanted_effects(
-    selection: Selection | str, known: Sequence[str] = EFFECT_NAMES
+    selection: Selection, known: Sequence[str] = EFFECT_NAMES
 ) -> frozenset[str] | None:
     """Return the names out of ``known`` that a selection switches on, None for "auto"; see `plan`."""
     if selection == "auto":

@@ -1,0 +1,135 @@
+"""The planner: a pure function from facts and rig to choices that a reader can follow."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from reference.stereo_frames import make_frame, make_rig
+
+from digs_warp.checks import DigsError
+from sim.profiles import load_profile
+from sim.sensor.effects import EFFECTS
+from sim.sensor.facts import SceneFacts, measure_facts
+from sim.sensor.planner import format_plan, plan
+
+NAMES = [effect.name for effect in EFFECTS]
+
+# A well lit, well textured, matt wall far away and a rig without faults: nothing to simulate.
+QUIET = SceneFacts(
+    frames=1,
+    min_depth=9.0,
+    max_depth=11.0,
+    min_disparity=0.41,
+    max_disparity=0.45,
+    texture_rms=10.0,
+    textureless_share=0.0,
+    textureless_radius=5.0,
+    weak_texture_share=0.0,
+    step_share=0.0,
+    large_step_share=0.0,
+    step_contrast=0.0,
+    occluded_share=0.0,
+    grazing_share=0.0,
+    specular_share=0.0,
+    highlight_shift=0.0,
+    mirror_share=0.0,
+    transparent_share=0.0,
+    saturated_share=0.0,
+    dark_share=0.0,
+    blur_px=1.0,
+    skew_px=1.0,
+)
+FAULTLESS = make_rig(max_depth=1e6)
+
+
+def effects_on(facts: SceneFacts, rig: Any = FAULTLESS, selection: Any = "auto") -> set[str]:
+    return {choice.effect for choice in plan(facts, rig, selection) if choice.on}
+
+
+def test_a_quiet_scene_and_a_faultless_rig_need_no_effect() -> None:
+    # 0.45 px of disparity is 2.4 px from the far end of the range: the only word of the range.
+    assert effects_on(QUIET) <= {"depth-range"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "effect"),
+    [
+        ({"textureless_radius": 20.5}, "textureless"),
+        ({"weak_texture_share": 0.02}, "weak-texture"),
+        ({"step_share": 0.01, "step_contrast": 1.0}, "edge-fattening"),
+        ({"occluded_share": 0.001}, "occlusion"),
+        ({"grazing_share": 0.01}, "grazing"),
+        ({"specular_share": 0.1, "highlight_shift": 3.0}, "specular"),
+        ({"mirror_share": 0.01}, "mirror"),
+        ({"transparent_share": 0.01}, "transparency"),
+        ({"saturated_share": 0.01}, "exposure"),
+        ({"dark_share": 0.01}, "exposure"),
+        ({"blur_px": 9.5}, "motion-blur"),
+        ({"max_disparity": 20.0}, "invalid-band"),
+        ({"max_disparity": 249.0}, "depth-range"),
+    ],
+)
+def test_each_effect_is_switched_on_by_its_fact(changes: dict[str, float], effect: str) -> None:
+    before = effects_on(replace(QUIET, min_disparity=10.0, max_disparity=0.45))
+    after = effects_on(replace(QUIET, **{"min_disparity": 10.0, **changes}))
+    assert effect in after - before
+
+
+@pytest.mark.parametrize(
+    ("changes", "effect"),
+    [
+        ({"disparity_sigma": 0.1}, "correlated-noise"),
+        ({"ripple": 0.07}, "ripple"),
+        ({"disparity_step": 0.1}, "quantum"),
+        ({"static_field": 0.1}, "static-field"),
+        ({"random_invalid": 0.02}, "random-invalid"),
+        ({"row_offset": -0.3}, "mis-rectification"),
+        ({"column_offset": 0.1}, "mis-rectification"),
+    ],
+)
+def test_each_fault_of_the_rig_switches_on_its_effect(
+    changes: dict[str, float], effect: str
+) -> None:
+    assert effects_on(QUIET, replace(FAULTLESS, **changes)) - effects_on(QUIET) == {effect}
+
+
+def test_only_rigs_with_a_filter_have_flying_pixels() -> None:
+    steps = replace(QUIET, step_share=0.02, large_step_share=0.02)
+    assert "flying-pixels" not in effects_on(steps)
+    assert "flying-pixels" in effects_on(steps, replace(FAULTLESS, post_filter=True))
+
+
+def test_the_plan_covers_all_effects_in_physical_order() -> None:
+    choices = plan(QUIET, FAULTLESS)
+    assert [choice.effect for choice in choices] == NAMES
+    assert len(set(NAMES)) == len(NAMES) >= 18
+
+
+def test_every_choice_names_statistic_threshold_and_reason() -> None:
+    rigs = [load_profile(name).rig() for name in ("zed2-720", "d435")]
+    facts = [QUIET, measure_facts([make_frame(np.nan)]), measure_facts([make_frame(60.0)])]
+    for choice in (c for rig in rigs for f in facts for c in plan(f, rig)):
+        assert choice.statistic and choice.threshold and len(choice.reason.split()) >= 4
+
+
+def test_selection_overrides_the_facts_and_says_so() -> None:
+    assert effects_on(QUIET, selection="all") == set(NAMES)
+    assert effects_on(QUIET, load_profile("zed2-720").rig(), "none") == set()
+    assert effects_on(QUIET, selection="ripple, mirror") == {"ripple", "mirror"}
+    assert effects_on(QUIET, selection=["ripple"]) == {"ripple"}
+    choices = {choice.effect: choice for choice in plan(QUIET, FAULTLESS, "mirror")}
+    assert choices["mirror"].reason.startswith("asked for")
+    assert not choices["ripple"].reason.startswith("left out")  # it would have been off anyway
+
+
+def test_an_unknown_effect_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(DigsError, match=r"kraken unknown.*ripple"):
+        plan(QUIET, FAULTLESS, "ripple,kraken")
+
+
+def test_the_table_has_a_line_per_effect() -> None:
+    lines = format_plan(plan(QUIET, FAULTLESS)).splitlines()
+    assert len(lines) == len(NAMES)
+    for line, name in zip(lines, NAMES, strict=True):
+        assert line.startswith(name) and line.split()[1] in ("on", "off")
