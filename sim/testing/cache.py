@@ -9,7 +9,8 @@ from pathlib import Path
 
 from digs_warp.capture import Capture, read_capture
 from digs_warp.log import to_json, versions
-from sim.record import SimulateConfig, simulate
+from sim.config import SimulateConfig
+from sim.record import simulate
 
 # Folders of this package and the files below it whose code decides the bytes of a capture.
 _SOURCES = ("sim/**/*.py", "digs_warp/*.py")

@@ -21,7 +21,12 @@ MARKER = "sensor_noise"
 DEFAULT_STRENGTHS = (0, 1, 2, 4)
 
 # A test wants few and small frames: a second or so to simulate, once.
-DEFAULT_SETTINGS: Mapping[str, Any] = {"frames": 6, "width": 160, "height": 120}
+DEFAULT_SETTINGS: Mapping[str, Any] = {
+    "frames": 6,
+    "width": 160,
+    "height": 120,
+    "tier": "planned",
+}
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -29,7 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
         f"{MARKER}(effects='auto', strengths={DEFAULT_STRENGTHS}, **settings): captures for the fixture "
-        f"'{MARKER}', simulated at rising sensor noise; settings are those of sim.record.SimulateConfig",
+        f"'{MARKER}', simulated at rising sensor noise; settings are those of sim.config.SimulateConfig",
     )
 
 
@@ -56,7 +61,7 @@ def sensor_noise(
 
 
 def _config(settings: dict[str, Any]) -> Any:
-    from sim.record import SimulateConfig
+    from sim.config import SimulateConfig
 
     known = {field.name for field in fields(SimulateConfig)} - {"strength"}
     if unknown := sorted(settings.keys() - known):

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
-from sim.record import SimulateConfig
+from sim.config import SimulateConfig
 from sim.testing.cache import CaptureCache
 from sim.testing.curve import DegradationCurve
 
