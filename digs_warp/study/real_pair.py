@@ -97,7 +97,7 @@ def load_motorcycle(folder: Path) -> FrameTruth:
         image=np.ascontiguousarray(left),
         right=np.ascontiguousarray(right),
         depth=depth,
-        normals_world=np.broadcast_to(np.float32([0, 0, -1]), (height, width, 3)),
+        normals_world=np.broadcast_to(np.array([0, 0, -1], np.float32), (height, width, 3)),
         material_ids=np.zeros((height, width), dtype=np.int32),
         materials=(Material("unknown", np.full(3, 0.5, dtype=np.float32)),),
         motion=Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),

@@ -78,8 +78,11 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
     if window < 1 or window % 2 == 0:
         raise DigsError(f"window: {window}, expected an odd number of pixels >= 1")
     # OpenCV gives up the first `disparities` columns, whatever the depth; these are columns to give up.
+    # An image narrower than the window is refused; more columns on the right change nothing else.
+    width = left.shape[1]
+    missing = max(0, window - width)
     pair = [
-        cv2.copyMakeBorder(image, 0, 0, disparities, 0, cv2.BORDER_CONSTANT)
+        cv2.copyMakeBorder(image, 0, 0, disparities, missing, cv2.BORDER_CONSTANT)
         for image in (left, right)
     ]
     matcher = cv2.StereoSGBM.create(
@@ -93,7 +96,7 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
         speckleWindowSize=ISLAND,
         speckleRange=ISLAND_STEP,
     )
-    found = matcher.compute(pair[0], pair[1])[:, disparities:]
+    found = matcher.compute(pair[0], pair[1])[:, disparities : disparities + width]
     return np.where(found < 0, np.nan, found / np.float32(FIXED_POINT)).astype(np.float32)
 
 

@@ -1,0 +1,149 @@
+"""Semi-global matching of pairs with known disparity, and the labels of what it misses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.stereo_frames import broadband, make_rig
+from reference.stereo_pairs import HiddenRays, box_frame, plane_pair, shifted_right_eye
+
+from digs_warp.checks import DigsError
+from sim.sensor.blame import blame, near_steps
+from sim.sensor.cause import Cause
+from sim.sensor.matcher import match, noisy_gray, search_range, sense_by_matching
+from sim.sensor.scores import bad_by_edge_distance, score
+
+
+@pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
+def test_planes_are_matched_up_to_the_band_whatever_their_depth(disparity: float) -> None:
+    """OpenCV alone gives up as many columns as it searches; here only those without a partner are lost."""
+    truth = plane_pair(disparity)
+    found = sense_by_matching(truth, strength=0.0).disparity
+    inside = found[:, int(np.ceil(disparity)) + 8 :]
+    assert np.isfinite(inside).mean() > 0.98
+    error = inside - disparity
+    assert (np.abs(error[np.isfinite(error)]) < 1).mean() > 0.995
+    # Pixel locking pulls fractional disparities by up to 0.2 px.
+    assert np.sqrt(np.nanmean(np.clip(error, -1, 1) ** 2)) < 0.25
+    assert np.isfinite(found[:, : int(disparity) - 3]).mean() < 0.1
+
+
+def test_noise_of_the_images_becomes_noise_of_disparity() -> None:
+    truth = plane_pair(20.5)
+    spread = []
+    for strength in (0.0, 2.0, 6.0):
+        found = sense_by_matching(truth, strength=strength).disparity[:, 40:]
+        error = (found - 20.5)[np.abs(found - 20.5) < 1]
+        spread.append(error.std())
+    assert spread[0] < spread[1] < spread[2]
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not() -> None:
+    truth = plane_pair(12.5)
+    first, again, other = (sense_by_matching(truth, seed).disparity for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes() != other.tobytes()
+
+
+def test_depth_out_of_range_is_not_reported() -> None:
+    truth = plane_pair(20.0, make_rig(min_depth=0.2, max_depth=2.0))  # at 2.5 m
+    sensed = sense_by_matching(truth)
+    assert np.isnan(sensed.disparity[:, 40:]).mean() > 0.99
+    assert (sensed.cause[:, 40:] == Cause.FAR).mean() > 0.99
+    assert (sensed.confidence[np.isnan(sensed.disparity)] == 0).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (7, 5)])
+def test_tiny_images_are_matched_without_a_crash(size: tuple[int, int]) -> None:
+    width, height = size
+    found = match(
+        np.full((height, width), 99, np.uint8), np.full((height, width), 99, np.uint8), 16
+    )
+    assert found.shape == (height, width) and found.dtype == np.float32
+
+
+def test_the_search_covers_the_nearest_depth_but_not_more_than_the_image() -> None:
+    assert search_range(make_rig(640, 480, min_depth=0.5)) == 112  # 50 / 0.5 = 100 px
+    assert search_range(make_rig(640, 480, min_depth=0.01)) == 640
+    assert search_range(make_rig(640, 480, max_disparity=95.0)) == 96
+
+
+@pytest.mark.parametrize(("disparities", "window"), [(0, 5), (24, 5), (64, 4), (64, 0)])
+def test_bad_search_settings_are_refused(disparities: int, window: int) -> None:
+    image = np.zeros((8, 8), np.uint8)
+    with pytest.raises(DigsError, match="expected"):
+        match(image, image, disparities, window)
+
+
+def test_noise_has_the_strength_of_the_rig() -> None:
+    image = np.full((200, 200, 3), 128, np.uint8)
+    assert noisy_gray(image, 2.0, np.random.default_rng(0)).std() == pytest.approx(2.02, rel=0.03)
+    assert (noisy_gray(image, 0.0, np.random.default_rng(0)) == 128).all()
+
+
+def test_occlusion_is_left_of_near_things_and_labelled() -> None:
+    """A textured box before a textured wall: the matcher loses or mistakes what the box hides."""
+    truth, (rows, columns) = box_frame(38.0, 8.0)
+    left = truth.image
+    right = shifted_right_eye(left, 8.0)
+    # The right eye sees another part of the wall where the left one sees the box.
+    right[rows, columns.start - 8 : columns.stop - 8] = broadband(left.shape[:2], 9)[rows, columns]
+    moved = slice(columns.start - 38, columns.stop - 38)
+    right[rows, moved] = left[rows, columns]
+    sensed = sense_by_matching(replace(truth, right=right), strength=0.0)
+    hidden = slice(columns.start - 30, columns.start)
+    failed = ~(np.abs(sensed.disparity - truth.disparity) <= 1)
+    assert failed[rows, hidden].mean() > 0.85
+    assert failed[rows, columns].mean() < 0.1
+    labels = sensed.cause[rows, hidden]
+    assert (labels[failed[rows, hidden]] == Cause.OCCLUDED).all()
+    assert (labels[~failed[rows, hidden]] == Cause.OK).all()
+
+
+def test_blame_names_band_edge_and_rest() -> None:
+    truth, (rows, columns) = box_frame(38.0, 8.0)
+    cause = blame(np.full(truth.depth.shape, np.nan, np.float32), truth)
+    assert (cause[:, :7] == Cause.BAND).all()
+    assert (cause[rows, columns.start - 30 : columns.start] == Cause.OCCLUDED).all()
+    assert (cause[rows, columns.stop : columns.stop + 2] == Cause.EDGE).all()
+    assert (cause[:, -20:] == Cause.RANDOM).mean() > 0.95
+    assert (blame(truth.disparity, truth) == Cause.OK).all()
+
+
+def test_scores_count_what_they_say() -> None:
+    truth, (rows, columns) = box_frame(38.0, 8.0)
+    perfect = score(truth.disparity, truth)
+    assert (perfect.fill, perfect.bad_1, perfect.rms, perfect.occluded_holes) == (1, 0, 0, 0)
+    spoiled = truth.disparity.copy()
+    spoiled[:60] += 5  # a quarter of the rows, above the box
+    spoiled[60:] += 0.25
+    spoiled[rows, columns.start - 30 : columns.start - 15] = np.nan
+    scores = score(spoiled, truth)
+    lost = 15 * (rows.stop - rows.start) / spoiled.size
+    assert scores.fill == pytest.approx(1 - lost)
+    assert scores.bad_1 == pytest.approx(0.25 / (1 - lost))
+    assert scores.rms == pytest.approx(0.25, abs=1e-6)
+    assert scores.occluded_holes == pytest.approx(0.5)
+    assert scores.occluded_bad_1 == 0 and scores.visible_holes == 0
+
+
+def test_zones_round_the_steps_are_disjoint_and_complete() -> None:
+    truth, _ = box_frame(38.0, 8.0)
+    spoiled = truth.disparity.copy()
+    zone = near_steps(truth.disparity, 5) & ~near_steps(truth.disparity, 2)
+    spoiled[zone] += 3
+    assert bad_by_edge_distance(spoiled, truth) == [0, 1, 0, 0, 0]
+
+
+def test_an_empty_frame_has_no_scores() -> None:
+    truth, _ = box_frame(38.0, 8.0)
+    empty = replace(
+        truth, depth=np.full_like(truth.depth, np.nan), rays=HiddenRays(np.zeros((240, 320), bool))
+    )
+    scores = score(empty.disparity, empty)
+    assert np.isnan([scores.fill, scores.bad_1, scores.rms]).all()
+
+
+def test_bright_textures_do_not_wrap_round_when_noise_is_added() -> None:
+    image = np.minimum(broadband((64, 64)).astype(int) + 120, 255).astype(np.uint8)
+    noisy = noisy_gray(image, 8.0, np.random.default_rng(0)).astype(int)
+    assert np.abs(noisy - image[..., 0]).max() < 60
