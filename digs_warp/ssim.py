@@ -57,6 +57,9 @@ _HALO_ROWS = wp.constant(BLOCK_ROWS + 2 * REACH)
 _LINE = wp.constant(BLOCK_COLUMNS + 2 * REACH)
 _LINES_5 = wp.constant(5 * (BLOCK_COLUMNS + 2 * REACH))
 _LINES_3 = wp.constant(3 * (BLOCK_COLUMNS + 2 * REACH))
+# index & _NOT_NEGATIVE is the index, and tells LLVM that it is no negative one, which Warp would have to
+# wrap: only then are the reads of image lines vectorized.
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 _MAP = wp.constant((BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
 _MAPS_5 = wp.constant(5 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
 _MAPS_3 = wp.constant(3 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
@@ -100,7 +103,7 @@ def similarity_kernel(
     blur = wp.zeros(shape=(_MAPS_5,), dtype=float)
     base = origin + channel * plane + top * pitch + left
     for halo_row in range(_HALO_ROWS):
-        source = base + (halo_row - _REACH) * pitch - _REACH
+        source = (base + (halo_row - _REACH) * pitch - _REACH) & _NOT_NEGATIVE
         for i in range(_LINE):
             px = image[source + i]
             py = target[source + i]
@@ -111,9 +114,9 @@ def similarity_kernel(
             line[4 * _LINE + i] = px * py
         for moment in range(5):
             o = moment * _LINE
-            out = moment * _MAP + halo_row * _COLUMNS
+            blurred = moment * _MAP + halo_row * _COLUMNS
             for c in range(_COLUMNS):
-                blur[out + c] = window_sum(
+                blur[blurred + c] = window_sum(
                     line[o + c] + line[o + c + 10],
                     line[o + c + 1] + line[o + c + 9],
                     line[o + c + 2] + line[o + c + 8],
@@ -136,10 +139,9 @@ def similarity_kernel(
                     blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
                     blur[p + 5 * _COLUMNS + cv],
                 )
-        pixel = base + row * pitch
-        row_l1 = float(0.0)
-        row_dssim = float(0.0)
-        for col in range(wp.min(_COLUMNS, width - left)):
+        # From moments to SSIM and its derivatives, in place: a loop of fixed length, so that it is
+        # vectorized, and only then the pixels that exist are written.
+        for col in range(_COLUMNS):
             mean_x = line[col]
             mean_y = line[_LINE + col]
             a = 2.0 * mean_x * mean_y + _C1
@@ -150,15 +152,23 @@ def similarity_kernel(
             ssim = a * b * inverse
             g_xx = -ssim * d * inverse
             g_xy = 2.0 * a * inverse
-            maps[pixel + col] = (
+            line[col] = (
                 2.0 * (mean_y * b * inverse - mean_x * ssim * e * inverse)
                 - 2.0 * mean_x * g_xx
                 - mean_y * g_xy
             )
-            maps[pixel + 3 * plane + col] = g_xx
-            maps[pixel + 6 * plane + col] = g_xy
-            row_dssim += 1.0 - ssim
-            row_l1 += wp.abs(image[pixel + col] - target[pixel + col])
+            line[_LINE + col] = g_xx
+            line[2 * _LINE + col] = g_xy
+            line[3 * _LINE + col] = 1.0 - ssim
+        pixel = (base + row * pitch) & _NOT_NEGATIVE
+        row_l1 = float(0.0)
+        row_dssim = float(0.0)
+        for out in range(wp.min(_COLUMNS, width - left)):
+            maps[pixel + out] = line[out]
+            maps[pixel + 3 * plane + out] = line[_LINE + out]
+            maps[pixel + 6 * plane + out] = line[2 * _LINE + out]
+            row_dssim += line[3 * _LINE + out]
+            row_l1 += wp.abs(image[pixel + out] - target[pixel + out])
         total_l1 += row_l1
         total_dssim += row_dssim
     sums[block, 0] = total_l1
@@ -197,14 +207,15 @@ def similarity_gradient_kernel(
     blur = wp.zeros(shape=(_MAPS_3,), dtype=float)
     base = origin + channel * plane + top * pitch + left
     for halo_row in range(_HALO_ROWS):
-        source = base + (halo_row - _REACH) * pitch - _REACH
+        source = (base + (halo_row - _REACH) * pitch - _REACH) & _NOT_NEGATIVE
         for moment in range(3):
             o = moment * _LINE
+            origin_of_map = (source + 3 * moment * plane) & _NOT_NEGATIVE
             for i in range(_LINE):
-                line[o + i] = maps[source + 3 * moment * plane + i]
-            out = moment * _MAP + halo_row * _COLUMNS
+                line[o + i] = maps[origin_of_map + i]
+            blurred = moment * _MAP + halo_row * _COLUMNS
             for c in range(_COLUMNS):
-                blur[out + c] = window_sum(
+                blur[blurred + c] = window_sum(
                     line[o + c] + line[o + c + 10],
                     line[o + c + 1] + line[o + c + 9],
                     line[o + c + 2] + line[o + c + 8],
@@ -225,10 +236,12 @@ def similarity_gradient_kernel(
                     blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
                     blur[p + 5 * _COLUMNS + cv],
                 )
-        pixel = base + row * pitch
-        for col in range(wp.min(_COLUMNS, width - left)):
+        pixel = (base + row * pitch) & _NOT_NEGATIVE
+        for col in range(_COLUMNS):
             x = image[pixel + col]
             y = target[pixel + col]
             d_ssim = line[col] + 2.0 * x * line[_LINE + col] + y * line[2 * _LINE + col]
             sign = wp.where(x > y, 1.0, wp.where(x < y, -1.0, 0.0))
-            adj_image[pixel + col] = l1_weight * sign - dssim_weight * d_ssim
+            line[col] = l1_weight * sign - dssim_weight * d_ssim
+        for out in range(wp.min(_COLUMNS, width - left)):
+            adj_image[pixel + out] = line[out]

@@ -113,7 +113,7 @@ def _measure(
     renderer.backward()
     repeats = 7 if vectorized else 2  # the plain kernels take seconds
     stages = renderer.stages()
-    times = {name: _best(stage, repeats) for name, stage in stages.items()}
+    times = {name: best_time(stage, repeats) for name, stage in stages.items()}
     return times, renderer.binner.total_pairs
 
 
@@ -131,12 +131,12 @@ def _measure_sorts(keys: int = 800_000) -> list[Result]:
         def sort(array: wp.array = sorted_keys, order: wp.array = values) -> None:
             wp.utils.radix_sort_pairs(array, order, keys)
 
-        best = _best(sort, 5, restore)
+        best = best_time(sort, 5, restore)
         results.append(Result("radix sort", best, "ms", {"keys": keys, "key": dtype.__name__}))
     return results
 
 
-def _best(
+def best_time(
     function: Callable[[], object], repeats: int, before: Callable[[], object] | None = None
 ) -> float:
     """Return the shortest of ``repeats`` calls [ms]; ``before`` runs ahead of each and does not count."""

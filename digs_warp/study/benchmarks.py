@@ -26,4 +26,9 @@ BENCHMARKS = (
         "digs_warp.study.bench_raster:bench_raster",
         "the splat rasterizer: plain against vectorized, 1 and 2 threads, forward and backward",
     ),
+    Benchmark(
+        "train",
+        "digs_warp.study.bench_train:bench_train",
+        "a training step, stage by stage, at three image sizes",
+    ),
 )

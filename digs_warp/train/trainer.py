@@ -54,11 +54,19 @@ class Trainer:
             background=background,
             sh_degree=self._sh_degree(),
         )
-        self.loss.set_target(view.pixels, background)
-        self.loss.run(view.content, self.renderer.binner.drawn_box())
+        self._compare(view, background)
         self.renderer.backward()
         self.optimizer.update()
         self.seconds += time.perf_counter() - start
+
+    def repeat_loss(self) -> None:
+        """Compute the loss of the next view against the image of the last step: for profiling."""
+        self._compare(self.views[self._view_index()], self._background())
+
+    def _compare(self, view: View, background: np.ndarray) -> None:
+        """Compute loss and image gradient."""
+        self.loss.set_target(view.pixels, background)
+        self.loss.run(view.content, self.renderer.binner.drawn_box())
 
     def loss_value(self) -> float:
         """Return the loss of the last step.

@@ -1,0 +1,83 @@
+"""`digs-warp bench train`: what a training step costs, stage by stage, at three image sizes.
+
+The built-in object is recorded from a few views (not timed), initialized from its depth, and trained for
+some steps; then every stage of the last step runs again by itself, best of several.
+"""
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from digs_warp.capture import Capture
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.log import progress
+from digs_warp.parallel import default_threads
+from digs_warp.study.bench_raster import best_time
+from digs_warp.study.results import Result
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.views import load_views
+
+SIZES = ((640, 360), (960, 540), (1600, 900))
+FRAMES = 6
+WARM_UP_STEPS = 5
+STEPS = 20
+REPEATS = 5
+
+
+def bench_train(sizes: tuple[tuple[int, int], ...] = SIZES) -> list[Result]:
+    """Return the time [ms] of a whole step (mean) and of each of its stages (best)."""
+    results: list[Result] = []
+    with progress(len(sizes), "Measuring", "size") as bar, tempfile.TemporaryDirectory() as folder:
+        for width, height in sizes:
+            capture = _record(width, height, Path(folder) / f"{width}x{height}")
+            trainer = _prepare(capture)
+            times = {"step": _mean_step(trainer)} | _stages(trainer)
+            settings = {
+                "image": f"{width}x{height}",
+                "splats": len(trainer.gaussians),
+                "pairs": trainer.renderer.binner.total_pairs,
+                "threads": default_threads(),
+            }
+            results += [Result(name, value, "ms", settings) for name, value in times.items()]
+            bar.update()
+    return results
+
+
+def _record(width: int, height: int, folder: Path) -> Capture:
+    from sim.record import SimulateConfig, simulate
+
+    config = SimulateConfig(
+        frames=FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"
+    )
+    return simulate(config, folder)
+
+
+def _prepare(capture: Capture) -> Trainer:
+    points = initial_points(capture.frames, InitConfig())
+    trainer = Trainer(
+        seed_gaussians(points, sh_degree=1), load_views(capture.frames), TrainConfig()
+    )
+    for _ in range(WARM_UP_STEPS):
+        trainer.step()
+    return trainer
+
+
+def _mean_step(trainer: Trainer) -> float:
+    """Return the mean time of a step [ms]."""
+    start = time.perf_counter()
+    for _ in range(STEPS):
+        trainer.step()
+    return 1e3 * (time.perf_counter() - start) / STEPS
+
+
+def _stages(trainer: Trainer) -> dict[str, float]:
+    """Return the best time [ms] of every stage of the last step."""
+    stages: dict[str, Callable[[], object]] = trainer.renderer.stages()
+    order = ("project", "bin", "forward", "loss", "backward", "gather and project back", "adam")
+    stages["loss"] = trainer.repeat_loss
+    stages["adam"] = trainer.optimizer.update
+    return {name: best_time(stages[name], REPEATS) for name in order}

@@ -1,0 +1,204 @@
+"""Pictures of what each effect of the sensor does alone: off and on, side by side."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.log import write_atomically
+from digs_warp.study.still_life import SAMPLES, photograph, pose_at, still_life, still_life_rig
+from sim.render.raycast import RaycastRenderer
+from sim.rig import StereoRig
+from sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from sim.sensor.color.encoding import decode, encode
+from sim.sensor.color.image_blur import ImageBlur
+from sim.sensor.color.protocol import EyeImages, PixelEffect
+from sim.sensor.color.rolling_shutter import RollingShutter
+from sim.sensor.effects import EFFECTS
+from sim.sensor.effects.protocol import DepthEffect
+from sim.sensor.facts import measure_facts
+from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.tiers import effect_rng
+from sim.shutter import Shutter, ShutteredEye
+
+SEED = 0
+
+# A sound calibration shows nothing: the picture is of one that has drifted [px].
+DRIFT = {"row_offset": 0.6, "column_offset": 0.3}
+
+# Full scales of the error maps [px]; the smallest that holds most errors is taken.
+SCALES = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 100.0)
+MOST = 95  # percent
+
+# Panels show the smallest window (a share of the frame's sides) that holds this much of the change.
+WINDOWS = (0.2, 0.35, 0.5, 1.0)
+HELD = 0.6
+
+# Errors above this are bad pixels, as Middlebury counts them [px].
+BAD = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class DepthFigure:
+    """A frame before and after one effect, in numbers.
+
+    Attributes:
+        truth: the frame.
+        sensed: after the effect alone.
+        changed: where the two differ, (height, width), bool.
+        holes: share of the frame that lost its depth.
+        bad: share of the frame that is wrong by more than a pixel of disparity.
+        rms: of the error where the effect changed a value and left it good [px]; NaN: nowhere.
+    """
+
+    truth: FrameTruth
+    sensed: Sensed
+    changed: np.ndarray
+    holes: float
+    bad: float
+    rms: float
+
+
+class SensorStudio:
+    """The still life, ready to be photographed with any rig."""
+
+    def __init__(self) -> None:
+        self._scene, environment = still_life()
+        self._renderer = RaycastRenderer(self._scene, environment)
+        self.rig = still_life_rig()
+        self.truth = self._photograph(self.rig)
+
+    def depth_figure(self, effect: DepthEffect) -> DepthFigure:
+        """Return what an effect does alone."""
+        truth = self.truth
+        if effect.name == "mis-rectification":
+            truth = self._photograph(replace(self.rig, **DRIFT))
+        sensed = effect.apply(Sensed.of(truth), truth, effect_rng(SEED, 0, effect.name))
+        lost = ~sensed.known & ~np.isnan(truth.disparity)
+        with np.errstate(invalid="ignore"):
+            error = np.abs(sensed.disparity - truth.disparity)
+        good = (error > 0) & (error <= BAD)
+        rms = float(np.sqrt(np.mean(error[good] ** 2))) if good.any() else float("nan")
+        bad = float(np.mean(error > BAD))
+        return DepthFigure(truth, sensed, lost | (error > 0), float(np.mean(lost)), bad, rms)
+
+    def shuttered(self, effect: RollingShutter | ImageBlur) -> np.ndarray:
+        """Return the left image through a shutter that has an effect alone."""
+        facts = measure_facts([self.truth])
+        if isinstance(effect, RollingShutter):
+            shutter = Shutter(
+                bands=effect.bands(facts, self.rig), readout_time=self.rig.readout_time
+            )
+        else:
+            shutter = Shutter(views=effect.views(facts), exposure_time=self.rig.exposure_time)
+        eye = ShutteredEye(self._renderer, shutter, self.rig.intrinsics, pose_at)
+        return eye.image(SAMPLES, np.random.SeedSequence(SEED))[0]
+
+    def colored(self, effect: PixelEffect) -> np.ndarray:
+        """Return the left image after an effect alone."""
+        eyes = EyeImages(self.rig.intrinsics, decode(self.truth.image), decode(self.truth.right))
+        return encode(effect.apply(eyes, self.rig, effect_rng(SEED, 0, effect.name)).left)
+
+    def _photograph(self, rig: StereoRig) -> FrameTruth:
+        return photograph(self._renderer, self._scene, rig)
+
+
+def depth_strip(figure: DepthFigure, path: Path) -> None:
+    """Draw left image, disparity off and on, and the error, as one JPEG."""
+    from matplotlib import colors
+
+    plt = _pyplot()
+    truth, sensed = figure.truth, figure.sensed
+    rows, columns = _window(figure.changed)
+    error = sensed.disparity - truth.disparity
+    scale = _full_scale(np.abs(error[figure.changed]))
+    low, high = np.nanpercentile(truth.disparity[rows, columns], [1, 99])
+    # Equal ratios of disparity are equal steps of colour: far things keep theirs beside near ones.
+    norm = colors.LogNorm(low, max(high, 1.5 * low), clip=True)
+    near_far = {"cmap": _with_holes("turbo"), "norm": norm}
+    signed = {"cmap": _with_holes("RdBu"), "vmin": -scale, "vmax": scale}
+    panels: list[tuple[str, np.ndarray, dict[str, Any]]] = [
+        ("left image", truth.image, {}),
+        ("disparity, off", truth.disparity, near_far),
+        ("disparity, on", sensed.disparity, near_far),
+        (f"error, ±{scale:g} px", error, signed),
+    ]
+    figure_, axes = plt.subplots(1, 4, figsize=(13.2, 2.32), dpi=100)
+    for axis, (title, pixels, style) in zip(axes, panels, strict=True):
+        axis.imshow(pixels[rows, columns], interpolation="nearest", **style)
+        axis.set_title(title, fontsize=10)
+        axis.axis("off")
+    _save(figure_, path)
+
+
+def color_strip(before: np.ndarray, after: np.ndarray, path: Path) -> None:
+    """Draw an image off and on, and the difference, as one JPEG."""
+    plt = _pyplot()
+    difference = after.astype(np.float32) - before
+    gain = max(1, round(100 / max(1.0, float(np.percentile(np.abs(difference), 99)))))
+    shown = np.clip(128 + gain * difference, 0, 255).astype(np.uint8)
+    figure, axes = plt.subplots(1, 3, figsize=(9.9, 2.32), dpi=100)
+    titles = ("left image, off", "left image, on", f"difference x {gain}")
+    for axis, title, pixels in zip(axes, titles, (before, after, shown), strict=True):
+        axis.imshow(pixels, interpolation="nearest")
+        axis.set_title(title, fontsize=10)
+        axis.axis("off")
+    _save(figure, path)
+
+
+def all_figures(folder: Path) -> dict[str, DepthFigure]:
+    """Draw the strip of every effect into ``folder`` and return the numbers of those on depth."""
+    studio = SensorStudio()
+    figures = {effect.name: studio.depth_figure(effect) for effect in EFFECTS}
+    for name, figure in figures.items():
+        depth_strip(figure, folder / f"{name}.jpg")
+    images = {effect.name: studio.shuttered(effect) for effect in (ROLLING_SHUTTER, IMAGE_BLUR)}
+    images |= {effect.name: studio.colored(effect) for effect in PIXEL_EFFECTS}
+    for name, image in images.items():
+        color_strip(studio.truth.image, image, folder / f"{name}.jpg")
+    return figures
+
+
+def _window(changed: np.ndarray) -> tuple[slice, slice]:
+    """Return the smallest window that holds most of what has changed."""
+    height, width = changed.shape
+    sums = np.pad(changed.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    for share in WINDOWS:
+        h, w = round(share * height), round(share * width)
+        inside = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
+        if inside.max() >= HELD * sums[-1, -1]:
+            # Several windows may hold the same: the middle one.
+            top, left = np.argwhere(inside == inside.max()).mean(axis=0).astype(int).tolist()
+            return slice(top, top + h), slice(left, left + w)
+    return slice(0, height), slice(0, width)
+
+
+def _full_scale(errors: np.ndarray) -> float:
+    known = errors[np.isfinite(errors)]
+    typical = float(np.percentile(known, MOST)) if len(known) else SCALES[0]
+    return next((scale for scale in SCALES if typical <= scale), SCALES[-1])
+
+
+def _with_holes(name: str) -> Any:
+    """Return a colour map that draws missing values black."""
+    return _pyplot().get_cmap(name).with_extremes(bad="black")
+
+
+def _pyplot() -> Any:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    return plt
+
+
+def _save(figure: Any, path: Path) -> None:
+    from io import BytesIO
+
+    figure.subplots_adjust(0.003, 0.01, 0.997, 0.9, wspace=0.015)
+    data = BytesIO()
+    figure.savefig(data, format="jpeg", pil_kwargs={"quality": 85, "optimize": True})
+    _pyplot().close(figure)
+    write_atomically(path, data.getvalue())

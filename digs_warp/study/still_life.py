@@ -1,0 +1,170 @@
+"""A scene that provokes every error of a stereo depth camera at once, for the pictures of docs/sensor.md.
+
+On a textured table before a textured wall: a pole in front of everything, plain and faintly patterned
+cards, a glossy ball and a glossy tile, a mirror, a pane of glass, a lamp, a black card, a bead close to the lens, and a
+surround beyond the camera's range.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.geometry import look_at, rigid
+from sim.builtin.noise import periodic_noise
+from sim.builtin.shapes import Patch, revolve
+from sim.environment import Environment, procedural_environment
+from sim.profiles import PROFILES
+from sim.render.raycast import RaycastRenderer
+from sim.rig import StereoRig
+from sim.scene import Material, Scene
+from sim.sensor.frame import FrameTruth, Motion
+
+WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0
+SURROUND_RADIUS = 25.0  # [m], beyond the 20 m of the camera
+SAMPLES = 12
+TEXTURE_SIZE = 512  # [px]
+
+EYE, TARGET = np.array([0.0, -1.25, 0.28]), np.array([0.02, 0.1, 0.02])
+
+# A brisk turn of the hand, so that motion shows in a single frame.
+MOTION = Motion((0.25, 0.0, 0.0), (0.0, 0.6, 0.0))
+
+Part = tuple[Patch, Material]
+
+
+def still_life() -> tuple[Scene, Environment]:
+    """Return the scene and its surround, always the same."""
+    rng = np.random.default_rng(3)
+    parts: list[Part] = [
+        (card((0.1, 0.75, 0.15), (1.05, 0, 0), (0, 0, 0.62)), _noise(rng, "wall", 42, (2, 60))),
+        (card((0, 0.0, -0.3), (1.3, 0, 0), (0, 0.75, 0)), _noise(rng, "table", 36, (2, 40))),
+        (card((-0.47, 0.35, 0.16), (0.17, 0.03, 0), (0, 0.02, 0.2)), _plain("plain card", 0.62)),
+        (
+            card((-0.5, 0.1, -0.16), (0.15, 0.04, 0), (0, 0.02, 0.1)),
+            _noise(rng, "faint card", 1.2, (3, 12)),
+        ),
+        (card((0.62, 0.3, 0.1), (0.15, -0.1, 0), (0, 0, 0.25)), _metal("mirror")),
+        (
+            card((0.3, -0.25, -0.12), (0.12, 0.02, 0), (0, 0, 0.16)),
+            Material("glass", np.full(3, 0.97, np.float32), roughness=0.02, transmission=0.93),
+        ),
+        (ball((-0.1, 0.05, -0.16), 0.14), _plain("glossy ball", 0.12, roughness=0.15)),
+        (
+            card((-0.12, -0.42, -0.295), (0.14, 0.02, 0), (-0.02, 0.13, 0)),
+            _plain("tile", 0.05, 0.1),
+        ),
+        (ball((0.36, 0.45, 0.42), 0.07), _lamp("lamp")),
+        (card((0.02, 0.6, 0.36), (0.13, 0, 0), (0, 0, 0.11)), _plain("black card", 0.0003)),
+        (
+            card((0.13, -0.45, 0.1), (0.012, 0, 0), (0, 0, 0.45)),
+            _noise(rng, "pole", 60, (4, 60), tint=(1.0, 0.75, 0.4)),
+        ),
+        (
+            ball((-0.115, -1.045, 0.155), 0.022),
+            _noise(rng, "near bead", 50, (8, 120), tint=(0.5, 0.9, 0.6)),
+        ),
+    ]
+    environment = procedural_environment()
+    return _join(parts), Environment(environment.radiance, SURROUND_RADIUS)
+
+
+def still_life_rig() -> StereoRig:
+    """Return a ZED-2-class camera at the size of the pictures."""
+    return PROFILES["zed2-720"].rig(WIDTH, HEIGHT, FOV_DEG)
+
+
+def pose_at(moment: float) -> np.ndarray:
+    """Return ``world_from_cam`` of the left eye, ``moment`` seconds after the frame, under MOTION."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_rotvec(np.array(MOTION.angular_velocity_cam) * moment).as_matrix()
+    start = look_at(EYE, TARGET, np.array([0.0, 0.0, 1.0]))
+    return start @ rigid(turn, np.array(MOTION.velocity_cam) * moment)
+
+
+def still_life_camera(rig: StereoRig) -> Camera:
+    """Return the left eye."""
+    return Camera(rig.intrinsics, pose_at(0.0))
+
+
+def photograph(renderer: RaycastRenderer, scene: Scene, rig: StereoRig) -> FrameTruth:
+    """Return what the rig sees of the scene, before the sensor."""
+    camera = still_life_camera(rig)
+    view = renderer.render(camera, SAMPLES, seed=1)
+    right, _ = renderer.render_image(camera.shifted_right(rig.baseline), SAMPLES, seed=2)
+    return FrameTruth(
+        number=0,
+        camera=camera,
+        rig=rig,
+        image=view.image,
+        right=right,
+        depth=view.depth,
+        normals_world=view.normals_world,
+        material_ids=view.material_ids,
+        materials=scene.materials,
+        motion=MOTION,
+        rays=renderer.frame_rays(camera, rig.baseline),
+    )
+
+
+def card(center: Sequence[float], right: Sequence[float], up: Sequence[float]) -> Patch:
+    """Return a flat piece, ``center`` +- ``right`` +- ``up``, its texture once across."""
+    c, r, u = (np.asarray(vector, np.float64) for vector in (center, right, up))
+    normal = np.cross(r, u) / np.linalg.norm(np.cross(r, u))
+    return Patch(
+        vertices=np.stack([c - r - u, c + r - u, c + r + u, c - r + u]),
+        faces=np.array([[0, 1, 2], [0, 2, 3]]),
+        normals=np.tile(normal, (4, 1)),
+        uvs=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+    )
+
+
+def ball(center: Sequence[float], radius: float) -> Patch:
+    """Return a sphere."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 49)
+    outline = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    outline[[0, -1], 0] = 0.0
+    patch = revolve(outline, 96)
+    return Patch(patch.vertices + np.asarray(center), patch.faces, patch.normals, patch.uvs)
+
+
+def _noise(
+    rng: np.random.Generator,
+    name: str,
+    contrast: float,
+    wavelengths: tuple[float, float],
+    tint: tuple[float, float, float] = (0.9, 0.85, 0.8),
+) -> Material:
+    """Return a matte material with a random texture of the given contrast [DN]."""
+    shape = (TEXTURE_SIZE, TEXTURE_SIZE)
+    gray = 140 + contrast * periodic_noise(rng, shape, wavelengths)
+    texture = np.clip(gray[..., None] * np.array(tint), 0, 255).astype(np.uint8)
+    return Material(name, np.ones(3, np.float32), texture, roughness=0.95)
+
+
+def _plain(name: str, level: float, roughness: float = 0.95) -> Material:
+    return Material(name, np.full(3, level, np.float32), roughness=roughness)
+
+
+def _metal(name: str) -> Material:
+    return Material(name, np.full(3, 0.95, np.float32), roughness=0.02, metallic=1.0)
+
+
+def _lamp(name: str) -> Material:
+    return Material(name, np.full(3, 0.9, np.float32), emission=(2.0, 2.0, 1.9))
+
+
+def _join(parts: Sequence[Part]) -> Scene:
+    starts = np.cumsum([0, *(len(patch.vertices) for patch, _ in parts)])
+    faces = [patch.faces + start for (patch, _), start in zip(parts, starts[:-1], strict=True)]
+    vertices = np.concatenate([patch.vertices for patch, _ in parts]).astype(np.float32)
+    return Scene(
+        vertices=vertices,
+        faces=np.concatenate(faces).astype(np.int32),
+        face_materials=np.repeat(np.arange(len(parts)), [len(f) for f in faces]).astype(np.int32),
+        normals=np.concatenate([patch.normals for patch, _ in parts]).astype(np.float32),
+        uvs=np.concatenate([patch.uvs for patch, _ in parts]).astype(np.float32),
+        vertex_colors=np.ones_like(vertices),
+        materials=tuple(material for _, material in parts),
+    )
