@@ -21,22 +21,28 @@ FINAL_MEANS_SHARE = 0.01
 # Bands above the base colour learn this much slower.
 HIGHER_BANDS_SHARE = 1.0 / 20.0
 
+# Values that one thread updates.
+BLOCK = 4096
+
 _BETA_1 = wp.constant(BETA_1)
 _BETA_2 = wp.constant(BETA_2)
 # Taken in float64: in float32, 1 - 0.999 is wrong by 5e-5 of itself.
 _REST_1 = wp.constant(1.0 - BETA_1)
 _REST_2 = wp.constant(1.0 - BETA_2)
 _EPSILON = wp.constant(EPSILON)
-_BLOCK = wp.constant(4096)
+_BLOCK = wp.constant(BLOCK)
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 
 
 @wp.kernel
 def adam_kernel(
     first: int,
     count: int,
-    stride: int,  # of every `stride` values ...
-    head: int,  # ... the first `head` take rates[0], the others rates[1]
-    rates: wp.array[float],  # [3] both rates / (1 - beta_1^t), then 1 / sqrt(1 - beta_2^t)
+    period: int,
+    shares: wp.array[
+        float
+    ],  # [BLOCK + period] share of the rate that value i % period gets, repeated
+    rates: wp.array[float],  # [2] rate / (1 - beta_1^t) and 1 / sqrt(1 - beta_2^t)
     gradients: wp.array[float],
     # outputs
     values: wp.array[float],
@@ -44,15 +50,19 @@ def adam_kernel(
     moments_2: wp.array[float],
 ):
     """Update one block of values."""
-    begin = (first + wp.tid()) * _BLOCK
-    for i in range(begin, wp.min(begin + _BLOCK, count)):
-        g = gradients[i]
-        m = _BETA_1 * moments_1[i] + _REST_1 * g
-        v = _BETA_2 * moments_2[i] + _REST_2 * g * g
-        moments_1[i] = m
-        moments_2[i] = v
-        rate = wp.where(i % stride < head, rates[0], rates[1])
-        values[i] = values[i] - rate * m / (wp.sqrt(v) * rates[2] + _EPSILON)
+    # The mask tells LLVM that no index is negative: the loop is vectorized.
+    begin = ((first + wp.tid()) * _BLOCK) & _NOT_NEGATIVE
+    phase = (begin % period) & _NOT_NEGATIVE
+    rate = rates[0]
+    correction = rates[1]
+    for i in range(wp.min(_BLOCK, count - begin)):
+        g = gradients[begin + i]
+        m = _BETA_1 * moments_1[begin + i] + _REST_1 * g
+        v = _BETA_2 * moments_2[begin + i] + _REST_2 * g * g
+        moments_1[begin + i] = m
+        moments_2[begin + i] = v
+        step = rate * shares[phase + i] * m / (wp.sqrt(v) * correction + _EPSILON)
+        values[begin + i] = values[begin + i] - step
 
 
 def _flat(array: wp.array) -> wp.array:
@@ -80,8 +90,7 @@ class Adam:
         self.moments_1 = gaussians.zeros_like()
         self.moments_2 = gaussians.zeros_like()
         device = gaussians.device
-        self._rates = [wp.zeros(3, dtype=float, device=device) for _ in gaussians.arrays]
-        bands = 3 * gaussians.sh.shape[1]
+        self._rates = [wp.zeros(2, dtype=float, device=device) for _ in gaussians.arrays]
         self._launches = []
         groups = zip(
             gaussians.arrays,
@@ -94,24 +103,19 @@ class Adam:
         for value, gradient, first, second, rates in groups:
             flat = [_flat(array) for array in (gradient, value, first, second)]
             count = flat[0].shape[0]
-            stride, head = (bands, 3) if value is gaussians.sh else (1, 1)
-            self._launches.append(
-                ParallelLaunch(
-                    adam_kernel,
-                    -(-count // 4096),
-                    [count, stride, head, rates, *flat],
-                    device,
-                    threads,
-                )
-            )
+            pattern = _color_shares(gaussians) if value is gaussians.sh else np.ones(1)
+            shares = np.resize(pattern, BLOCK + len(pattern)).astype(np.float32)
+            shares = wp.array(shares, dtype=float, device=device)
+            inputs = [count, len(pattern), shares, rates, *flat]
+            blocks = -(-count // BLOCK)
+            self._launches.append(ParallelLaunch(adam_kernel, blocks, inputs, device, threads))
 
-    def rates(self) -> list[tuple[float, float]]:
-        """Return the learning rates (base, higher bands) of means, scales, quats, opacities, colours."""
+    def rates(self) -> list[float]:
+        """Return the learning rates of means, scales, quats, opacities and base colours."""
         c = self.config
         progress = min(1.0, self.step / max(1, c.iterations))
         means = c.means_rate * self.extent * FINAL_MEANS_SHARE**progress
-        plain = [(rate, rate) for rate in (means, c.scales_rate, c.quats_rate, c.opacities_rate)]
-        return [*plain, (c.colors_rate, c.colors_rate * HIGHER_BANDS_SHARE)]
+        return [means, c.scales_rate, c.quats_rate, c.opacities_rate, c.colors_rate]
 
     def update(self) -> None:
         """Take one step along the present gradients."""
@@ -119,6 +123,13 @@ class Adam:
         self.step += 1
         bias_1 = 1.0 - BETA_1**self.step
         bias_2 = 1.0 / np.sqrt(1.0 - BETA_2**self.step)
-        for (base, higher), buffer, launch in zip(rates, self._rates, self._launches, strict=True):
-            buffer.assign(np.array([base / bias_1, higher / bias_1, bias_2], dtype=np.float32))
+        for rate, buffer, launch in zip(rates, self._rates, self._launches, strict=True):
+            buffer.assign(np.array([rate / bias_1, bias_2], dtype=np.float32))
             launch.run()
+
+
+def _color_shares(gaussians: DeviceGaussians) -> np.ndarray:
+    """Return the share of the colour rate for the values of one Gaussian's ``sh``, shape (3 K,)."""
+    shares = np.full(3 * gaussians.sh.shape[1], HIGHER_BANDS_SHARE)
+    shares[:3] = 1.0
+    return shares
