@@ -35,7 +35,7 @@ class SimulateConfig:
     samples_per_pixel: int = 4
     """Rays averaged in each pixel; more give smoother edges and take longer."""
 
-    tier: Literal["truth", "law", "planned", "matcher"] = "law"
+    tier: Literal["truth", "law", "planned", "matcher"] = "planned"
     """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'planned' has the
     effects that the scene calls for, on depth and images; 'matcher' matches the two noisy images."""
 

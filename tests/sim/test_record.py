@@ -47,6 +47,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> SimulateConfig:
         samples_per_pixel=2,
         object_size=0.4,
         up="z",
+        tier="law",
     )
 
 

@@ -1,0 +1,163 @@
+"""Recording with the planned sensor: its layers and files, and the same bytes however it is run."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.capture import Capture, file_hashes, read_capture
+from digs_warp.checks import DigsError
+from digs_warp.images import read_image
+from digs_warp.log import read_json
+from sim.config import SimulateConfig
+from sim.frame_maker import Clock, FrameMaker
+from sim.record import simulate
+from sim.sensor.cause import Cause
+from sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from sim.session import Session, load_inputs, prepare_session
+
+CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, normals=True, seed=5)
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return prepare_session(CONFIG, *load_inputs(CONFIG))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("planned") / "capture"
+    simulate(CONFIG, folder)
+    return folder
+
+
+def test_depth_cause_and_confidence_agree(recording: Path) -> None:
+    capture = read_capture(recording)
+    assert capture.metadata["cause_labels"][str(int(Cause.OCCLUDED))] == "occluded"
+    for frame in capture.frames:
+        coded = read_image(frame.files["depth_file_path"])[..., 0]
+        cause, confidence = frame.load_cause(), frame.load_confidence()
+        missing = ~np.isfinite(coded)
+        assert 0.01 < missing.mean() < 0.5
+        assert (cause[missing] != Cause.OK).all()
+        assert (confidence[missing] == 0).all() and (confidence[~missing] > 0).all()
+        np.testing.assert_array_equal(np.isneginf(coded), missing & (cause == Cause.NEAR))
+        np.testing.assert_array_equal(np.isposinf(coded), missing & (cause == Cause.FAR))
+        np.testing.assert_array_equal(np.isnan(frame.load_depth()), missing)
+        np.testing.assert_allclose(np.linalg.norm(frame.load_normals(), axis=-1), 1, atol=1e-5)
+
+
+def test_the_plan_is_kept_with_the_recording(recording: Path, session: Session) -> None:
+    plan = read_json(recording / "sensor_plan.json", "plan")
+    made = make_plan(session)
+    assert [c["effect"] for c in plan["depth"] if c["on"]] == [c.effect for c in made.depth if c.on]
+    assert read_capture(recording).metadata["effects"] == list(made.effects_on)
+    figures = read_json(recording / "run.json", "record")["results"]["profile"]["figures"]
+    assert figures["baseline"] == {"value": 0.12, "origin": "vendor", "note": "data sheet"}
+    assert {figure["origin"] for figure in figures.values()} == {"measured", "vendor", "tuned"}
+
+
+def test_the_record_tells_times_and_hashes(recording: Path) -> None:
+    record = read_json(recording / "run.json", "record")
+    stages = {"load", "prepare", "plan", "render", "sense", "color", "write"}
+    assert stages <= record["seconds"].keys()
+    assert record["results"]["sha256"] == file_hashes(recording)
+    assert len(record["results"]["sha256"]) == 3 * 8 + 2
+
+
+def test_a_planned_recording_that_was_cut_off_resumes_to_the_same_bytes(
+    recording: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "capture"
+    shutil.copytree(recording, folder)
+    before = read_json(folder / "run.json", "record")["seconds"]
+    for gone in ("transforms.json", "sensor_plan.json", "cause/0001.png", "depth/0002.exr"):
+        (folder / gone).unlink()
+    simulate(CONFIG, folder, resume=True)
+    assert file_hashes(folder) == file_hashes(recording)
+    after = read_json(folder / "run.json", "record")["seconds"]
+    assert all(after[stage] >= before[stage] for stage in before)
+
+
+def test_resuming_a_finished_recording_touches_nothing(recording: Path) -> None:
+    times = {path: path.stat().st_mtime_ns for path in recording.rglob("*") if path.is_file()}
+    simulate(CONFIG, recording, resume=True)
+    assert times == {path: path.stat().st_mtime_ns for path in times}
+
+
+def test_a_frame_does_not_depend_on_those_before_it(recording: Path, session: Session) -> None:
+    maker = FrameMaker(session, make_plan(session))
+    for number in (2, 0):
+        images = maker.finish(maker.render(number), Clock())
+        frame = read_capture(recording).frames[number]
+        np.testing.assert_array_equal(images.image, frame.load_image())
+        np.testing.assert_array_equal(images.cause, frame.load_cause())
+        coded = read_image(frame.files["depth_file_path"])[..., 0]
+        np.testing.assert_array_equal(images.depth, coded)
+
+
+def layers(capture: Capture) -> list[np.ndarray]:
+    return [
+        layer
+        for frame in capture.frames
+        for layer in (frame.load_image(), frame.load_right_image(), frame.load_depth())
+    ]
+
+
+@pytest.mark.parametrize("changes", [{"effects": "none"}, {"strength": 0.0}])
+def test_without_effects_the_planned_sensor_is_perfect(
+    changes: dict[str, float | str], tmp_path: Path
+) -> None:
+    small = replace(CONFIG, frames=1, normals=False)
+    perfect = simulate(replace(small, tier="truth"), tmp_path / "truth")
+    planned = simulate(replace(small, **changes), tmp_path / "planned")  # pyright: ignore
+    for a, b in zip(layers(perfect), layers(planned), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert (planned.frames[0].load_cause() == Cause.OK).all()
+
+
+def test_effects_on_depth_leave_the_images_alone_and_vice_versa(tmp_path: Path) -> None:
+    small = replace(CONFIG, frames=1)
+    (perfect,) = simulate(replace(small, effects="none"), tmp_path / "none").frames
+    (depth_only,) = simulate(replace(small, effects="occlusion"), tmp_path / "depth").frames
+    (image_only,) = simulate(replace(small, effects="shot-noise"), tmp_path / "image").frames
+    np.testing.assert_array_equal(depth_only.load_image(), perfect.load_image())
+    np.testing.assert_array_equal(image_only.load_depth(), perfect.load_depth())
+    assert not np.array_equal(depth_only.load_depth(), perfect.load_depth())
+    assert not np.array_equal(image_only.load_image(), perfect.load_image())
+
+
+def test_the_matcher_plans_effects_on_the_images_alone(session: Session) -> None:
+    facts = make_plan(session).facts
+    assert facts is not None
+    plan = plan_for_facts(facts, session.rig, replace(CONFIG, tier="matcher", effects="all"))
+    assert plan.depth == () and all(choice.on for choice in plan.color)
+
+
+def test_tiers_without_a_plan_have_an_ideal_shutter(session: Session) -> None:
+    law = replace(CONFIG, tier="law")
+    plan = make_plan(replace(session, config=law))
+    assert plan == SensorPlan() and plan.shutter(session.rig).bands == 1
+
+
+def test_a_profile_brings_its_image(tmp_path: Path) -> None:
+    config = SimulateConfig(frames=1, profile="d435", width=106, samples_per_pixel=1, tier="law")
+    capture = simulate(config, tmp_path / "capture")
+    k = capture.frames[0].camera.intrinsics
+    assert (k.width, k.height) == (106, 60)
+    assert k.fx == pytest.approx(424 * 106 / 848)
+    assert capture.rig is not None and capture.rig.baseline == 0.05
+
+
+def test_unknown_effects_and_profiles_do_not_claim_the_folder(tmp_path: Path) -> None:
+    for wrong in ({"effects": "fog"}, {"profile": "kinect"}, {"profile": tmp_path / "none.yaml"}):
+        with pytest.raises(DigsError, match=r"fog|kinect|none\.yaml"):
+            simulate(replace(CONFIG, **wrong), tmp_path / "capture")  # pyright: ignore
+    assert not (tmp_path / "capture").exists()
+
+
+def test_effects_need_a_tier_that_has_them() -> None:
+    with pytest.raises(DigsError, match="no meaning for tier 'law'"):
+        SimulateConfig(tier="law", effects="occlusion")
