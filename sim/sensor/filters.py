@@ -78,6 +78,15 @@ def enlarge(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
 
 
+def shrink(image: np.ndarray, factor: int) -> np.ndarray:
+    """Return the means of blocks of ``factor`` x ``factor`` pixels, float32; at least one pixel."""
+    import cv2
+
+    height, width = image.shape
+    size = (max(1, width // factor), max(1, height // factor))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
 def enlarge_smoothly(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Return a coarse float32 image stretched to ``shape`` (height, width), bicubic."""
     import cv2

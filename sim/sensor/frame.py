@@ -146,16 +146,19 @@ class Sensed:
         confidence: np.ndarray | float = 0.5,
     ) -> "Sensed":
         """Return the frame with other values at ``where`` (bool), labelled; arrays are full frames."""
-        if not where.any():
+        at = np.flatnonzero(where)
+        if len(at) == 0:
             return self
         return Sensed(
-            _replaced(self.disparity, where, disparity),
-            _replaced(self.cause, where, cause),
-            _replaced(self.confidence, where, confidence),
+            _replaced(self.disparity, at, disparity),
+            _replaced(self.cause, at, cause),
+            _replaced(self.confidence, at, confidence),
         )
 
 
-def _replaced(array: np.ndarray, where: np.ndarray, values: np.ndarray | float) -> np.ndarray:
+def _replaced(array: np.ndarray, at: np.ndarray, values: np.ndarray | float) -> np.ndarray:
+    """Return a copy with other values at the flat indices ``at``."""
     result = array.copy()
-    np.copyto(result, values, where=where, casting="unsafe")
+    full = isinstance(values, np.ndarray) and values.ndim == 2
+    result.reshape(-1)[at] = np.ravel(values)[at] if full else values
     return result

@@ -8,6 +8,9 @@ from sim.sensor.filters import enlarge, separable
 BYTE_SIGMA = np.sqrt((256**2 - 1) / 12)
 BYTE_MEAN = 127.5
 
+# Smoother fields are drawn on a coarser grid, with this many points per correlation length.
+GRID_POINTS = 5.0
+
 # A Gaussian ends here, in its standard deviations; what is cut off holds 0.3 % of its sum.
 KERNEL_REACH = 3.0
 
@@ -30,7 +33,14 @@ def smooth_normal(
         correlation: along rows [px], >= 2.
         vertical_correlation: along columns [px], >= 2; by default the same.
     """
-    across, down = _kernel(correlation), _kernel(vertical_correlation or correlation)
+    vertical = vertical_correlation or correlation
+    step, vertical_step = _grid_step(correlation), _grid_step(vertical)
+    if step > 1 or vertical_step > 1:
+        coarse = (shape[0] // vertical_step + 2, shape[1] // step + 2)
+        field = smooth_normal(rng, coarse, correlation / step, vertical / vertical_step)
+        stretched = enlarge(field, (coarse[0] * vertical_step, coarse[1] * step))
+        return stretched[vertical_step:, step:][: shape[0], : shape[1]]
+    across, down = _kernel(correlation), _kernel(vertical)
     left, top = len(across) // 2, len(down) // 2
     # A frame wide enough that every pixel averages the same number of bytes.
     height, width = shape[0] + 2 * top, shape[1] + 2 * left
@@ -38,6 +48,11 @@ def smooth_normal(
     across /= BYTE_SIGMA
     field = separable(noise, across, down, -BYTE_MEAN * float(across.sum() * down.sum()))
     return field[top : top + shape[0], left : left + shape[1]]
+
+
+def _grid_step(correlation: float) -> int:
+    """Return how far apart a field may be drawn [px]: linear steps between then cost 1 % of variance."""
+    return max(1, int(correlation / GRID_POINTS))
 
 
 def _kernel(correlation: float) -> np.ndarray:

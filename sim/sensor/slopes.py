@@ -15,12 +15,16 @@ def surface_slope(disparity: np.ndarray, axis: int) -> np.ndarray:
     """
     if disparity.shape[axis] < 2:
         return np.zeros(disparity.shape, dtype=np.float32)
-    steps = np.diff(disparity, axis=axis).astype(np.float32, copy=False)
-    first, last = np.take(steps, [0], axis), np.take(steps, [-1], axis)
-    before = np.concatenate([first, steps], axis)
-    after = np.concatenate([steps, last], axis)
-    slope = np.where(np.abs(before) < np.abs(after), before, after)
-    return np.nan_to_num(slope, copy=False, nan=0.0)
+    if axis == 0:
+        # A transposed copy: walking along rows keeps to the cache.
+        return surface_slope(np.ascontiguousarray(disparity.T), axis=1).T
+    steps = np.diff(disparity, axis=1)
+    size = np.abs(steps)
+    slope = np.empty(disparity.shape, dtype=np.float32)
+    slope[:, :1], slope[:, -1:] = steps[:, :1], steps[:, -1:]
+    slope[:, 1:-1] = np.where(size[:, :-1] < size[:, 1:], steps[:, :-1], steps[:, 1:])
+    slope[np.isnan(slope)] = 0.0
+    return slope
 
 
 def width_ratio(slope: np.ndarray) -> np.ndarray:
@@ -30,5 +34,5 @@ def width_ratio(slope: np.ndarray) -> np.ndarray:
     disparity per pixel; from 1 on the right eye sees its back, and the result is inf.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.abs(np.log1p(-slope))
+        ratio = np.abs(np.log(1 - slope))
     return np.where(slope >= 1, np.float32(np.inf), ratio)

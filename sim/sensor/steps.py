@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.sensor.pixels import pixels_where
+
 
 @dataclass(frozen=True, eq=False)
 class Steps:
@@ -29,7 +31,7 @@ def find_steps(disparity: np.ndarray, threshold: float) -> Steps:
     """Return the jumps of more than ``threshold`` pixels along the rows; missing values have none."""
     jump = np.diff(disparity, axis=1)
     with np.errstate(invalid="ignore"):
-        rows, left = np.nonzero(np.abs(jump) > threshold)
+        rows, left = pixels_where(np.abs(jump) > threshold)
     near_is_right = jump[rows, left] > 0
     return Steps(rows, left + near_is_right, left + ~near_is_right)
 
@@ -67,6 +69,6 @@ def find_runs(marked: np.ndarray) -> Runs:
     framed = np.zeros((height, width + 2), dtype=np.int8)
     framed[:, 1:-1] = marked
     change = np.diff(framed, axis=1)
-    rows, first = np.nonzero(change == 1)
-    _, end = np.nonzero(change == -1)
+    rows, first = pixels_where(change == 1)
+    _, end = pixels_where(change == -1)
     return Runs(rows, first, end)

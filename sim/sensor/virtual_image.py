@@ -4,6 +4,7 @@ import numpy as np
 
 from digs_warp.camera import pixel_centers
 from sim.sensor.frame import FrameTruth
+from sim.sensor.pixels import pixels_where
 
 # Concave mirrors can throw the image to infinity or before the surface; it stays within this [m].
 MAX_VIRTUAL_DISTANCE = 100.0
@@ -23,7 +24,7 @@ def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
         truth: its rays are asked for the distance of what is mirrored.
         where: the pixels that are wanted, (height, width), bool; the others are NaN.
     """
-    rows, columns = np.nonzero(where)
+    rows, columns = pixels_where(where)
     k = truth.camera.intrinsics
     depth = truth.depth[rows, columns].astype(np.float64)
     x, y = (columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy

@@ -8,7 +8,7 @@ import numpy as np
 from sim.rig import StereoRig
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import blur, box_mean
+from sim.sensor.filters import blur, box_mean, enlarge, shrink
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import smooth_normal
 
@@ -73,8 +73,11 @@ def texture_pattern(gray: np.ndarray, correlation: float) -> np.ndarray:
         correlation: over which it is smooth [px].
     """
     fine = blur(gray, 0.5 * correlation)
-    band = fine - blur(fine, BAND_RATIO * 0.5 * correlation)
-    region = int(REGION * correlation) | 1
-    energy = box_mean(np.square(band), region)
-    pattern = band / np.sqrt(np.maximum(energy, 0.0) + np.float32(NO_TEXTURE**2))
-    return np.clip(pattern, -LARGEST, LARGEST, out=pattern)
+    # Twice as coarse, and a quarter of the work, on a grid of half the size.
+    half = shrink(fine, 2)
+    band = fine
+    band -= enlarge(blur(half, 0.5 * BAND_RATIO * 0.5 * correlation), gray.shape)
+    energy = box_mean(shrink(np.square(band), 4), int(REGION * correlation / 4) | 1)
+    scale = 1 / np.sqrt(np.maximum(energy, 0.0) + np.float32(NO_TEXTURE**2))
+    band *= enlarge(scale, gray.shape)
+    return np.clip(band, -LARGEST, LARGEST, out=band)

@@ -11,6 +11,7 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import GRAZING_RATIO, SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import patchy_uniform
+from sim.sensor.pixels import pixels_where
 from sim.sensor.slopes import surface_slope, width_ratio
 
 # Semi-global matching of slanted planes, window 5: matched shares of 99, 75, 19 and 2 % at a slope along
@@ -22,6 +23,9 @@ HALF_RATIO_WIDENING = 0.686
 RATIO_PER_WINDOW = 0.025
 # Along columns: 82 % at 0.6, 7 % at 0.8.
 HALF_SLOPE, SLOPE_WIDTH = 0.673, 0.049
+
+# Below, less than one pixel in 500 fails, with windows up to 9.
+SAFE_SLOPE = 0.2
 
 
 MIN_SHARE = 1e-3
@@ -49,17 +53,19 @@ class Grazing:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Make holes; ``strength`` divides the slopes that matching bears."""
-        tighter = RATIO_PER_WINDOW * (truth.rig.window - 5)
-        along_rows = truth.slope
-        half = np.where(along_rows > 0, HALF_RATIO - tighter, HALF_RATIO_WIDENING - tighter)
-        excess = (strength * width_ratio(along_rows) - half) / RATIO_WIDTH
-        along_columns = np.abs(surface_slope(truth.disparity, axis=0))
-        excess = np.maximum(excess, (strength * along_columns - HALF_SLOPE) / SLOPE_WIDTH)
-        rows, columns = np.nonzero(excess > -8)  # below, less than one pixel in 3000 fails
+        along_rows, along_columns = truth.slope, surface_slope(truth.disparity, axis=0)
+        steep = SAFE_SLOPE / strength
+        rows, columns = pixels_where((np.abs(along_rows) > steep) | (np.abs(along_columns) > steep))
         if len(rows) == 0:
             return sensed
-        lost = np.zeros(truth.depth.shape, dtype=bool)
+        x, y = along_rows[rows, columns], np.abs(along_columns[rows, columns])
+        half = np.where(x > 0, HALF_RATIO, HALF_RATIO_WIDENING)
+        half -= RATIO_PER_WINDOW * (truth.rig.window - 5)
+        excess = np.maximum(
+            (strength * width_ratio(x) - half) / RATIO_WIDTH,
+            (strength * y - HALF_SLOPE) / SLOPE_WIDTH,
+        )
         draw = patchy_uniform(rng, truth.depth.shape, truth.rig.noise_correlation)
-        failure = 1 / (1 + np.exp(-excess[rows, columns]))
-        lost[rows, columns] = draw[rows, columns] < failure
+        lost = np.zeros(truth.depth.shape, dtype=bool)
+        lost[rows, columns] = draw[rows, columns] < 1 / (1 + np.exp(-excess))
         return sensed.with_holes(lost, Cause.GRAZING)

@@ -12,6 +12,7 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.materials import is_mirror, pixels_of
+from sim.sensor.pixels import pixels_where
 from sim.sensor.virtual_image import virtual_disparity
 
 # Share of the surface in view that must mirror before the effect shows.
@@ -46,7 +47,7 @@ class Mirror:
         if mirrors is None or not mirrors.any():
             return sensed
         if strength < 1:
-            rows, columns = np.nonzero(mirrors)
+            rows, columns = pixels_where(mirrors)
             drawn = coherent_uniform(rng, mirrors.shape, rows, columns, COHERENCE)
             mirrors[rows, columns] = drawn < strength
         return sensed.with_values(

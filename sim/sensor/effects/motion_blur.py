@@ -12,6 +12,7 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.motion import image_motion
+from sim.sensor.pixels import pixels_where
 
 # Blur along the rows [px] up to which a matcher does not mind; along the columns even 41 px do no harm.
 HARMLESS = 9.0
@@ -57,7 +58,7 @@ class MotionBlur:
             truth.depth, truth.camera.intrinsics, motion.velocity_cam, motion.angular_velocity_cam
         )
         blur = np.abs(along_rows) * np.float32(truth.rig.exposure_time * strength)
-        rows, columns = np.nonzero((blur > HARMLESS) & sensed.known)
+        rows, columns = pixels_where((blur > HARMLESS) & sensed.known)
         if len(rows) == 0:
             return sensed
         length = blur[rows, columns]

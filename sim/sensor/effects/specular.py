@@ -13,6 +13,7 @@ from sim.sensor.facts import SceneFacts
 from sim.sensor.filters import horizontal_gradient
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.materials import is_glossy, pixels_of
+from sim.sensor.pixels import pixels_where
 from sim.sensor.virtual_image import virtual_disparity
 
 # Share of the surface in view that must be glossy before the effect shows.
@@ -74,7 +75,7 @@ class Specular:
         image = virtual_disparity(truth, highlight)
         image = truth.disparity + strength * (image - truth.disparity)
 
-        rows, columns = np.nonzero(highlight)
+        rows, columns = pixels_where(highlight)
         shift = np.abs(image[rows, columns] - truth.disparity[rows, columns])
         wrong_share, hole_share = failure_shares(shift, float(texture))
         drawn = coherent_uniform(rng, glossy.shape, rows, columns, COHERENCE)

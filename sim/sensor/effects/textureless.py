@@ -11,6 +11,7 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import TEXTURE_REACH, SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import patchy_uniform
+from sim.sensor.pixels import pixels_where
 
 # Semi-global matching of plain discs in good texture: a radius of 20 px is filled and right; 40, 80, 120
 # px fail over 6, 34 and 53 % of the area. Failure at a distance t from the last window with texture, of
@@ -50,18 +51,23 @@ class Textureless:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Make holes and wrong values; ``strength`` divides the reach of smoothness."""
-        gain = strength * (1 + SLOPE_GAIN * np.abs(truth.slope))
-        beyond = truth.texture_distance * gain - np.float32(TEXTURE_REACH)
-        if not (beyond > 0).any():
+        stretch = np.abs(truth.slope) * np.float32(strength * SLOPE_GAIN) + np.float32(strength)
+        beyond = truth.texture_distance * stretch - np.float32(TEXTURE_REACH)
+        rows, columns = pixels_where((beyond > 0) & sensed.known)
+        if len(rows) == 0:
             return sensed
-        draw = patchy_uniform(rng, truth.depth.shape, PATCH)
-        failed = draw < -np.expm1(np.minimum(-beyond, 0.0) / np.float32(DECAY))
+        shape = truth.depth.shape
+        draw = patchy_uniform(rng, shape, PATCH)[rows, columns]
+        failed = draw < -np.expm1(-beyond[rows, columns] / DECAY)
         # Another draw, so that the fate does not depend on how likely the failure was.
-        fate = patchy_uniform(rng, truth.depth.shape, PATCH)
-        lost = fate < HOLE_SHARE
-        sign = np.where(fate > 0.5 * (1 + HOLE_SHARE), np.float32(1), np.float32(-1))
-        wrong = sensed.disparity + sign * (1 + np.float32(WRONG_ERROR) * draw)
-        sensed = sensed.with_values(
-            failed & ~lost & sensed.known, wrong, Cause.TEXTURELESS, confidence=0.5
-        )
-        return sensed.with_holes(failed & lost, Cause.TEXTURELESS)
+        rows, columns, draw = rows[failed], columns[failed], draw[failed]
+        fate = patchy_uniform(rng, shape, PATCH)[rows, columns]
+        sign = np.where(fate > 0.5 * (1 + HOLE_SHARE), 1, -1)
+        error = np.where(fate < HOLE_SHARE, np.nan, sign * (1 + WRONG_ERROR * draw))
+
+        where = np.zeros(shape, dtype=bool)
+        where[rows, columns] = True
+        disparity = sensed.disparity.copy()
+        disparity[rows, columns] += error
+        confidence = np.where(np.isnan(disparity), 0.0, 0.5)
+        return sensed.with_values(where, disparity, Cause.TEXTURELESS, confidence)

@@ -12,6 +12,7 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.materials import is_transparent, pixels_of
+from sim.sensor.pixels import pixels_where
 
 # Share of the surface in view that must be transparent before the effect shows.
 MIN_SHARE = 1e-4
@@ -45,7 +46,7 @@ class Transparency:
         glass = pixels_of(truth, is_transparent) if strength > 0 else None
         if glass is None or not glass.any():
             return sensed
-        rows, columns = np.nonzero(glass)
+        rows, columns = pixels_where(glass)
         # The stronger gradient wins; with equal texture on both that is a matter of how much is seen.
         through = np.array([1 - m.opacity * (1 - m.transmission) for m in truth.materials])
         share = through[truth.material_ids[rows, columns]] * min(strength, 1.0)

@@ -62,14 +62,15 @@ class WeakTexture:
         rig, shape = truth.rig, truth.depth.shape
         energy = np.square(truth.gradient)
         noise = np.float32(strength * noise_of(rig.image_noise))
-        snr = _root(box_mean(energy, REGION * rig.window | 1)) / noise
-        error = np.minimum(ERROR_PER_SNR / rig.window / np.maximum(snr, 1e-3), LARGEST_ERROR)
+        region = np.maximum(box_mean(energy, REGION * rig.window | 1), np.float32(1e-6))
+        variance = np.minimum((ERROR_PER_SNR / rig.window * noise) ** 2 / region, LARGEST_ERROR**2)
         # Excess over the noise of good texture, which has an effect of its own.
-        usual = np.float32(rig.disparity_sigma**2 * rig.temporal_share)
-        excess = _root(np.square(error) - usual)
+        variance -= np.float32(rig.disparity_sigma**2 * rig.temporal_share)
+        excess = _root(variance)
         vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
         field = smooth_normal(rng, shape, horizontal, vertical)
-        sensed = sensed.shifted(excess * field)
+        excess *= field
+        sensed = sensed.shifted(excess)
 
         coarse = box_mean(
             np.ascontiguousarray(energy[::STRIDE, ::STRIDE]), SURROUNDINGS // STRIDE | 1

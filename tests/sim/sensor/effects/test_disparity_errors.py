@@ -103,7 +103,7 @@ def test_fixed_noise_moves_with_the_texture() -> None:
     here = error_of(make_frame(50.0, rig, image), "correlated-noise")
     there = error_of(make_frame(50.0, rig, np.roll(image, 7, axis=1)), "correlated-noise")
     inner = slice(60, -60)
-    np.testing.assert_allclose(there[inner, inner], np.roll(here, 7, 1)[inner, inner], atol=2e-3)
+    np.testing.assert_allclose(there[inner, inner], np.roll(here, 7, 1)[inner, inner], atol=6e-3)
     assert abs(np.corrcoef(there[inner, inner].ravel(), here[inner, inner].ravel())[0, 1]) < 0.4
 
 
