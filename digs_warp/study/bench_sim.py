@@ -1,0 +1,174 @@
+"""`digs-warp bench sim`: what each tier and effect of the depth sensor costs, and what it is worth.
+
+Frames of four sample meshes (or the built-in object, where the sample data is missing) are sensed by every
+tier. The matcher is the yardstick: it compares real images, and knows nothing of effects. For each effect
+the benchmark tells its time alone, what it changes, and whether that brings the planned tier nearer to the
+matcher. A real pair with true disparity is a check on both. Perfect figures are impossible: a profile with
+a post-filter has flying pixels, and a camera that removes saturated areas has holes there; the matcher has
+neither.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.log import progress
+from digs_warp.study.real_pair import load_motorcycle
+from digs_warp.study.results import Result
+from sim.config import SimulateConfig
+from sim.sensor.effects.protocol import Choice
+from sim.sensor.facts import measure_facts
+from sim.sensor.frame import FrameTruth
+from sim.sensor.planner import plan
+from sim.sensor.scores import Scores, score
+from sim.sensor.tiers import Tier, sense, sense_effects
+from sim.session import load_inputs, prepare_session
+from sim.shutter import Shutter
+
+MESHES = ("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box")
+ENVIRONMENT = "st_fagans_interior"
+REAL_PAIR = "rgbd/middlebury_motorcycle"
+
+WIDTH = 1280
+FRAMES = 7  # of the walk; the third one is taken: from half above
+
+REPEATS = 3
+TIERS: tuple[Tier, ...] = ("truth", "law", "planned", "matcher")
+
+# Scores that are told, and how the table calls them.
+COLUMNS = {
+    "fill": "fill",
+    "bad_1": "bad-1",
+    "rms": "rms [px]",
+    "edge_bad_1": "edge bad-1",
+    "occluded_holes": "occluded holes",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A frame to be sensed over and over.
+
+    Attributes:
+        name: of the scene.
+        fresh: returns the frame with nothing computed yet, so that every sensor pays for what it needs.
+        choices: the plan.
+        strength: of the matcher's image noise; 0 for real images, which have their own.
+    """
+
+    name: str
+    fresh: Callable[[], FrameTruth]
+    choices: tuple[Choice, ...]
+    strength: float = 1.0
+
+    @property
+    def effects(self) -> list[str]:
+        """Names of the effects that are on."""
+        return [choice.effect for choice in self.choices if choice.on]
+
+    def sense(self, tier: Tier) -> np.ndarray:
+        """Return the disparity that a tier reports."""
+        strength = self.strength if tier == "matcher" else 1.0
+        return sense(self.fresh(), tier, self.choices, strength=strength).disparity
+
+
+def bench_sim(data: Path | None = None, meshes: Sequence[str] = MESHES) -> list[Result]:
+    """Return times and scores of the tiers on every scene, and of the effects in the mean.
+
+    Args:
+        data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
+        meshes: names of sample meshes.
+    """
+    data = data or Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
+    results: list[Result] = []
+    scenes = [_rendered(data, mesh) for mesh in meshes if (data / "meshes" / mesh).is_dir()]
+    cases = scenes or [_rendered(data, None)]
+    with progress(len(cases), "Measuring", "scene") as bar:
+        for case in cases:
+            results += _tier_results(case)
+            bar.update()
+    if (data / REAL_PAIR).is_dir():
+        results += _tier_results(_real(data / REAL_PAIR))
+    return results + _effect_results(cases)
+
+
+def _rendered(data: Path, mesh: str | None) -> Case:
+    """Return a rendered frame of a sample mesh; None: of the built-in object in its own room."""
+    config = SimulateConfig(
+        mesh=None if mesh is None else data / "meshes" / mesh / f"{mesh}.glb",
+        environment=None
+        if mesh is None
+        else data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
+        width=WIDTH,
+        frames=FRAMES,
+    )
+    session = prepare_session(config, *load_inputs(config))
+    truth, _ = session.truth(FRAMES // 2, Shutter())
+
+    def fresh() -> FrameTruth:
+        rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
+        return replace(truth, rays=rays)
+
+    return Case(mesh or "built-in", fresh, plan(measure_facts([truth]), truth.rig))
+
+
+def _real(folder: Path) -> Case:
+    """Return the real pair; what its right eye sees is known, not cast, and costs nothing."""
+    truth = load_motorcycle(folder)
+    truth.rays.right_visibility()
+    choices = plan(measure_facts([truth]), truth.rig)
+    return Case("motorcycle (real)", lambda: replace(truth), choices, strength=0.0)
+
+
+def _tier_results(case: Case) -> Iterator[Result]:
+    truth = case.fresh()
+    megapixels = truth.depth.size / 1e6
+    for tier in TIERS:
+        milliseconds = _best(lambda tier=tier: case.sense(tier)) / megapixels
+        settings = {"scene": case.name, "sensor": tier}
+        yield Result("time [ms/MP]", milliseconds, "ms/MP", settings)
+        for name, value in _columns(score(case.sense(tier), truth)).items():
+            yield Result(name, value, "px" if "px" in name else "share", settings)
+
+
+def _effect_results(cases: Sequence[Case]) -> list[Result]:
+    """Return time alone, change and gain of each effect that is on anywhere; means over its scenes."""
+    measured: dict[str, list[dict[str, float]]] = {}
+    for case in cases:
+        truth = case.fresh()
+        matched = _columns(score(case.sense("matcher"), truth))
+        planned = _columns(score(case.sense("planned"), truth))
+        for effect in case.effects:
+            without = [name for name in case.effects if name != effect]
+            rest = _columns(score(sense_effects(case.fresh(), without).disparity, truth))
+            alone = _best(lambda case=case, effect=effect: sense_effects(case.fresh(), [effect]))
+            row = {"alone [ms/MP]": alone / (truth.depth.size / 1e6)}
+            for name in list(COLUMNS.values())[:3]:
+                row[f"changes {name}"] = planned[name] - rest[name]
+                gap_without = abs(rest[name] - matched[name])
+                row[f"nearer in {name}"] = gap_without - abs(planned[name] - matched[name])
+            measured.setdefault(effect, []).append(row)
+    return [
+        Result(name, float(np.mean([row[name] for row in rows])), "mean", {"effect": effect})
+        for effect, rows in measured.items()
+        for name in rows[0]
+    ]
+
+
+def _columns(scores: Scores) -> dict[str, float]:
+    return {label: getattr(scores, name) for name, label in COLUMNS.items()}
+
+
+def _best(function: Callable[[], object]) -> float:
+    """Return the shortest of some calls [ms]; the first also loads and compiles, and does not count."""
+    function()
+    seconds = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        function()
+        seconds.append(time.perf_counter() - start)
+    return 1e3 * min(seconds)
