@@ -61,16 +61,3 @@ def _kernel(correlation: float) -> np.ndarray:
     reach = int(np.ceil(KERNEL_REACH * sigma))
     kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
     return kernel / np.linalg.norm(kernel)
-
-
-def patchy_uniform(rng: np.random.Generator, shape: tuple[int, int], cell: float) -> np.ndarray:
-    """Return a field uniform over 0 to 1 that hardly changes over ``cell`` pixels, float32.
-
-    Thresholding it gives patches instead of single pixels. It is computed on a coarse grid and enlarged.
-    """
-    from scipy.special import ndtr
-
-    # Three grid points per cell: the linear steps between them stay small.
-    step = max(1.0, cell / 3)
-    coarse = (int(np.ceil(shape[0] / step)) + 1, int(np.ceil(shape[1] / step)) + 1)
-    return enlarge(ndtr(smooth_normal(rng, coarse, max(2.0, cell / step))), shape)

@@ -15,15 +15,14 @@ def surface_slope(disparity: np.ndarray, axis: int) -> np.ndarray:
     """
     if disparity.shape[axis] < 2:
         return np.zeros(disparity.shape, dtype=np.float32)
-    if axis == 0:
-        # A transposed copy: walking along rows keeps to the cache.
-        return surface_slope(np.ascontiguousarray(disparity.T), axis=1).T
-    steps = np.diff(disparity, axis=1)
-    size = np.abs(steps)
+    steps = np.diff(disparity, axis=axis)
     slope = np.empty(disparity.shape, dtype=np.float32)
-    slope[:, :1], slope[:, -1:] = steps[:, :1], steps[:, -1:]
-    slope[:, 1:-1] = np.where(size[:, :-1] < size[:, 1:], steps[:, :-1], steps[:, 1:])
-    slope[np.isnan(slope)] = 0.0
+    # Views in which the axis comes second.
+    steps, view = np.moveaxis(steps, axis, 1), np.moveaxis(slope, axis, 1)
+    size = np.abs(steps)
+    view[:, :1], view[:, -1:] = steps[:, :1], steps[:, -1:]
+    view[:, 1:-1] = np.where(size[:, :-1] < size[:, 1:], steps[:, :-1], steps[:, 1:])
+    np.copyto(slope, 0.0, where=np.isnan(slope))
     return slope
 
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from digs_warp.camera import pixel_centers
 from sim.sensor.frame import FrameTruth
 from sim.sensor.pixels import pixels_where
 
@@ -47,9 +46,10 @@ def curvature_along_rows(truth: FrameTruth, rows: np.ndarray, columns: np.ndarra
     """
     last = truth.depth.shape[1] - 1
     left, right = np.maximum(columns - 1, 0), np.minimum(columns + 1, last)
-    centers = pixel_centers(truth.depth.shape[1], truth.depth.shape[0])
     near, far = (
-        truth.camera.unproject(centers[rows, side], truth.depth[rows, side].astype(np.float64))
+        truth.camera.unproject(
+            np.stack([side + 0.5, rows + 0.5], axis=-1), truth.depth[rows, side].astype(np.float64)
+        )
         for side in (left, right)
     )
     step = far - near

@@ -7,10 +7,10 @@ import numpy as np
 
 from sim.rig import StereoRig
 from sim.sensor.cause import Cause
+from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import GRAZING_RATIO, SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import patchy_uniform
 from sim.sensor.pixels import pixels_where
 from sim.sensor.slopes import surface_slope, width_ratio
 
@@ -65,7 +65,7 @@ class Grazing:
             (strength * width_ratio(x) - half) / RATIO_WIDTH,
             (strength * y - HALF_SLOPE) / SLOPE_WIDTH,
         )
-        draw = patchy_uniform(rng, truth.depth.shape, truth.rig.noise_correlation)
+        draw = coherent_uniform(rng, truth.depth.shape, rows, columns, truth.rig.noise_correlation)
         lost = np.zeros(truth.depth.shape, dtype=bool)
-        lost[rows, columns] = draw[rows, columns] < 1 / (1 + np.exp(-excess))
+        lost[rows, columns] = draw < 1 / (1 + np.exp(-excess))
         return sensed.with_holes(lost, Cause.GRAZING)

@@ -10,7 +10,7 @@ from sim.sensor.cause import Cause
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import patchy_uniform, smooth_normal
+from sim.sensor.noise_field import smooth_normal
 
 # RMS disparity error [px] and share of matched pixels by row offset [px], semi-global matching of pairs
 # shifted on purpose; a rectified pair has 0.13 px.
@@ -43,6 +43,8 @@ class MisRectification:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Add noise, bias and holes; ``strength`` is a factor on the offsets."""
+        from scipy.stats import norm
+
         rig = truth.rig
         rows = abs(rig.row_offset) * strength
         # Excess over the noise of a rectified pair, which has an effect of its own.
@@ -54,6 +56,6 @@ class MisRectification:
             sensed = sensed.shifted(strength * rig.column_offset)
         fill = np.interp(rows, OFFSETS, FILL)
         if fill < 1:
-            lost = patchy_uniform(rng, truth.depth.shape, 2 * rig.noise_correlation) > fill
-            sensed = sensed.with_holes(lost, Cause.RECTIFICATION)
+            patches = smooth_normal(rng, truth.depth.shape, 2 * rig.noise_correlation)
+            sensed = sensed.with_holes(patches > norm.ppf(fill), Cause.RECTIFICATION)
         return sensed

@@ -7,11 +7,13 @@ import numpy as np
 
 from sim.rig import StereoRig
 from sim.sensor.cause import Cause
+from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import box_mean, enlarge
+from sim.sensor.filters import box_mean, enlarge, shrink
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import patchy_uniform, smooth_normal
+from sim.sensor.noise_field import smooth_normal
+from sim.sensor.pixels import pixels_where
 from sim.sensor.texture import noise_of
 
 # Temporal disparity error of semi-global matching: c sqrt(2) / (w SNR) px for a window of w pixels and
@@ -31,7 +33,9 @@ FILL = (0.0, 0.003, 0.09, 0.99, 1.0)
 
 # "All round": a plain patch smaller than this is filled from its rim [px].
 SURROUNDINGS = 161
-STRIDE = 8  # such means do not need every pixel
+
+# Regional means are computed on blocks of this many pixels.
+STRIDE = 4
 
 # Share of the surface with an SNR below 0.5 from which the effect shows.
 MIN_SHARE = 0.01
@@ -60,28 +64,39 @@ class WeakTexture:
     ) -> Sensed:
         """Add noise and holes; ``strength`` is a factor on the image noise."""
         rig, shape = truth.rig, truth.depth.shape
-        energy = np.square(truth.gradient)
-        noise = np.float32(strength * noise_of(rig.image_noise))
-        region = np.maximum(box_mean(energy, REGION * rig.window | 1), np.float32(1e-6))
-        variance = np.minimum((ERROR_PER_SNR / rig.window * noise) ** 2 / region, LARGEST_ERROR**2)
-        # Excess over the noise of good texture, which has an effect of its own.
-        variance -= np.float32(rig.disparity_sigma**2 * rig.temporal_share)
-        excess = _root(variance)
+        energy = shrink(np.square(truth.gradient), STRIDE)
+        noise = strength * noise_of(rig.image_noise)
         vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
-        field = smooth_normal(rng, shape, horizontal, vertical)
-        excess *= field
-        sensed = sensed.shifted(excess)
+        error = smooth_normal(rng, shape, horizontal, vertical)
+        error *= enlarge(_excess_noise(energy, noise, rig), shape)
+        sensed = sensed.shifted(error)
 
-        coarse = box_mean(
-            np.ascontiguousarray(energy[::STRIDE, ::STRIDE]), SURROUNDINGS // STRIDE | 1
-        )
-        fill = np.interp(_root(coarse) / noise, SNRS, FILL).astype(np.float32)
-        if (fill == 1).all():
+        fill = np.interp(_regional_root(energy, SURROUNDINGS) / noise, SNRS, FILL)
+        if fill.min() == 1:
             return sensed
-        lost = patchy_uniform(rng, shape, 2 * rig.noise_correlation) > enlarge(fill, shape)
+        fill = enlarge(fill.astype(np.float32), shape)
+        rows, columns = pixels_where(fill < 1)
+        draw = coherent_uniform(rng, shape, rows, columns, 2 * rig.noise_correlation)
+        lost = np.zeros(shape, dtype=bool)
+        lost[rows, columns] = draw > fill[rows, columns]
         return sensed.with_holes(lost, Cause.WEAK_TEXTURE)
 
 
-def _root(values: np.ndarray) -> np.ndarray:
-    # Running sums and differences leave tiny negative numbers where there should be 0.
-    return np.sqrt(np.maximum(values, 0.0))
+def _excess_noise(energy: np.ndarray, noise: float, rig: StereoRig) -> np.ndarray:
+    """Return the error that good texture would not have [px], of the shape of ``energy``, float32.
+
+    Args:
+        energy: squared gradient of blocks of STRIDE pixels [(DN/px)^2].
+        noise: of the image [DN].
+        rig: its noise belongs to good texture, and is an effect of its own.
+    """
+    snr = np.maximum(_regional_root(energy, REGION * rig.window), 1e-3) / noise
+    error = np.minimum(ERROR_PER_SNR / rig.window / snr, LARGEST_ERROR)
+    excess = np.square(error) - rig.disparity_sigma**2 * rig.temporal_share
+    return np.sqrt(np.maximum(excess, 0.0)).astype(np.float32)
+
+
+def _regional_root(energy: np.ndarray, size: int) -> np.ndarray:
+    """Return the RMS gradient over ``size`` pixels [DN/px]; energy comes in blocks of STRIDE pixels."""
+    # Running sums leave tiny negative means in flat regions.
+    return np.sqrt(np.maximum(box_mean(energy, size // STRIDE | 1), 0.0))
