@@ -76,17 +76,20 @@ class Case:
         return sense(self.fresh(), tier, self.choices, strength=strength).disparity
 
 
-def bench_sim(data: Path | None = None, meshes: Sequence[str] = MESHES) -> list[Result]:
+def bench_sim(
+    data: Path | None = None, meshes: Sequence[str] = MESHES, width: int = WIDTH
+) -> list[Result]:
     """Return times and scores of the tiers on every scene, and of the effects in the mean.
 
     Args:
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
         meshes: names of sample meshes.
+        width: of the rendered images [px].
     """
     data = data or Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
     results: list[Result] = []
-    scenes = [_rendered(data, mesh) for mesh in meshes if (data / "meshes" / mesh).is_dir()]
-    cases = scenes or [_rendered(data, None)]
+    scenes = [_rendered(data, mesh, width) for mesh in meshes if (data / "meshes" / mesh).is_dir()]
+    cases = scenes or [_rendered(data, None, width)]
     with progress(len(cases), "Measuring", "scene") as bar:
         for case in cases:
             results += _tier_results(case)
@@ -96,14 +99,12 @@ def bench_sim(data: Path | None = None, meshes: Sequence[str] = MESHES) -> list[
     return results + _effect_results(cases)
 
 
-def _rendered(data: Path, mesh: str | None) -> Case:
+def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
     """Return a rendered frame of a sample mesh; None: of the built-in object in its own room."""
     config = SimulateConfig(
         mesh=None if mesh is None else data / "meshes" / mesh / f"{mesh}.glb",
-        environment=None
-        if mesh is None
-        else data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
-        width=WIDTH,
+        environment=None if mesh is None else data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
+        width=width,
         frames=FRAMES,
     )
     session = prepare_session(config, *load_inputs(config))
@@ -149,8 +150,9 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
             row = {"alone [ms/MP]": alone / (truth.depth.size / 1e6)}
             for name in list(COLUMNS.values())[:3]:
                 row[f"changes {name}"] = planned[name] - rest[name]
+            for name in COLUMNS.values():
                 gap_without = abs(rest[name] - matched[name])
-                row[f"nearer in {name}"] = gap_without - abs(planned[name] - matched[name])
+                row[f"nearer: {name}"] = gap_without - abs(planned[name] - matched[name])
             measured.setdefault(effect, []).append(row)
     return [
         Result(name, float(np.mean([row[name] for row in rows])), "mean", {"effect": effect})

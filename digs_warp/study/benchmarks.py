@@ -1,23 +1,47 @@
 """The benchmarks that ``digs-warp bench NAME`` knows."""
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-from digs_warp.study.results import Result
+from digs_warp.study.results import Result, format_table, format_wide_table
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A named measurement; ``function`` is "module:function" and returns a list of `Result`."""
+    """A named measurement; functions are given as "module:function".
+
+    Attributes:
+        name: as the command line takes it.
+        function: takes nothing and returns a list of `Result`.
+        summary: one line for the help.
+        wide: whether its table has one column per name of a result.
+        plot_function: takes the results and returns a picture as PNG bytes; empty: there is none.
+    """
 
     name: str
     function: str
     summary: str
+    wide: bool = False
+    plot_function: str = ""
 
     def run(self) -> list[Result]:
         """Import the module and measure."""
-        module, _, name = self.function.partition(":")
-        return getattr(importlib.import_module(module), name)()
+        return _load(self.function)()
+
+    def table(self, results: list[Result]) -> str:
+        """Return the results as text."""
+        return format_wide_table(results) if self.wide else format_table(results)
+
+    def plot(self, results: list[Result]) -> bytes:
+        """Return the results as a PNG file; only where there is a ``plot_function``."""
+        return _load(self.plot_function)(results)
+
+
+def _load(name: str) -> Callable[..., Any]:
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)
 
 
 BENCHMARKS = (
@@ -30,5 +54,12 @@ BENCHMARKS = (
         "train",
         "digs_warp.study.bench_train:bench_train",
         "a training step, stage by stage, at three image sizes",
+    ),
+    Benchmark(
+        "sim",
+        "digs_warp.study.bench_sim:bench_sim",
+        "the simulated depth sensor: time and scores of every tier and effect, against real matching",
+        wide=True,
+        plot_function="digs_warp.study.plot_sim:plot_sim",
     ),
 )

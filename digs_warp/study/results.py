@@ -37,21 +37,47 @@ def format_table(results: Sequence[Result]) -> str:
     for r in results:
         cells = [str(r.settings.get(key, "")) for key in varying]
         rows.append([r.name, *cells, format_number(r.value), r.unit])
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    right_aligned = len(widths) - 2  # the column of values
-    lines = [
-        "  ".join(
-            cell.rjust(width) if column == right_aligned else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-    lines.insert(1, "  ".join("-" * width for width in widths))
+    lines = _aligned(rows, {len(rows[0]) - 2})  # the column of values
     if shared:
         lines.insert(
             0, ", ".join(f"{key}: {results[0].settings.get(key)}" for key in shared) + "\n"
         )
     return "\n".join(lines)
+
+
+def format_wide_table(results: Sequence[Result]) -> str:
+    """Return one row per settings and one column per name: for many numbers of the same cases.
+
+    Settings that were measured for other names stand in a table of their own.
+    """
+    cases: dict[tuple[tuple[str, Any], ...], dict[str, float]] = {}
+    for result in results:
+        cases.setdefault(tuple(result.settings.items()), {})[result.name] = result.value
+    tables: dict[tuple[tuple[str, ...], tuple[str, ...]], list[list[str]]] = {}
+    for settings, values in cases.items():
+        keys, names = tuple(key for key, _ in settings), tuple(values)
+        rows = tables.setdefault((keys, names), [[*keys, *names]])
+        cells = [str(value) for _, value in settings]
+        rows.append([*cells, *map(format_number, values.values())])
+    texts = [
+        "\n".join(_aligned(rows, set(range(len(keys), len(rows[0])))))
+        for (keys, _), rows in tables.items()
+    ]
+    return "\n\n".join(texts) or "no results"
+
+
+def _aligned(rows: list[list[str]], right: set[int]) -> list[str]:
+    """Return lines of aligned cells with a rule under the first; columns in ``right`` end flush."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        "  ".join(
+            cell.rjust(width) if column in right else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    return lines
 
 
 def format_number(value: float) -> str:
