@@ -10,6 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from digs_warp.checks import DigsError, MeshError, check_positive, require_file
+from sim.mesh.gltf_extras import read_extras
 from sim.mesh.gltf_header import check_gltf, check_textures, read_gltf_header, unmodelled_features
 from sim.mesh.materials import materials_of_parts
 from sim.mesh.normalize import (
@@ -34,7 +35,7 @@ GLTF_SUFFIXES = (".glb", ".gltf")
 def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene:
     """Load a GLB, glTF, OBJ, PLY or STL file.
 
-    Parts that the renderer cannot show as their author meant them (transparent, glowing) are named in a
+    Parts that the renderer cannot show as their author meant them (glass that bends light) are named in a
     logged warning, as are faces that are dropped because they have no area or are not finite. Vertex
     colours are taken as linear from glTF, as its standard says, and as sRGB from the other formats.
 
@@ -59,7 +60,8 @@ def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene
     try:
         parts = parts_of_scene(_read(path), linear_colors=suffix in GLTF_SUFFIXES)
         check_textures(path, header, (part.material for part in parts))
-        materials, part_materials = materials_of_parts(parts)
+        extras = read_extras(path, header)
+        materials, part_materials = materials_of_parts(parts, extras)
     except MeshError:
         raise
     except Exception as error:  # trimesh's readers raise whatever they stumble over

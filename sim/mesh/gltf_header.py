@@ -63,6 +63,16 @@ def _glb_json(path: Path, data: bytes) -> bytes:
     return data[start : start + chunk_length]
 
 
+def glb_binary(path: Path) -> bytes:
+    """Return the second chunk of a GLB file: the buffer without a URI."""
+    data = path.read_bytes()
+    start = GLB_HEADER.size
+    length, _ = GLB_CHUNK.unpack_from(data, start)
+    start += GLB_CHUNK.size + length
+    length, _ = GLB_CHUNK.unpack_from(data, start)
+    return data[start + GLB_CHUNK.size : start + GLB_CHUNK.size + length]
+
+
 def check_gltf(path: Path, header: dict[str, Any]) -> None:
     """Raise a `MeshError` when files beside ``path`` are missing or it needs what is not supported."""
     for kind in ("buffers", "images"):
@@ -105,11 +115,8 @@ def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
     for index, material in enumerate(header.get("materials", [])):
         label = f"material '{material.get('name', index)}'"
         extensions = material.get("extensions", {})
-        transmission = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0)
-        if transmission > 0 or material.get("alphaMode", "OPAQUE") != "OPAQUE":
-            yield f"{label}: transparency is not modelled yet, the part is drawn opaque"
-        if any(value > 0 for value in material.get("emissiveFactor", [])):
-            yield f"{label}: its own light is not modelled yet, the part does not glow"
+        if "KHR_materials_volume" in extensions:
+            yield f"{label}: light passes straight through, its body neither bends nor tints it"
         texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
         if texture.get("texCoord", 0) or "KHR_texture_transform" in texture.get("extensions", {}):
             yield f"{label}: moved texture coordinates are not read, its texture may sit wrong"

@@ -23,7 +23,7 @@ from sim.render.gl_scene import (
 from sim.render.lighting import prepare_light
 from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
-from sim.render.surface import DeviceScene, upload_scene
+from sim.render.upload import DeviceScene, upload_scene
 from sim.render.view import check_inside
 from sim.scene import Scene
 

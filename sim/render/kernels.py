@@ -12,8 +12,19 @@ depend on the number of threads.
 import warp as wp
 
 from sim.render.lighting import Light, sample_panorama
-from sim.render.shading import shade
-from sim.render.surface import ANY_SURFACE, Surface, trace, viewer_side_normal
+from sim.render.look import look_at_hit
+from sim.render.shading import coat, shade
+from sim.render.surface import (
+    ANY_SURFACE,
+    MAX_LAYERS,
+    OPAQUE,
+    Surface,
+    opacity_at,
+    texture_level,
+    trace,
+    transmission_at,
+    viewer_side_normal,
+)
 from sim.render.view import FAR, View, ray_direction_cam, surround_distance
 
 wp.set_module_options({"enable_backward": False})
@@ -23,7 +34,14 @@ wp.set_module_options({"enable_backward": False})
 R2_X = wp.constant(0.7548776662466927)
 R2_Y = wp.constant(0.5698402909980532)
 
+GOLDEN_RATIO = wp.constant(0.6180339887498949)
 GOLDEN_ANGLE = wp.constant(2.399963229728653)
+
+# Brightest sample: the multiple of full white up to which a pixel may gather light.
+SAMPLE_LIMIT = wp.constant(4.0)
+
+# A ray that carries on less than this share of the light ends.
+FAINT = wp.constant(0.004)
 
 
 @wp.func
@@ -35,6 +53,75 @@ def srgb_byte(linear: float) -> wp.uint8:
     else:
         value = 1.055 * wp.pow(value, 1.0 / 2.4) - 0.055
     return wp.uint8(value * 255.0 + 0.5)
+
+
+@wp.func
+def surround_color(view: View, light: Light, level: float, direction: wp.vec3) -> wp.vec3:
+    """The panorama where a ray from the camera meets the surround."""
+    point = view.center + surround_distance(view, view.center, direction) * direction
+    return sample_panorama(light.panorama, point / view.surround_radius, level)
+
+
+@wp.struct
+class Sample:
+    """What one ray brings back."""
+
+    color: wp.vec3
+    covered: float  # 1: it met the object
+
+
+@wp.func
+def solid_sample(
+    view: View, surface: Surface, light: Light, level: float, direction: wp.vec3, pick: float
+) -> Sample:
+    """Follow a ray through a scene without anything transparent."""
+    sample = Sample()
+    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
+    if hit.result:
+        width = hit.t * view.pixel_cone
+        look = look_at_hit(surface, hit, direction, width)
+        point = view.center + hit.t * direction
+        sample.color = shade(view, surface, light, hit, look, point, direction, width, pick, 0.0)
+        sample.covered = 1.0
+    else:
+        sample.color = surround_color(view, light, level, direction)
+    return sample
+
+
+@wp.func
+def layered_sample(
+    view: View, surface: Surface, light: Light, level: float, direction: wp.vec3, pick: float
+) -> Sample:
+    """Follow a ray straight on through transparent walls, front to back."""
+    sample = Sample()
+    passing = wp.vec3(1.0)
+    travelled = wp.float32(0.0)
+    for _layer in range(MAX_LAYERS):
+        origin = view.center + travelled * direction
+        hit = wp.mesh_query_ray(surface.mesh, origin, direction, FAR)
+        if not hit.result or wp.max(passing) < FAINT:
+            break
+        distance = travelled + hit.t
+        width = distance * view.pixel_cone
+        texture = texture_level(surface, hit, direction, width)
+        opacity = opacity_at(surface, hit, texture)
+        if opacity > 0.0:
+            transmission = transmission_at(surface, hit, texture)
+            look = look_at_hit(surface, hit, direction, width)
+            point = view.center + distance * direction
+            seen = shade(
+                view, surface, light, hit, look, point, direction, width, pick, transmission
+            )
+            sample.color = sample.color + opacity * wp.cw_mul(passing, seen)
+            body = transmission * (1.0 - look.metallic) * look.color
+            clear = wp.cw_mul(body, wp.vec3(1.0) - coat(look, direction))
+            passing = wp.cw_mul(passing, wp.vec3(1.0 - opacity) + opacity * clear)
+            sample.covered = 1.0
+        travelled = distance + surface.step
+    if wp.max(passing) >= FAINT:
+        behind = surround_color(view, light, level, direction)
+        sample.color = sample.color + wp.cw_mul(passing, behind)
+    return sample
 
 
 @wp.kernel
@@ -56,29 +143,35 @@ def color_kernel(
     # The same even pattern in every pixel, shifted by a random amount: no moire, little noise.
     shift_x = wp.randf(state)
     shift_y = wp.randf(state)
+    shift_pick = wp.randf(state)
     column = float(pixel % view.width)
     row = float(pixel // view.width)
     total = wp.vec3(0.0)
-    hits = wp.int32(0)
+    covered = wp.float32(0.0)
     for i in range(samples):
         dx = shift_x + R2_X * float(i)
         dy = shift_y + R2_Y * float(i)
+        pick = shift_pick + GOLDEN_RATIO * float(i)
         x = column + dx - wp.floor(dx)
         y = row + dy - wp.floor(dy)
         direction = view.world_from_cam * ray_direction_cam(view, x, y)
-        hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
-        if hit.result:
-            total += shade(surface, light, hit, direction, hit.t * view.pixel_cone)
-            hits += 1
+        sample = Sample()
+        if surface.see_through == 0:
+            sample = solid_sample(
+                view, surface, light, surround_level, direction, pick - wp.floor(pick)
+            )
         else:
-            point = view.center + surround_distance(view, view.center, direction) * direction
-            outward = point / view.surround_radius
-            total += sample_panorama(light.panorama, outward, surround_level)
+            sample = layered_sample(
+                view, surface, light, surround_level, direction, pick - wp.floor(pick)
+            )
+        # One glint of the sun must not outshine the other samples of its pixel.
+        total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
+        covered += sample.covered
     mean = total / float(samples)
     image[pixel, 0] = srgb_byte(mean[0])
     image[pixel, 1] = srgb_byte(mean[1])
     image[pixel, 2] = srgb_byte(mean[2])
-    mask[pixel] = wp.uint8((255.0 * float(hits)) / float(samples) + 0.5)
+    mask[pixel] = wp.uint8((255.0 * covered) / float(samples) + 0.5)
 
 
 @wp.kernel
@@ -116,7 +209,7 @@ def geometry_kernel(
 
 @wp.func
 def open_share(
-    mesh: wp.uint64, point: wp.vec3, normal: wp.vec3, rays: int, reach: float, turn: float
+    surface: Surface, point: wp.vec3, normal: wp.vec3, rays: int, reach: float, turn: float
 ) -> float:
     """Cosine-weighted share of a hemisphere whose rays leave the object within ``reach`` [m]."""
     helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
@@ -132,7 +225,12 @@ def open_share(
             radius * (wp.cos(angle) * tangent + wp.sin(angle) * bitangent)
             + wp.sqrt(1.0 - radius2) * normal
         )
-        if not wp.mesh_query_ray_anyhit(mesh, point, direction, reach):
+        blocked = False
+        if surface.see_through == 0:
+            blocked = wp.mesh_query_ray_anyhit(surface.mesh, point, direction, reach)
+        else:
+            blocked = trace(surface, point, direction, reach, 0.0, OPAQUE) >= 0.0
+        if not blocked:
             free += 1.0
     return free / float(rays)
 
@@ -140,21 +238,19 @@ def open_share(
 @wp.kernel
 def openness_kernel(
     first: int,
-    mesh: wp.uint64,
-    points: wp.array[wp.vec3],
-    vertex_normals: wp.array[wp.vec3],
+    surface: Surface,
     rays: int,
     reach: float,
-    offset: float,
     # outputs
     openness: wp.array[wp.vec2],
 ):
     """Measure the openness of a vertex on both sides of the surface."""
     vertex = first + wp.tid()
-    point = points[vertex]
-    normal = vertex_normals[vertex]
+    point = surface.points[vertex]
+    normal = surface.normals[vertex]
+    offset = surface.lift
     if wp.length(normal) < 0.5:
         normal = wp.vec3(0.0, 0.0, 1.0)
-    front = open_share(mesh, point + offset * normal, normal, rays, reach, 0.0)
-    back = open_share(mesh, point - offset * normal, -normal, rays, reach, 0.0)
+    front = open_share(surface, point + offset * normal, normal, rays, reach, 0.0)
+    back = open_share(surface, point - offset * normal, -normal, rays, reach, 0.0)
     openness[vertex] = wp.vec2(front, back)

@@ -20,6 +20,7 @@ from digs_warp.parallel import launch_parallel
 from digs_warp.sh import sh_basis
 from sim.environment import Environment
 from sim.panorama import panorama_directions, solid_angles
+from sim.render.key_lights import KeyLights, take_out_spots
 from sim.render.textures import mip_chain
 
 wp.set_module_options({"enable_backward": False})
@@ -59,7 +60,8 @@ class Light:
     """Everything the shading of a surface asks of the environment (radiance times exposure)."""
 
     panorama: Panorama
-    irradiance: wp.array[wp.vec3]  # [9] spherical harmonics of E(n) / pi
+    irradiance: wp.array[wp.vec3]  # [9] spherical harmonics of E(n) / pi, without the spots
+    keys: KeyLights
     specular: wp.array3d[wp.vec3]  # [SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH]
     mirror_level: float
 
@@ -246,8 +248,9 @@ def prepare_light(environment: Environment, threads: int = 0) -> EnvironmentLigh
 
     light = Light()
     light.panorama = panorama
+    smooth, light.keys = take_out_spots(small)
     light.irradiance = wp.array(
-        irradiance_coefficients(small).astype(np.float32), dtype=wp.vec3, device="cpu"
+        irradiance_coefficients(smooth).astype(np.float32), dtype=wp.vec3, device="cpu"
     )
     light.specular = specular
     light.mirror_level = float(max(0.0, np.log2(width / MIRROR_WIDTH)))

@@ -16,7 +16,7 @@ from sim.render.kernels import color_kernel, geometry_kernel, openness_kernel
 from sim.render.lighting import prepare_light
 from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
-from sim.render.surface import upload_scene
+from sim.render.upload import upload_scene
 from sim.render.view import make_view
 from sim.scene import Scene
 
@@ -96,12 +96,10 @@ class RaycastRenderer:
     def _ensure_openness(self) -> None:
         if self._openness is not None:
             return
-        points = self._scene.mesh.points
-        count = len(points)
+        count = len(self._scene.mesh.points)
         rays = int(np.clip(OPENNESS_BUDGET // (2 * count), MIN_OPENNESS_RAYS, OPENNESS_RAYS))
         openness = wp.empty(count, dtype=wp.vec2, device="cpu")
-        scalars = [rays, OPENNESS_REACH * self._radius, self._surface.lift]
-        inputs = [self._surface.mesh, points, self._surface.normals, *scalars, openness]
+        inputs = [self._surface, rays, OPENNESS_REACH * self._radius, openness]
         self._launch(openness_kernel, count, inputs)
         self._surface.openness = self._openness = openness
 

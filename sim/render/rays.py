@@ -13,7 +13,8 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.parallel import launch_parallel
-from sim.render.surface import ANY_SURFACE, OPAQUE, DeviceScene, Surface, trace, viewer_side_normal
+from sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
+from sim.render.upload import DeviceScene
 from sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
 
 wp.set_module_options({"enable_backward": False})

@@ -4,60 +4,34 @@ The material model is glTF's metallic-roughness model: a Lambertian base under a
 reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
 Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured per vertex, with the bounces
 between coloured walls put back (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect
-Occlusion", 2016, eq. 20).
+Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal mirrors the object
+itself; see `sim.render.key_lights` and `mirrored_light`.
 """
 
 # Kernel code is a language of its own; these checks misread it.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportReturnType=false
 
 import warp as wp
 
+from sim.render.key_lights import choose_key
 from sim.render.lighting import Light, diffuse_light, specular_light
-from sim.render.surface import (
-    Surface,
-    texture_level,
-    texture_position,
-    vertex_normal,
-    viewer_side,
-)
-from sim.render.textures import SRGB, sample_texture
+from sim.render.look import Look, look_at_hit
+from sim.render.surface import OPAQUE, Surface, smooth_position, trace
+from sim.render.view import FAR, View, surround_distance
 
 wp.set_module_options({"enable_backward": False})
 
 # Reflectance of glass, plastic and paint at normal incidence.
 DIELECTRIC_REFLECTANCE = wp.constant(0.04)
 
+# Metal smoother than this mirrors the object itself; the mirror image fades out up to there.
+MIRROR_ROUGHNESS = wp.constant(0.45)
+MIRROR_METALLIC = wp.constant(0.5)
 
-@wp.func
-def base_color(surface: Surface, hit: wp.MeshQueryRay, uv: wp.vec2, level: float) -> wp.vec3:
-    """Linear colour of the hit: factor times vertex colour times filtered texture."""
-    corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
-    color = (
-        hit.u * surface.colors[surface.corners[corner]]
-        + hit.v * surface.colors[surface.corners[corner + 1]]
-        + w * surface.colors[surface.corners[corner + 2]]
-    )
-    data = surface.data[surface.materials[hit.face]]
-    color = wp.cw_mul(color, data.base_color)
-    if data.color_texture >= 0:
-        texel = sample_texture(surface.textures, data.color_texture, uv, level, SRGB)
-        color = wp.cw_mul(color, texel)
-    return color
-
-
-@wp.func
-def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -> float:
-    """Share of the hemisphere on one side (1: the normals', -1: the other) that sees the surround."""
-    corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
-    both = (
-        hit.u * surface.openness[surface.corners[corner]]
-        + hit.v * surface.openness[surface.corners[corner + 1]]
-        + w * surface.openness[surface.corners[corner + 2]]
-    )
-    return wp.where(side > 0.0, both[0], both[1])
+# Spots that add less than this share of full white are not worth a shadow ray.
+FAINT_KEY = wp.constant(0.005)
 
 
 @wp.func
@@ -81,33 +55,122 @@ def coat_reflectance(f0: wp.vec3, roughness: float, cosine: float) -> wp.vec3:
 
 
 @wp.func
-def shade(
-    surface: Surface, light: Light, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
-) -> wp.vec3:
-    """Linear, exposed radiance that leaves the hit toward the viewer."""
-    outward = vertex_normal(surface, hit)
-    side = viewer_side(hit, direction, outward)
-    normal = side * outward
-    uv = texture_position(surface, hit)
-    level = texture_level(surface, hit, direction, cone_width)
-    color = base_color(surface, hit, uv, level)
-    data = surface.data[surface.materials[hit.face]]
-    metallic = data.metallic
-    roughness = data.roughness
-    openness = interpolated_openness(surface, hit, side)
-
-    albedo = (1.0 - metallic) * color
+def smooth_diffuse(light: Light, look: Look) -> wp.vec3:
+    """Light of everything but the bright spots, sent back by the matte base."""
+    albedo = (1.0 - look.metallic) * look.color
     open_rgb = wp.vec3(
-        with_bounces(openness, albedo[0]),
-        with_bounces(openness, albedo[1]),
-        with_bounces(openness, albedo[2]),
+        with_bounces(look.openness, albedo[0]),
+        with_bounces(look.openness, albedo[1]),
+        with_bounces(look.openness, albedo[2]),
     )
-    diffuse = wp.cw_mul(wp.cw_mul(albedo, open_rgb), diffuse_light(light, normal))
+    return wp.cw_mul(wp.cw_mul(albedo, open_rgb), diffuse_light(light, look.normal))
 
+
+@wp.func
+def coat(look: Look, direction: wp.vec3) -> wp.vec3:
+    """Share of the mirrored light that reaches the viewer."""
     # Interpolated normals may point away from the viewer near a silhouette.
-    cosine = wp.clamp(-wp.dot(normal, direction), 0.0, 1.0)
-    f0 = wp.lerp(wp.vec3(DIELECTRIC_REFLECTANCE), color, metallic)
-    reflected = wp.normalize(direction - 2.0 * wp.dot(direction, normal) * normal)
-    coat = coat_reflectance(f0, roughness, cosine)
+    cosine = wp.clamp(-wp.dot(look.normal, direction), 0.0, 1.0)
+    f0 = wp.lerp(wp.vec3(DIELECTRIC_REFLECTANCE), look.color, look.metallic)
+    return coat_reflectance(f0, look.roughness, cosine)
+
+
+@wp.func
+def mirrored_direction(look: Look, direction: wp.vec3) -> wp.vec3:
+    """The reflected ray, kept on the outside of the triangle."""
+    mirrored = direction - 2.0 * wp.dot(direction, look.normal) * look.normal
+    into = wp.min(wp.dot(mirrored, look.facet_normal), 0.0)
+    return wp.normalize(mirrored - 2.0 * into * look.facet_normal)
+
+
+@wp.func
+def environment_light(
+    view: View, light: Light, origin: wp.vec3, direction: wp.vec3, roughness: float
+) -> wp.vec3:
+    """What a ray that leaves the scene sees: the surround where the ray meets it."""
+    point = origin + surround_distance(view, origin, direction) * direction
+    return specular_light(light, point / view.surround_radius, roughness)
+
+
+@wp.func
+def shade_once(
+    view: View, surface: Surface, light: Light, look: Look, point: wp.vec3, direction: wp.vec3
+) -> wp.vec3:
+    """Radiance toward the viewer without further rays: openness stands in for visibility."""
+    keys = choose_key(light.keys, look.normal, 0.5)
+    albedo = (1.0 - look.metallic) * look.color
+    total = smooth_diffuse(light, look) + look.openness * wp.cw_mul(albedo, keys.light)
+    mirrored = mirrored_direction(look, direction)
+    around = environment_light(view, light, point, mirrored, look.roughness)
+    return look.emission + total + look.openness * wp.cw_mul(coat(look, direction), around)
+
+
+@wp.func
+def mirrored_light(
+    view: View,
+    surface: Surface,
+    light: Light,
+    look: Look,
+    point: wp.vec3,
+    mirrored: wp.vec3,
+    cone_width: float,
+) -> wp.vec3:
+    """Light around the mirrored ray; smooth metal sends one ray, so that it mirrors the object."""
+    around = environment_light(view, light, point, mirrored, look.roughness)
     # The part of the lobe that meets the object itself shows its dim side, here: nothing.
-    return diffuse + openness * wp.cw_mul(coat, specular_light(light, reflected, roughness))
+    blurred = look.openness * around
+    if look.metallic < MIRROR_METALLIC or look.roughness >= MIRROR_ROUGHNESS:
+        return blurred
+    origin = point + surface.lift * look.facet_normal
+    hit = wp.mesh_query_ray(surface.mesh, origin, mirrored, FAR)
+    sharp = around
+    if hit.result:
+        # The lobe widens the cone: a metal of some roughness mirrors a blurred texture.
+        spread = view.pixel_cone + look.roughness * look.roughness
+        seen = look_at_hit(surface, hit, mirrored, cone_width + hit.t * spread)
+        sharp = shade_once(view, surface, light, seen, origin + hit.t * mirrored, mirrored)
+    return wp.lerp(sharp, blurred, look.roughness / MIRROR_ROUGHNESS)
+
+
+@wp.func
+def shadowed_keys(
+    surface: Surface, light: Light, hit: wp.MeshQueryRay, look: Look, point: wp.vec3, pick: float
+) -> wp.vec3:
+    """Light of the bright spots, sent back by the matte base; 0 when the chosen point is hidden."""
+    if light.keys.count == 0:
+        return wp.vec3(0.0)
+    choice = choose_key(light.keys, look.normal, pick)
+    lit = (1.0 - look.metallic) * wp.cw_mul(look.color, choice.light)
+    if wp.max(lit) < FAINT_KEY:
+        return look.openness * lit
+    origin = smooth_position(surface, hit, point, look.side) + surface.lift * look.facet_normal
+    hidden = False
+    if surface.see_through == 0:
+        hidden = wp.mesh_query_ray_anyhit(surface.mesh, origin, choice.direction, FAR)
+    else:
+        hidden = trace(surface, origin, choice.direction, FAR, 0.0, OPAQUE) >= 0.0
+    return wp.where(hidden, wp.vec3(0.0), lit)
+
+
+@wp.func
+def shade(
+    view: View,
+    surface: Surface,
+    light: Light,
+    hit: wp.MeshQueryRay,
+    look: Look,
+    point: wp.vec3,
+    direction: wp.vec3,
+    cone_width: float,
+    pick: float,
+    transmission: float,
+) -> wp.vec3:
+    """Linear, exposed radiance that leaves the hit toward the viewer.
+
+    Args of note: ``pick`` is uniform in 0..1 and chooses where the shadow ray goes; the matte base loses
+    the share ``transmission`` of its light.
+    """
+    diffuse = smooth_diffuse(light, look) + shadowed_keys(surface, light, hit, look, point, pick)
+    mirrored = mirrored_direction(look, direction)
+    around = mirrored_light(view, surface, light, look, point, mirrored, cone_width)
+    return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(coat(look, direction), around)

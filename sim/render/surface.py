@@ -5,24 +5,12 @@
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportReturnType=false
 
-from dataclasses import dataclass
-
-import numpy as np
 import warp as wp
 
-from digs_warp.warp_start import start_warp
-from sim.render.textures import (
-    LINEAR,
-    SRGB,
-    TextureImage,
-    TextureSet,
-    pack_textures,
-    sample_texture,
-)
-from sim.scene import OPAQUE_SHARE, Material, Scene
+from sim.render.textures import LINEAR, TextureSet, sample_texture
+from sim.scene import OPAQUE_SHARE
 
 wp.set_module_options({"enable_backward": False})
-start_warp()
 
 # A ray cone at a grazing angle would stretch without bound.
 MIN_COSINE = wp.constant(0.1)
@@ -30,11 +18,6 @@ MIN_COSINE = wp.constant(0.1)
 # What counts as met by `trace`.
 ANY_SURFACE = wp.constant(0.0)
 OPAQUE = wp.constant(OPAQUE_SHARE)
-
-# Shares of the scene's radius: a ray that passed a surface goes on this far behind it, and one that leaves
-# a surface starts this far off it, so that it does not meet it again.
-STEP_SHARE = 2e-5
-LIFT_SHARE = 1e-4
 
 # Walls that a ray passes before it is given up; a bottle with water in it has eight.
 MAX_LAYERS = wp.constant(16)
@@ -64,6 +47,7 @@ class Surface:
     """Triangles and materials; arrays in the order of `sim.scene.Scene`."""
 
     mesh: wp.uint64  # wp.Mesh
+    points: wp.array[wp.vec3]  # [n]
     corners: wp.array[int]  # [3 m] vertex of each corner
     normals: wp.array[wp.vec3]  # [n]
     tangents: wp.array[wp.vec3]  # [n] along u; length 0: no direction; empty without normal maps
@@ -189,105 +173,28 @@ def trace(
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class DeviceScene:
-    """A scene on the device: what kernels get, and the BVH, which lives as long as this object."""
-
-    surface: Surface
-    mesh: wp.Mesh
-
-
-def upload_scene(scene: Scene) -> DeviceScene:
-    """Copy a scene to the device; everything but the openness."""
-    mesh = wp.Mesh(
-        wp.array(scene.vertices, dtype=wp.vec3, device="cpu"),
-        wp.array(scene.faces.reshape(-1), dtype=int, device="cpu"),
-    )
-    slots, images = _texture_slots(scene.materials)
-    surface = Surface()
-    surface.mesh = mesh.id
-    surface.corners = wp.array(scene.faces.reshape(-1), dtype=int, device="cpu")
-    surface.normals = wp.array(scene.normals, dtype=wp.vec3, device="cpu")
-    surface.uvs = wp.array(scene.uvs, dtype=wp.vec2, device="cpu")
-    surface.colors = wp.array(scene.vertex_colors, dtype=wp.vec3, device="cpu")
-    surface.materials = wp.array(scene.face_materials, dtype=int, device="cpu")
-    surface.uv_levels = wp.array(_uv_levels(scene), dtype=float, device="cpu")
-    data = [_material_data(m, slot) for m, slot in zip(scene.materials, slots, strict=True)]
-    surface.data = wp.array(data, dtype=MaterialData, device="cpu")
-    surface.textures = pack_textures(images)
-    surface.see_through = int(any(_is_see_through(material) for material in scene.materials))
-    surface.step = STEP_SHARE * scene.radius
-    surface.lift = LIFT_SHARE * scene.radius
-    return DeviceScene(surface, mesh)
+@wp.func
+def beside_tangent_plane(point: wp.vec3, corner: wp.vec3, normal: wp.vec3) -> wp.vec3:
+    """How far a point below the tangent plane of a corner has to rise to reach it."""
+    below = wp.min(wp.dot(point - corner, normal), 0.0)
+    return -below * normal
 
 
-TEXTURE_FIELDS = {
-    "texture": SRGB,
-    "finish_texture": LINEAR,
-    "opacity_texture": LINEAR,
-    "transmission_texture": LINEAR,
-    "emission_texture": SRGB,
-    "normal_texture": LINEAR,
-}
+@wp.func
+def smooth_position(surface: Surface, hit: wp.MeshQueryRay, point: wp.vec3, side: float) -> wp.vec3:
+    """Lift a hit to the round surface that the vertex normals pretend.
 
-
-def _texture_slots(
-    materials: tuple[Material, ...],
-) -> tuple[list[dict[str, int]], list[TextureImage]]:
-    """Return the number of every texture of every material, and the textures, each once."""
-    images: list[TextureImage] = []
-    number_of: dict[int, int] = {}
-    slots = []
-    for material in materials:
-        slot = dict.fromkeys(TEXTURE_FIELDS, -1)
-        for field, table in TEXTURE_FIELDS.items():
-            pixels = getattr(material, field)
-            if pixels is None:
-                continue
-            if id(pixels) not in number_of:
-                number_of[id(pixels)] = len(images)
-                images.append(TextureImage(pixels, table))
-            slot[field] = number_of[id(pixels)]
-        slots.append(slot)
-    return slots, images
-
-
-def _is_see_through(material: Material) -> bool:
-    return (
-        material.opacity < 1
-        or material.transmission > 0
-        or material.opacity_texture is not None
-        or material.transmission_texture is not None
-    )
-
-
-def _material_data(material: Material, slot: dict[str, int]) -> MaterialData:
-    data = MaterialData()
-    data.base_color = wp.vec3(*(float(value) for value in material.base_color))
-    data.emission = wp.vec3(*material.emission)
-    data.roughness = material.roughness
-    data.metallic = material.metallic
-    data.opacity = material.opacity
-    data.alpha_cutoff = material.alpha_cutoff
-    data.transmission = material.transmission
-    data.color_texture = slot["texture"]
-    data.finish_texture = slot["finish_texture"]
-    data.opacity_texture = slot["opacity_texture"]
-    data.transmission_texture = slot["transmission_texture"]
-    data.emission_texture = slot["emission_texture"]
-    data.normal_texture = slot["normal_texture"]
-    return data
-
-
-def _uv_levels(scene: Scene) -> np.ndarray:
-    """Return log2 of the texture widths per metre of each face, shape (m,): the constant of the ray cones.
-
-    Akenine-Moller et al. 2019, eq. 5: half the log2 of texture area over surface area.
+    Shadow rays that start on the flat triangle cut the round shading off in steps (Hanika, "Hacking the
+    Shadow Terminator", Ray Tracing Gems II, 2021, chapter 4).
     """
-    a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    ua, ub, uc = np.moveaxis(scene.uvs[scene.faces].astype(np.float64), 1, 0)
-    ab, ac = ub - ua, uc - ua
-    uv_area = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-    # Faces without extent in the texture show one texel: the finest level.
-    return (0.5 * np.log2(np.maximum(uv_area, 1e-18) / np.maximum(area, 1e-30))).astype(np.float32)
+    corner = 3 * hit.face
+    a = surface.corners[corner]
+    b = surface.corners[corner + 1]
+    c = surface.corners[corner + 2]
+    w = 1.0 - hit.u - hit.v
+    return (
+        point
+        + hit.u * beside_tangent_plane(point, surface.points[a], side * surface.normals[a])
+        + hit.v * beside_tangent_plane(point, surface.points[b], side * surface.normals[b])
+        + w * beside_tangent_plane(point, surface.points[c], side * surface.normals[c])
+    )

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import re
 import shutil
 import struct
 from collections.abc import Callable
@@ -170,24 +169,34 @@ def test_sample_meshes_stand_upright(sample_data: Path, name: str) -> None:
     np.testing.assert_allclose(extents, (x, z, y), rtol=0.01)
 
 
-def test_the_materials_of_the_helmet_differ(
-    sample_data: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_materials_of_the_helmet_differ(sample_data: Path) -> None:
     scene = load_scene(sample_data / "meshes/flight_helmet/flight_helmet.glb")
     by_name = {material.name: material for material in scene.materials}
     assert len(by_name) == 6
     assert by_name["MetalPartsMat"].metallic > 0.5
     assert by_name["LeatherPartsMat"].metallic < 0.05
     assert by_name["LensesMat"].roughness < by_name["RubberWoodMat"].roughness
-    assert "'LensesMat': transparency is not modelled yet" in caplog.text
-    assert "'RubberWoodMat'" not in caplog.text
+    assert [name for name, m in by_name.items() if m.is_transparent] == ["LensesMat"]
+    assert by_name["LensesMat"].opacity_texture is not None
+    for name, material in by_name.items():
+        assert (material.normal_texture is None) == (name == "LensesMat")  # its map is flat
+        assert material.finish_texture is not None
 
 
-def test_clear_plastic_is_announced_as_opaque(
-    sample_data: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    load_scene(sample_data / "meshes/water_bottle_clear/water_bottle_clear.glb")
-    assert re.findall(r"material '(.*?)': transparency", caplog.text) == ["Material.001"]
+def test_clear_plastic_lets_light_through_but_not_its_label(sample_data: Path) -> None:
+    scene = load_scene(sample_data / "meshes/water_bottle_clear/water_bottle_clear.glb")
+    by_name = {material.name: material for material in scene.materials}
+    bottle, cap = by_name["Material.001"], by_name["Material"]
+    assert bottle.is_transparent and not cap.is_transparent
+    assert bottle.transmission_texture is not None
+    assert {0, 255} <= set(np.unique(bottle.transmission_texture))
+    assert 0.5 < bottle.transmission < 0.95 and bottle.opacity == 1
+
+
+def test_the_case_glows_only_where_its_texture_says(sample_data: Path) -> None:
+    (case,) = load_scene(sample_data / "meshes/sci_fi_case/sci_fi_case.glb").materials
+    assert case.emission == (1, 1, 1) and case.emission_texture is not None
+    assert 0 < (case.emission_texture.max(axis=-1) > 50).mean() < 0.2
 
 
 # ---- size, units, axes ----
@@ -469,7 +478,7 @@ def test_an_obj_color_is_srgb_and_missing_files_are_named(
         material.base_color, linear_from_srgb(np.array([51, 102, 204]) / 255), atol=1e-6
     )
     assert "'gone.png' is missing" in caplog.text
-    assert "'paint': transparency" in caplog.text
+    assert material.opacity == 0.5
 
     (tmp_path / "s.mtl").unlink()
     caplog.clear()
@@ -477,17 +486,88 @@ def test_an_obj_color_is_srgb_and_missing_files_are_named(
     assert "'s.mtl' is missing" in caplog.text
 
 
-def test_transparent_and_glowing_materials_are_announced(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_blended_texture_gives_opacity_and_emission_its_color(tmp_path: Path) -> None:
     pixels = np.full((4, 4, 4), 100, np.uint8)
     clear = textured_square(
         baseColorTexture=Image.fromarray(pixels), alphaMode="BLEND", emissiveFactor=[1.0, 0.5, 0.0]
     )
-    scene = load_scene(save(tmp_path / "s.glb", clear))
-    np.testing.assert_array_equal(scene.materials[0].texture, pixels[..., :3])
-    assert "'paint': transparency is not modelled yet" in caplog.text
-    assert "'paint': its own light is not modelled yet" in caplog.text
+    (material,) = load_scene(save(tmp_path / "s.glb", clear)).materials
+    np.testing.assert_array_equal(material.texture, pixels[..., :3])
+    np.testing.assert_array_equal(material.opacity_texture, pixels[..., 3])
+    assert material.opacity == pytest.approx(100 / 255)
+    assert material.emission == (1, 0.5, 0) and material.is_transparent
+
+
+def test_alpha_of_an_opaque_material_means_nothing(tmp_path: Path) -> None:
+    pixels = np.full((4, 4, 4), 100, np.uint8)
+    opaque = textured_square(baseColorTexture=Image.fromarray(pixels))
+    (material,) = load_scene(save(tmp_path / "s.glb", opaque)).materials
+    assert material.opacity == 1 and material.opacity_texture is None
+
+
+def test_a_mask_cuts_holes_with_hard_edges(tmp_path: Path) -> None:
+    pixels = np.full((4, 4, 4), 200, np.uint8)
+    pixels[:, :2, 3] = 120
+    leaf = textured_square(
+        baseColorTexture=Image.fromarray(pixels), alphaMode="MASK", alphaCutoff=0.6
+    )
+    (material,) = load_scene(save(tmp_path / "s.glb", leaf)).materials
+    assert material.opacity_texture is not None
+    np.testing.assert_array_equal(material.opacity_texture[0], [0, 0, 255, 255])
+    assert material.alpha_cutoff == 0.5
+
+
+def test_finish_and_normal_textures_carry_their_factors(tmp_path: Path) -> None:
+    finish = np.zeros((2, 2, 3), np.uint8)
+    finish[0], finish[1] = (0, 100, 200), (0, 200, 0)
+    tilted = np.full((2, 2, 3), (150, 128, 253), np.uint8)
+    square = textured_square(
+        metallicRoughnessTexture=Image.fromarray(finish),
+        roughnessFactor=0.5,
+        metallicFactor=1.0,
+        normalTexture=Image.fromarray(tilted),
+    )
+    (material,) = load_scene(save(tmp_path / "s.glb", square)).materials
+    np.testing.assert_array_equal(material.finish_texture, [[[50, 200]] * 2, [[100, 0]] * 2])
+    np.testing.assert_array_equal(material.normal_texture, tilted)
+
+
+def test_flat_normal_maps_and_even_finishes_cost_nothing(tmp_path: Path) -> None:
+    flat = Image.fromarray(np.full((2, 2, 3), (128, 127, 255), np.uint8))
+    even = Image.fromarray(np.full((2, 2, 3), (0, 100, 200), np.uint8))
+    square = textured_square(normalTexture=flat, metallicRoughnessTexture=even)
+    (material,) = load_scene(save(tmp_path / "s.glb", square)).materials
+    assert material.normal_texture is None and material.finish_texture is None
+
+
+def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
+    """Transmission with its texture, strength of emission, scale of the normal map."""
+    tilted = np.full((2, 2, 3), (148, 108, 250), np.uint8)
+    square = textured_square(
+        emissiveFactor=[0.5, 0.5, 0.0],
+        normalTexture=Image.fromarray(tilted),
+        baseColorTexture=Image.fromarray(np.full((2, 2, 3), 51, np.uint8)),
+    )
+    path = save(tmp_path / "s.glb", square)
+
+    def add_extensions(header: dict[str, Any]) -> None:
+        material = header["materials"][0]
+        material["normalTexture"]["scale"] = 0.5
+        color_index = material["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+        material["extensions"] = {
+            "KHR_materials_transmission": {
+                "transmissionFactor": 0.8,
+                "transmissionTexture": {"index": color_index},
+            },
+            "KHR_materials_emissive_strength": {"emissiveStrength": 3.0},
+        }
+
+    edit_gltf(path, add_extensions)
+    (found,) = load_scene(path).materials
+    assert found.emission == (1.5, 1.5, 0)
+    assert found.transmission == pytest.approx(0.8 * 51 / 255, abs=2e-3)
+    assert found.normal_texture is not None
+    np.testing.assert_array_equal(found.normal_texture[0, 0], [138, 118, 250])
 
 
 # ---- bad faces ----

@@ -1,0 +1,125 @@
+"""Materials of glTF (metallic-roughness model) as `sim.scene.Material`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sim.mesh.gltf_extras import GltfExtras
+from sim.mesh.parts import MeshPart
+from sim.mesh.pixels import alpha_pixels, mean_over_surface, rgb_pixels
+from sim.mesh.texture import color_texture
+from sim.scene import Material
+
+# Blended texels fainter than this are holes: nothing reflects there either.
+MIN_OPACITY = 0.02
+
+# glTF's cut-off of alphaMode MASK where none is given.
+DEFAULT_CUTOFF = 0.5
+
+# Zero of x and y in a normal map.
+FLAT = 128
+
+
+def pbr_material(source: Any, parts: Sequence[MeshPart], extras: GltfExtras) -> Material:
+    """Convert a `PBRMaterial` of trimesh; its factors are linear and 1 where they are left out."""
+    name = str(source.name or "material")
+    factor = source.baseColorFactor  # RGBA bytes, still linear
+    base_color = np.ones(3) if factor is None else np.asarray(factor)[:3] / 255.0
+    return Material(
+        name=name,
+        base_color=base_color.astype(np.float32),
+        texture=color_texture(source.baseColorTexture, name, parts),
+        **_finish(source, name, parts),
+        **_opacity(source, name, parts),
+        **_transmission(extras, name, parts),
+        **_emission(source, name, parts, extras.emissive_strength),
+        normal_texture=_normals(source, name, parts, extras.normal_scale),
+    )
+
+
+def _finish(source: Any, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
+    """Return roughness and metallic, and their texture where they vary."""
+    factors = np.array(
+        [
+            1.0 if source.roughnessFactor is None else source.roughnessFactor,
+            1.0 if source.metallicFactor is None else source.metallicFactor,
+        ]
+    )
+    texture = None
+    if source.metallicRoughnessTexture is not None and parts[0].uvs is not None:
+        pixels = rgb_pixels(source.metallicRoughnessTexture, name)[..., 1:]
+        texture = _scaled(pixels, factors) if np.ptp(pixels, axis=(0, 1)).any() else None
+        factors = factors * mean_over_surface(pixels, parts) / 255.0
+    roughness, metallic = np.clip(factors, 0.0, 1.0)
+    return {
+        "roughness": float(roughness),
+        "metallic": float(metallic),
+        "finish_texture": texture,
+    }
+
+
+def _opacity(source: Any, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
+    """Return opacity, its texture where it varies, and the cut-off; nothing for opaque materials."""
+    mode = source.alphaMode or "OPAQUE"
+    if mode == "OPAQUE":
+        return {}
+    factor = 1.0 if source.baseColorFactor is None else source.baseColorFactor[3] / 255.0
+    image = source.baseColorTexture
+    alpha = None if image is None or parts[0].uvs is None else alpha_pixels(image, name)
+    if mode == "MASK":
+        cutoff = DEFAULT_CUTOFF if source.alphaCutoff is None else float(source.alphaCutoff)
+        if alpha is not None:
+            alpha = np.where(alpha / 255.0 * factor >= cutoff, 255, 0).astype(np.uint8)
+        factor = 1.0 if factor >= cutoff or alpha is not None else 0.0
+    if alpha is None:
+        return {"opacity": float(factor)}
+    alpha = _scaled(alpha, factor)
+    return {
+        "opacity": float(mean_over_surface(alpha[..., None], parts)[0] / 255.0),
+        "opacity_texture": alpha,
+        "alpha_cutoff": DEFAULT_CUTOFF if mode == "MASK" else MIN_OPACITY,
+    }
+
+
+def _transmission(extras: GltfExtras, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
+    """Return transmission, and its texture where it varies."""
+    if extras.transmission <= 0:
+        return {}
+    if extras.transmission_image is None or parts[0].uvs is None:
+        return {"transmission": extras.transmission}
+    pixels = _scaled(rgb_pixels(extras.transmission_image, name)[..., 0], extras.transmission)
+    return {
+        "transmission": float(mean_over_surface(pixels[..., None], parts)[0] / 255.0),
+        "transmission_texture": pixels,
+    }
+
+
+def _emission(source: Any, name: str, parts: Sequence[MeshPart], strength: float) -> dict[str, Any]:
+    """Return the emission and its texture; nothing for materials that do not glow."""
+    factor = np.zeros(3) if source.emissiveFactor is None else np.asarray(source.emissiveFactor)
+    if not (factor * strength > 0).any():
+        return {}
+    texture = color_texture(source.emissiveTexture, name, parts)
+    if texture is not None and not texture.any():
+        return {}
+    red, green, blue = (float(value) for value in factor[:3] * strength)
+    return {"emission": (red, green, blue), "emission_texture": texture}
+
+
+def _normals(source: Any, name: str, parts: Sequence[MeshPart], scale: float) -> np.ndarray | None:
+    """Return the normal map with its scale worked in; None where it is flat."""
+    if source.normalTexture is None or parts[0].uvs is None:
+        return None
+    pixels = rgb_pixels(source.normalTexture, name)
+    tilt = pixels[..., :2].astype(np.int16) - FLAT
+    if np.abs(tilt).max() <= 1 or scale == 0:
+        return None
+    if scale != 1:
+        tilt = np.clip(np.rint(tilt * scale), -FLAT, 255 - FLAT)
+        pixels = np.concatenate([(tilt + FLAT).astype(np.uint8), pixels[..., 2:]], axis=-1)
+    return np.ascontiguousarray(pixels)
+
+
+def _scaled(pixels: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
+    return np.rint(np.clip(pixels * factor, 0, 255)).astype(np.uint8)

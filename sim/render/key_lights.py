@@ -1,0 +1,139 @@
+"""The bright spots of an environment (sun, lamps, windows), taken out of it so that they cast shadows.
+
+What remains is smooth and lights a surface through spherical harmonics; each spot lights it as one
+direction, with one shadow ray toward a random point of it.
+"""
+
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+
+import numpy as np
+import warp as wp
+
+from sim.panorama import panorama_directions, solid_angles
+
+wp.set_module_options({"enable_backward": False})
+
+# A spot is brighter than this multiple of the mean radiance; only what exceeds it is taken out.
+SPOT_LEVEL = 4.0
+
+# A spot spans at most this angle to each side: a wider one has no sharp shadow.
+SPOT_RADIUS_DEGREES = 18.0
+
+# At most so many spots, each with at least this share of all light.
+MAX_SPOTS = 8
+MIN_SHARE = 0.02
+
+# Weights of red, green and blue (Rec. 709).
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+# Points of a spot to which shadow rays go.
+SPOT_POINTS = 64
+
+
+@wp.struct
+class KeyLights:
+    """The spots; ``count`` of 0 costs nothing."""
+
+    count: int
+    vectors: wp.array[wp.vec3]  # [count] unit direction of the vector irradiance
+    colors: wp.array[wp.vec3]  # [count] irradiance at normal incidence over pi, exposed
+    strengths: wp.array[float]  # [count] luminance of the colours
+    points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions, equally strong
+
+
+@wp.struct
+class KeyChoice:
+    """The diffuse light of all spots, and where to send the shadow ray."""
+
+    light: wp.vec3
+    direction: wp.vec3
+
+
+@wp.func
+def choose_key(keys: KeyLights, normal: wp.vec3, pick: float) -> KeyChoice:
+    """Sum the spots' light and choose one with a chance in proportion to its part.
+
+    The light times the visibility of the chosen point is an unbiased estimate of the shadowed light
+    (for spots of one colour). ``pick`` is uniform in 0..1.
+    """
+    choice = KeyChoice()
+    total = wp.float32(0.0)
+    for k in range(keys.count):
+        cosine = wp.max(wp.dot(normal, keys.vectors[k]), 0.0)
+        choice.light = choice.light + cosine * keys.colors[k]
+        total += cosine * keys.strengths[k]
+    threshold = pick * total
+    passed = wp.float32(0.0)
+    for k in range(keys.count):
+        part = wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.strengths[k]
+        if part > 0.0 and passed <= threshold:
+            # What is left of the random number within this spot's part chooses the point.
+            within = wp.clamp((threshold - passed) / part, 0.0, 0.99999)
+            choice.direction = keys.points[k, int(within * float(SPOT_POINTS))]
+        passed += part
+    return choice
+
+
+def take_out_spots(radiance: np.ndarray) -> tuple[np.ndarray, KeyLights]:
+    """Split an exposed panorama into its smooth part and its spots.
+
+    Args:
+        radiance: linear RGB, shape (height, width, 3), small (a few hundred pixels wide).
+
+    Returns:
+        The panorama without the spots, same shape, and the spots.
+    """
+    height, width = radiance.shape[:2]
+    directions = panorama_directions(width, height)
+    areas = np.broadcast_to(solid_angles(width, height), (height, width))
+    level = radiance @ LUMINANCE
+    threshold = SPOT_LEVEL * float((level * areas).sum() / (4 * np.pi))
+    excess_share = np.where(level > threshold, 1 - threshold / np.maximum(level, 1e-30), 0.0)
+    power = level * excess_share * areas
+    smooth = radiance.astype(np.float64)
+    spots = []
+    everything = float((level * areas).sum())
+    for _ in range(MAX_SPOTS):
+        center = directions.reshape(-1, 3)[power.argmax()]
+        inside = directions @ center > np.cos(np.radians(SPOT_RADIUS_DEGREES))
+        inside &= power > 0
+        if power[inside].sum() <= MIN_SHARE * everything:
+            break
+        taken = radiance * (excess_share * inside)[..., None]
+        smooth -= taken
+        spots.append(_spot(directions[inside], taken[inside] * areas[inside][:, None]))
+        power = np.where(inside, 0.0, power)
+    return np.maximum(smooth, 0.0).astype(np.float32), _pack(spots)
+
+
+def _spot(directions: np.ndarray, flux: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vector direction (3,), colour (3,) and points (SPOT_POINTS, 3) of one spot.
+
+    Args:
+        directions: of its pixels, shape (n, 3).
+        flux: radiance times solid angle of each, shape (n, 3).
+    """
+    weight = flux @ LUMINANCE
+    vector = weight @ directions
+    # Less than the sum of the weights where the spot is wide: its parts pull to different sides.
+    concentration = float(np.linalg.norm(vector) / weight.sum())
+    shares = (np.arange(SPOT_POINTS) + 0.5) / SPOT_POINTS * weight.sum()
+    chosen = np.searchsorted(np.cumsum(weight), shares).clip(0, len(weight) - 1)
+    color = flux.sum(axis=0) * concentration / np.pi
+    return vector / np.linalg.norm(vector), color, directions[chosen]
+
+
+def _pack(spots: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> KeyLights:
+    keys = KeyLights()
+    keys.count = len(spots)
+    if spots:
+        vectors, colors, points = (
+            np.stack(part).astype(np.float32) for part in zip(*spots, strict=True)
+        )
+        keys.vectors = wp.array(vectors, dtype=wp.vec3, device="cpu")
+        keys.colors = wp.array(colors, dtype=wp.vec3, device="cpu")
+        keys.strengths = wp.array(colors @ LUMINANCE, dtype=float, device="cpu")
+        keys.points = wp.array(points, dtype=wp.vec3, device="cpu")
+    return keys

@@ -1,0 +1,122 @@
+"""What the material holds at a hit: colour, finish, emission and normal, filtered to a ray's cone."""
+
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportReturnType=false
+
+import warp as wp
+
+from sim.render.surface import (
+    Surface,
+    texture_level,
+    texture_position,
+    vertex_normal,
+    viewer_side,
+)
+from sim.render.textures import LINEAR, SRGB, sample_texture
+
+wp.set_module_options({"enable_backward": False})
+
+# Twice the value of byte 128, which is zero in normal maps.
+MAP_ZERO = wp.constant(256.0 / 255.0)
+
+
+@wp.struct
+class Look:
+    """A surface point as light meets it."""
+
+    color: wp.vec3  # linear
+    emission: wp.vec3
+    metallic: float
+    roughness: float
+    normal: wp.vec3  # unit, toward the viewer, with the normal map
+    facet_normal: wp.vec3  # of the triangle, toward the viewer
+    side: float  # 1: seen from the side of the vertex normals, -1: from the other
+    openness: float  # share of the hemisphere that sees the surround
+
+
+@wp.func
+def base_color(surface: Surface, hit: wp.MeshQueryRay, uv: wp.vec2, level: float) -> wp.vec3:
+    """Linear colour of the hit: factor times vertex colour times filtered texture."""
+    corner = 3 * hit.face
+    w = 1.0 - hit.u - hit.v
+    color = (
+        hit.u * surface.colors[surface.corners[corner]]
+        + hit.v * surface.colors[surface.corners[corner + 1]]
+        + w * surface.colors[surface.corners[corner + 2]]
+    )
+    data = surface.data[surface.materials[hit.face]]
+    color = wp.cw_mul(color, data.base_color)
+    if data.color_texture >= 0:
+        texel = sample_texture(surface.textures, data.color_texture, uv, level, SRGB)
+        color = wp.cw_mul(color, texel)
+    return color
+
+
+@wp.func
+def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -> float:
+    """Share of the hemisphere on one side (1: the normals', -1: the other) that sees the surround."""
+    corner = 3 * hit.face
+    w = 1.0 - hit.u - hit.v
+    both = (
+        hit.u * surface.openness[surface.corners[corner]]
+        + hit.v * surface.openness[surface.corners[corner + 1]]
+        + w * surface.openness[surface.corners[corner + 2]]
+    )
+    return wp.where(side > 0.0, both[0], both[1])
+
+
+@wp.func
+def mapped_normal(
+    surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, texture: int, uv: wp.vec2, level: float
+) -> wp.vec3:
+    """Vertex normal tilted by a normal map; unchanged where the texture has no direction."""
+    corner = 3 * hit.face
+    w = 1.0 - hit.u - hit.v
+    tangent = (
+        hit.u * surface.tangents[surface.corners[corner]]
+        + hit.v * surface.tangents[surface.corners[corner + 1]]
+        + w * surface.tangents[surface.corners[corner + 2]]
+    )
+    tangent -= wp.dot(tangent, normal) * normal
+    length = wp.length(tangent)
+    if length < 1.0e-3:
+        return normal
+    tangent = tangent / length
+    bitangent = surface.handedness[hit.face] * wp.cross(normal, tangent)
+    texel = sample_texture(surface.textures, texture, uv, level, LINEAR)
+    x = 2.0 * texel[0] - MAP_ZERO
+    y = 2.0 * texel[1] - MAP_ZERO
+    z = wp.max(2.0 * texel[2] - MAP_ZERO, 0.05)
+    return wp.normalize(x * tangent + y * bitangent + z * normal)
+
+
+@wp.func
+def look_at_hit(
+    surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
+) -> Look:
+    """Collect the look of a hit; ``cone_width`` is the width of the ray's cone there [m]."""
+    data = surface.data[surface.materials[hit.face]]
+    uv = texture_position(surface, hit)
+    level = texture_level(surface, hit, direction, cone_width)
+    outward = vertex_normal(surface, hit)
+    look = Look()
+    look.side = viewer_side(hit, direction, outward)
+    if data.normal_texture >= 0:
+        outward = mapped_normal(surface, hit, outward, data.normal_texture, uv, level)
+    look.normal = look.side * outward
+    look.facet_normal = wp.where(wp.dot(hit.normal, direction) > 0.0, -hit.normal, hit.normal)
+    look.color = base_color(surface, hit, uv, level)
+    look.roughness = data.roughness
+    look.metallic = data.metallic
+    if data.finish_texture >= 0:
+        finish = sample_texture(surface.textures, data.finish_texture, uv, level, LINEAR)
+        look.roughness = finish[0]
+        look.metallic = finish[1]
+    look.emission = data.emission
+    if data.emission_texture >= 0:
+        glow = sample_texture(surface.textures, data.emission_texture, uv, level, SRGB)
+        look.emission = wp.cw_mul(look.emission, glow)
+    look.openness = interpolated_openness(surface, hit, look.side)
+    return look
