@@ -59,6 +59,8 @@ def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
         return summaries.of_reconstruction
     if (path / layout.CAPTURE).is_dir():
         return summaries.of_run
+    if (path / layout.DATA_SET).is_file():
+        return summaries.of_data_set
     if is_ours(path):
         command = read_json(path / layout.RUN_RECORD, "run record")["command"]
         raise DigsError(

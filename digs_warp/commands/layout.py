@@ -11,6 +11,8 @@ SCENE = "scene.usdz"
 REPORT = "report.html"
 # In every folder that a command wrote:
 RUN_RECORD = "run.json"
+# In the folder of `digs-warp simulate` with many scenes:
+DATA_SET = "summary.json"
 # In the folder of `digs-warp reconstruct`:
 GAUSSIANS = "gaussians.npz"
 EVALUATION = "evaluation.json"

@@ -1,12 +1,17 @@
-"""`digs-warp simulate`: mesh and environment -> a capture folder."""
+"""`digs-warp simulate`: mesh and environment -> a capture folder, or many of them -> a data set."""
 
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 import tyro
 
+from digs_warp.checks import DigsError
+from digs_warp.commands.layout import RUN_RECORD
+from digs_warp.commands.many_scenes import ManyScenes, format_summary
 from digs_warp.commands.output import OutputFolder
+from digs_warp.log import RunLog
 from sim.config import SimulateConfig
 
 
@@ -15,17 +20,27 @@ class Simulate:
     """Record an object with a simulated handheld stereo depth camera.
 
     Writes a capture folder: left and right images, depth, masks and poses. nerfstudio reads it, too.
+    With --meshes, --environments or --trajectories it writes a folder of captures and a summary.
     """
 
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
     recording: Annotated[SimulateConfig, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SimulateConfig
     )
+    many: Annotated[ManyScenes, tyro.conf.OmitArgPrefixes] = field(default_factory=ManyScenes)
 
     can_resume: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        for one, several in (("mesh", "meshes"), ("environment", "environments")):
+            if getattr(self.recording, one) and getattr(self.many, several):
+                raise DigsError(f"--{one} and --{several} contradict each other; give one of them")
+
     def execute(self) -> str:
         """Record and say what was recorded."""
+        return self._record_many() if self.many.asked_for else self._record_one()
+
+    def _record_one(self) -> str:
         from sim.record import simulate
 
         start = time.perf_counter()
@@ -34,3 +49,26 @@ class Simulate:
         k = capture.frames[0].camera.intrinsics
         seconds = time.perf_counter() - start
         return f"{folder}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s"
+
+    def _record_many(self) -> str:
+        from sim.data_set import SUMMARY_NAME, plan_jobs, simulate_many
+        from sim.sensor_plan import check_effects
+
+        check_effects(self.recording)
+        meshes, environments = self.many.find()
+        jobs = plan_jobs(self.recording, meshes, environments, self.many.trajectories)
+        one: list[Path | None] = [self.recording.mesh, self.recording.environment]
+        folder = self.output.prepare(inputs=[*one, *meshes, *environments])
+        log = RunLog("simulate", {"recording": self.recording, "scenes": self.many})
+        record = folder / RUN_RECORD
+        if self.output.resume:
+            log.continue_from(record)
+        log.save(record)
+        with log.stage("simulate"):
+            results = simulate_many(jobs, folder, self.output.resume)
+        log.results = {"scenes": len(results), "failed": [r.name for r in results if r.error]}
+        log.save(record)
+        summary = f"{format_summary(results)}\n\nAlso in {folder / SUMMARY_NAME}"
+        if failed := log.results["failed"]:
+            raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{summary}")
+        return f"{summary}. {len(results)} scenes in {log.seconds['simulate']:.0f} s"

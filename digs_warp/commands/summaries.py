@@ -78,6 +78,18 @@ def of_reconstruction(folder: Path) -> Facts:
     return facts | _of_record(folder)
 
 
+def of_data_set(folder: Path) -> Facts:
+    """How many scenes there are, and which of them failed."""
+    scenes = read_json(folder / layout.DATA_SET, "data set summary").get("scenes", [])
+    failed = [scene["name"] for scene in scenes if scene["error"]]
+    frames = sum(scene["frames"] for scene in scenes)
+    return {
+        "kind": "data set",
+        "length": f"{len(scenes)} scenes, {frames} frames",
+        "failed": ", ".join(failed) or "none",
+    } | _of_record(folder)
+
+
 def of_run(folder: Path) -> Facts:
     """What 'digs-warp run' left: each part in a line."""
     facts = {"kind": "results of 'digs-warp run'"}

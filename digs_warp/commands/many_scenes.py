@@ -1,0 +1,72 @@
+"""Flags and words for recording many scenes at once."""
+
+import glob
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from digs_warp.checks import DigsError
+
+if TYPE_CHECKING:
+    from sim.data_set import SceneResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManyScenes:
+    """Several recordings in one folder: every mesh, in every environment, on every walk."""
+
+    meshes: str | None = None
+    """Mesh files as a pattern, for example 'meshes/**/*.glb' (in quotes)."""
+
+    environments: str | None = None
+    """Environment files as a pattern, for example 'skies/*.hdr' (in quotes)."""
+
+    trajectories: int = 1
+    """Walks around each object in each environment; each has its own seed."""
+
+    def __post_init__(self) -> None:
+        if self.trajectories < 1:
+            raise DigsError(f"trajectories: {self.trajectories}, expected at least 1")
+
+    @property
+    def asked_for(self) -> bool:
+        """Whether any of the flags was given."""
+        return self != ManyScenes()
+
+    def find(self) -> tuple[list[Path], list[Path]]:
+        """Return the mesh and environment files, sorted.
+
+        Raises:
+            DigsError: a pattern that no file matches.
+        """
+        return _matches("meshes", self.meshes), _matches("environments", self.environments)
+
+
+def format_summary(results: "Sequence[SceneResult]") -> str:
+    """Return a line per scene."""
+    width = max(len(result.name) for result in results)
+    lines = []
+    for result in results:
+        words = f"failed: {result.error}" if result.error else _success(result)
+        lines.append(f"{result.name.ljust(width)}  {words}")
+    return "\n".join(lines)
+
+
+def _success(result: "SceneResult") -> str:
+    words = f"{result.frames} frames in {result.seconds:.1f} s"
+    if result.fill is not None:
+        words += f", depth on {result.fill:.1%} of the object"
+    if result.error_mm is not None:
+        words += f", median error {result.error_mm:.2f} mm"
+    return words
+
+
+def _matches(flag: str, pattern: str | None) -> list[Path]:
+    if pattern is None:
+        return []
+    paths = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
+    files = [path for path in paths if path.is_file()]
+    if not files:
+        raise DigsError(f"--{flag} '{pattern}': no file matches; put the pattern in quotes")
+    return files

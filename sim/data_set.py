@@ -1,0 +1,154 @@
+"""Many recordings in one go: every mesh in every environment, on several walks."""
+
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.capture import Capture, Frame
+from digs_warp.checks import DigsError
+from digs_warp.log import progress, to_json, write_atomically
+from sim.config import SimulateConfig
+from sim.record import simulate
+
+SUMMARY_NAME = "summary.json"
+
+BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
+
+# Frames of a recording whose depth is judged for the summary.
+JUDGED_FRAMES = 3
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SceneJob:
+    """One recording of a data set.
+
+    Attributes:
+        name: its folder below that of the data set: mesh/environment/walk.
+        config: what to record.
+    """
+
+    name: str
+    config: SimulateConfig
+
+
+@dataclass(frozen=True)
+class SceneResult:
+    """What became of a recording.
+
+    Attributes:
+        name: that of the job.
+        error: why it failed; empty when it is done.
+        frames: number of frames written.
+        seconds: wall-clock time.
+        fill: share of the object's pixels with depth, 0 to 1; None where nothing could be judged.
+        error_mm: median absolute depth error on the object [mm]; None likewise.
+    """
+
+    name: str
+    error: str
+    frames: int
+    seconds: float
+    fill: float | None = None
+    error_mm: float | None = None
+
+
+def plan_jobs(
+    config: SimulateConfig,
+    meshes: Sequence[Path],
+    environments: Sequence[Path],
+    trajectories: int = 1,
+) -> tuple[SceneJob, ...]:
+    """Return a job for every mesh in every environment on every walk.
+
+    Args:
+        config: settings of all recordings; walk n has seed ``config.seed`` + n.
+        meshes: none: that of ``config``.
+        environments: none: that of ``config``.
+        trajectories: walks per pair, >= 1.
+    """
+    if trajectories < 1:
+        raise DigsError(f"trajectories: {trajectories}, expected at least 1")
+    objects = _named([*meshes] or [config.mesh], BUILT_IN_OBJECT)
+    rooms = _named([*environments] or [config.environment], BUILT_IN_ROOM)
+    return tuple(
+        SceneJob(
+            f"{objects[mesh]}/{rooms[environment]}/{walk:02d}",
+            replace(config, mesh=mesh, environment=environment, seed=config.seed + walk),
+        )
+        for mesh, environment, walk in product(objects, rooms, range(trajectories))
+    )
+
+
+def simulate_many(
+    jobs: Sequence[SceneJob], folder: Path, resume: bool = False
+) -> tuple[SceneResult, ...]:
+    """Record every job; one that fails is reported and does not stop the rest.
+
+    The summary, ``folder``/summary.json, grows with every recording.
+
+    Args:
+        jobs: from `plan_jobs`.
+        folder: of the data set.
+        resume: keep what an interrupted run has finished; see `sim.record.simulate`.
+    """
+    results: list[SceneResult] = []
+    with progress(len(jobs), "Scenes", "scene") as bar:
+        for job in jobs:
+            results.append(_attempt(job, folder, resume))
+            write_atomically(folder / SUMMARY_NAME, to_json({"scenes": results}).encode())
+            bar.update()
+    return tuple(results)
+
+
+def _attempt(job: SceneJob, folder: Path, resume: bool) -> SceneResult:
+    start = time.perf_counter()
+    try:
+        capture = simulate(job.config, folder / job.name, resume)
+        fill, error_mm = judge_depth(capture)
+    except Exception as error:  # whatever is wrong with one scene, the others shall be recorded
+        expected = isinstance(error, DigsError | OSError)
+        message = str(error) if expected else f"{type(error).__name__}: {error}"
+        _log.error("scene '%s' failed: %s", job.name, message, exc_info=not expected)
+        return SceneResult(job.name, message, 0, time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    return SceneResult(job.name, "", len(capture), seconds, fill, error_mm)
+
+
+def judge_depth(capture: Capture) -> tuple[float | None, float | None]:
+    """Return the share of the object's pixels with depth, and the median absolute error there [mm].
+
+    Either is None where no frame that is looked at shows the object, or none of it has depth.
+    """
+    chosen = np.linspace(0, len(capture) - 1, min(JUDGED_FRAMES, len(capture))).round().astype(int)
+    errors = np.concatenate([_errors_on_object(capture.frames[i]) for i in chosen])
+    if len(errors) == 0:
+        return None, None
+    known = errors[np.isfinite(errors)]
+    fill = len(known) / len(errors)
+    return fill, 1e3 * float(np.median(np.abs(known))) if len(known) else None
+
+
+def _errors_on_object(frame: Frame) -> np.ndarray:
+    """Return sensed minus true depth [m] of the pixels that show nothing but the object."""
+    error = frame.load_depth() - frame.load_depth_true()
+    return error[frame.load_mask() == 255]
+
+
+def _named(paths: Sequence[Path | None], built_in: str) -> dict[Path | None, str]:
+    """Return a name for every path: its stem; with its folder where stems meet."""
+    stems = [built_in if path is None else path.stem for path in paths]
+    names = {
+        path: stem if path is None or stems.count(stem) == 1 else f"{path.parent.name}-{path.name}"
+        for path, stem in zip(paths, stems, strict=True)
+    }
+    twice = sorted({name for name in names.values() if list(names.values()).count(name) > 1})
+    if twice:
+        raise DigsError(f"scenes: several inputs would be called {', '.join(twice)}; rename them")
+    return names
