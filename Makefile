@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures performance test lint format constraints clean
+.PHONY: help setup demo figures sensor performance test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -40,6 +40,9 @@ demo: setup ## The main job on the built-in object: capture, reconstruct, out/de
 
 figures: demo ## The pictures of README and docs, from the results of make demo
 	$(BIN)/python scripts/demo_picture.py out/demo
+
+sensor: setup ## Photograph every effect of the simulated camera and write docs/sensor.md
+	$(BIN)/python scripts/sensor_page.py
 
 performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py

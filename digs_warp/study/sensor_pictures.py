@@ -31,9 +31,12 @@ DRIFT = {"row_offset": 0.6, "column_offset": 0.3}
 SCALES = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 100.0)
 MOST = 95  # percent
 
-# Panels show the smallest window (a share of the frame's sides) that holds this much of the change.
-WINDOWS = (0.2, 0.35, 0.5, 1.0)
-HELD = 0.6
+# Panels show the smallest window (a share of the frame's sides) that holds this share of the change.
+WINDOWS = (0.35, 0.5, 1.0)
+HELD = 0.3
+
+# Ratio of disparities that the colours span at most: what is farther, is drawn as far.
+LARGEST_RATIO = 8.0
 
 # Errors above this are bad pixels, as Middlebury counts them [px].
 BAD = 1.0
@@ -61,13 +64,20 @@ class DepthFigure:
 
 
 class SensorStudio:
-    """The still life, ready to be photographed with any rig."""
+    """The still life, ready to be photographed with any rig.
+
+    Attributes:
+        rig: the camera of the pictures.
+        truth: what it sees.
+        facts: what the planner knows of that.
+    """
 
     def __init__(self) -> None:
         self._scene, environment = still_life()
         self._renderer = RaycastRenderer(self._scene, environment)
         self.rig = still_life_rig()
         self.truth = self._photograph(self.rig)
+        self.facts = measure_facts([self.truth])
 
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
         """Return what an effect does alone."""
@@ -85,7 +95,7 @@ class SensorStudio:
 
     def shuttered(self, effect: RollingShutter | ImageBlur) -> np.ndarray:
         """Return the left image through a shutter that has an effect alone."""
-        facts = measure_facts([self.truth])
+        facts = self.facts
         if isinstance(effect, RollingShutter):
             shutter = Shutter(
                 bands=effect.bands(facts, self.rig), readout_time=self.rig.readout_time
@@ -115,6 +125,7 @@ def depth_strip(figure: DepthFigure, path: Path) -> None:
     scale = _full_scale(np.abs(error[figure.changed]))
     low, high = np.nanpercentile(truth.disparity[rows, columns], [1, 99])
     # Equal ratios of disparity are equal steps of colour: far things keep theirs beside near ones.
+    low = max(low, high / LARGEST_RATIO)
     norm = colors.LogNorm(low, max(high, 1.5 * low), clip=True)
     near_far = {"cmap": _with_holes("turbo"), "norm": norm}
     signed = {"cmap": _with_holes("RdBu"), "vmin": -scale, "vmax": scale}
@@ -147,9 +158,8 @@ def color_strip(before: np.ndarray, after: np.ndarray, path: Path) -> None:
     _save(figure, path)
 
 
-def all_figures(folder: Path) -> dict[str, DepthFigure]:
+def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     """Draw the strip of every effect into ``folder`` and return the numbers of those on depth."""
-    studio = SensorStudio()
     figures = {effect.name: studio.depth_figure(effect) for effect in EFFECTS}
     for name, figure in figures.items():
         depth_strip(figure, folder / f"{name}.jpg")
@@ -161,7 +171,7 @@ def all_figures(folder: Path) -> dict[str, DepthFigure]:
 
 
 def _window(changed: np.ndarray) -> tuple[slice, slice]:
-    """Return the smallest window that holds most of what has changed."""
+    """Return the smallest window that holds enough of what has changed."""
     height, width = changed.shape
     sums = np.pad(changed.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     for share in WINDOWS:

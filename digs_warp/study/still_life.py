@@ -1,8 +1,8 @@
 """A scene that provokes every error of a stereo depth camera at once, for the pictures of docs/sensor.md.
 
 On a textured table before a textured wall: a pole in front of everything, plain and faintly patterned
-cards, a glossy ball and a glossy tile, a mirror, a pane of glass, a lamp, a black card, a bead close to the lens, and a
-surround beyond the camera's range.
+cards, a board seen along its surface, a glossy ball and a glossy tile, a mirror, a pane of glass, a lamp,
+a black card, a bead close to the lens, and a surround beyond the camera's range.
 """
 
 from collections.abc import Sequence
@@ -41,18 +41,24 @@ def still_life() -> tuple[Scene, Environment]:
         (card((0, 0.0, -0.3), (1.3, 0, 0), (0, 0.75, 0)), _noise(rng, "table", 36, (2, 40))),
         (card((-0.47, 0.35, 0.16), (0.17, 0.03, 0), (0, 0.02, 0.2)), _plain("plain card", 0.62)),
         (
-            card((-0.5, 0.1, -0.16), (0.15, 0.04, 0), (0, 0.02, 0.1)),
+            card((-0.55, 0.1, -0.16), (0.15, 0.04, 0), (0, 0.02, 0.1)),
             _noise(rng, "faint card", 1.2, (3, 12)),
         ),
         (card((0.62, 0.3, 0.1), (0.15, -0.1, 0), (0, 0, 0.25)), _metal("mirror")),
         (
             card((0.3, -0.25, -0.12), (0.12, 0.02, 0), (0, 0, 0.16)),
-            Material("glass", np.full(3, 0.97, np.float32), roughness=0.02, transmission=0.93),
+            Material(
+                "glass", np.array((0.78, 0.93, 0.88), np.float32), roughness=0.02, transmission=0.93
+            ),
         ),
         (ball((-0.1, 0.05, -0.16), 0.14), _plain("glossy ball", 0.12, roughness=0.15)),
         (
-            card((-0.12, -0.42, -0.295), (0.14, 0.02, 0), (-0.02, 0.13, 0)),
+            card((0.03, -0.08, -0.295), (0.12, 0.01, 0), (-0.01, 0.06, 0)),
             _plain("tile", 0.05, 0.1),
+        ),
+        (
+            card((-0.325, -0.075, -0.17), (-0.025, 0.225, 0), (0, 0, 0.13)),
+            _noise(rng, "board", 45, (3, 40), tint=(0.6, 0.75, 1.0)),
         ),
         (ball((0.36, 0.45, 0.42), 0.07), _lamp("lamp")),
         (card((0.02, 0.6, 0.36), (0.13, 0, 0), (0, 0, 0.11)), _plain("black card", 0.0003)),

@@ -20,8 +20,15 @@ def is_mirror(material: Material) -> bool:
 
 
 def is_glossy(material: Material) -> bool:
-    """Whether the surface shows sharp highlights, but is no mirror."""
-    return material.roughness < GLOSSY_ROUGHNESS and not is_mirror(material)
+    """Whether the surface shows sharp highlights, but is no mirror.
+
+    Nor glass: what is bright there is mostly what lies behind.
+    """
+    return (
+        material.roughness < GLOSSY_ROUGHNESS
+        and not is_mirror(material)
+        and not is_transparent(material)
+    )
 
 
 def is_transparent(material: Material) -> bool:

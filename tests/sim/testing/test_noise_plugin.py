@@ -95,8 +95,9 @@ def config(tmp_path: Path) -> SimulateConfig:
     mesh, sky = tmp_path / "thing.obj", tmp_path / "sky.png"
     mesh.write_text(TETRAHEDRON)
     write_image(sky, np.full((8, 16, 3), 200, np.uint8))
-    size = {"frames": 1, "width": 24, "height": 16, "samples_per_pixel": 1}
-    return SimulateConfig(mesh=mesh, environment=sky, **size)
+    return SimulateConfig(
+        mesh=mesh, environment=sky, frames=1, width=24, height=16, samples_per_pixel=1
+    )
 
 
 def test_a_capture_is_simulated_once(config: SimulateConfig, tmp_path: Path) -> None:
