@@ -115,20 +115,21 @@ class BandedRays:
 
     def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
         """See `FrameRays`."""
-        if where is None:
-            return np.concatenate([band.right_visibility() for band in self.bands])
-        parts = np.split(where, np.cumsum(self.heights)[:-1])
-        return np.concatenate(
-            [band.right_visibility(part) for band, part in zip(self.bands, parts, strict=True)]
-        )
+        return self._joined("right_visibility", where)
 
-    def reflection_distance(self) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         """See `FrameRays`."""
-        return np.concatenate([band.reflection_distance() for band in self.bands])
+        return self._joined("reflection_distance", where)
 
-    def depth_behind(self) -> np.ndarray:
+    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         """See `FrameRays`."""
-        return np.concatenate([band.depth_behind() for band in self.bands])
+        return self._joined("depth_behind", where)
+
+    def _joined(self, kind: str, where: np.ndarray | None) -> np.ndarray:
+        edges = np.cumsum(self.heights)[:-1]
+        parts = [None] * len(self.bands) if where is None else np.split(where, edges)
+        bands = zip(self.bands, parts, strict=True)
+        return np.concatenate([getattr(band, kind)(part) for band, part in bands])
 
 
 def _mean(views: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:

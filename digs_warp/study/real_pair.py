@@ -51,11 +51,11 @@ class WarpedRays:
         visible[rows[inside], columns[inside]] = ahead <= value[inside] + SAME_SURFACE
         return visible
 
-    def reflection_distance(self) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         """Nothing is mirrored."""
         raise DigsError("a recorded pair does not tell what its surfaces mirror")
 
-    def depth_behind(self) -> np.ndarray:
+    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         """Nothing is transparent."""
         raise DigsError("a recorded pair does not tell what lies behind its surfaces")
 

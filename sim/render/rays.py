@@ -28,9 +28,9 @@ SAME_POINT = wp.constant(1.0e-4)
 def right_visibility_kernel(
     first: int,
     view: View,
-    right_center: wp.vec3,
     surface: Surface,
     pixels: wp.array[int],
+    right_center: wp.vec3,
     # outputs
     visible: wp.array[wp.uint8],  # [pixels]
 ):
@@ -64,29 +64,31 @@ def reflection_kernel(
     first: int,
     view: View,
     surface: Surface,
+    pixels: wp.array[int],
     # outputs
     distances: wp.array[float],  # [pixels] [m]
 ):
     """Follow the mirrored ray from what is seen at a pixel centre to the next opaque thing."""
-    pixel = first + wp.tid()
+    index = first + wp.tid()
+    pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
     y = float(pixel // view.width) + 0.5
     direction = view.world_from_cam * ray_direction_cam(view, x, y)
     distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
     if distance < 0.0:
-        distances[pixel] = 0.0
+        distances[index] = 0.0
         return
     start = wp.max(distance * (1.0 - SAME_POINT), 0.0)
     hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
     if not hit.result:
-        distances[pixel] = 0.0
+        distances[index] = 0.0
         return
     normal = viewer_side_normal(surface, hit, direction)
     mirrored = wp.normalize(direction - 2.0 * wp.dot(direction, normal) * normal)
     outward = wp.where(wp.dot(hit.normal, direction) < 0.0, hit.normal, -hit.normal)
     origin = view.center + distance * direction + surface.lift * outward
     away = trace(surface, origin, mirrored, FAR, view.pixel_cone, OPAQUE)
-    distances[pixel] = wp.where(away >= 0.0, away, surround_distance(view, origin, mirrored))
+    distances[index] = wp.where(away >= 0.0, away, surround_distance(view, origin, mirrored))
 
 
 @wp.kernel
@@ -94,11 +96,13 @@ def depth_behind_kernel(
     first: int,
     view: View,
     surface: Surface,
+    pixels: wp.array[int],
     # outputs
     depth: wp.array[float],  # [pixels] planar z [m]
 ):
     """Look through everything transparent at a pixel centre."""
-    pixel = first + wp.tid()
+    index = first + wp.tid()
+    pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
     y = float(pixel // view.width) + 0.5
     direction_cam = ray_direction_cam(view, x, y)
@@ -106,11 +110,11 @@ def depth_behind_kernel(
     distance = trace(surface, view.center, direction, FAR, view.pixel_cone, OPAQUE)
     if distance < 0.0:
         distance = surround_distance(view, view.center, direction)
-    depth[pixel] = distance * direction_cam[2]
+    depth[index] = distance * direction_cam[2]
 
 
 class SurfaceRays:
-    """The rays of one frame; each kind is cast on the first request and kept.
+    """The rays of one frame, cast on request; those of whole frames are kept.
 
     Args:
         scene: on the device.
@@ -143,47 +147,56 @@ class SurfaceRays:
         """
         return self._right_visibility if where is None else self._look_from_right(where)
 
-    def reflection_distance(self) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         """Distance from the surface to what it would mirror [m], (height, width), float32.
 
-        0 for the surround, which mirrors nothing.
+        0 for the surround, which mirrors nothing. NaN outside ``where``, (height, width), bool; None:
+        everywhere, once.
         """
-        return self._reflection_distance
+        return self._reflection_distance if where is None else self._cast(reflection_kernel, where)
 
-    def depth_behind(self) -> np.ndarray:
+    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         """Planar depth of the first opaque surface [m], (height, width), float32.
 
         Surfaces that hide less than half of what lies behind them are looked through; where nothing
-        opaque follows, this is the depth of the surround.
+        opaque follows, this is the depth of the surround. NaN outside ``where``, (height, width), bool;
+        None: everywhere, once.
         """
-        return self._depth_behind
+        return self._depth_behind if where is None else self._cast(depth_behind_kernel, where)
 
     @cached_property
     def _right_visibility(self) -> np.ndarray:
-        k = self._camera.intrinsics
-        return self._look_from_right(np.ones((k.height, k.width), dtype=bool))
-
-    def _look_from_right(self, where: np.ndarray) -> np.ndarray:
-        right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
-        pixels = np.flatnonzero(where).astype(np.int32)
-        seen = wp.empty(len(pixels), dtype=wp.uint8, device="cpu")
-        inputs = [self._view, right, self._scene.surface, wp.from_numpy(pixels, device="cpu"), seen]
-        launch_parallel(right_visibility_kernel, len(pixels), inputs, threads=self._threads)
-        visible = np.ones(where.shape, dtype=bool)
-        visible[where] = seen.numpy() != 0
-        return visible
+        return self._look_from_right(self._everywhere)
 
     @cached_property
     def _reflection_distance(self) -> np.ndarray:
-        return self._cast(reflection_kernel, float)
+        return self._cast(reflection_kernel, self._everywhere)
 
     @cached_property
     def _depth_behind(self) -> np.ndarray:
-        return self._cast(depth_behind_kernel, float)
+        return self._cast(depth_behind_kernel, self._everywhere)
 
-    def _cast(self, kernel: Any, dtype: Any, *scalars: Any) -> np.ndarray:
+    @property
+    def _everywhere(self) -> np.ndarray:
         k = self._camera.intrinsics
-        values = wp.empty(k.height * k.width, dtype=dtype, device="cpu")
-        inputs = [self._view, *scalars, self._scene.surface, values]
-        launch_parallel(kernel, k.height * k.width, inputs, threads=self._threads)
-        return values.numpy().reshape(k.height, k.width)
+        return np.ones((k.height, k.width), dtype=bool)
+
+    def _look_from_right(self, where: np.ndarray) -> np.ndarray:
+        right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
+        visible = np.ones(where.shape, dtype=bool)
+        visible[where] = self._values(right_visibility_kernel, where, wp.uint8, right) != 0
+        return visible
+
+    def _cast(self, kernel: Any, where: np.ndarray) -> np.ndarray:
+        image = np.full(where.shape, np.nan, dtype=np.float32)
+        image[where] = self._values(kernel, where, float)
+        return image
+
+    def _values(self, kernel: Any, where: np.ndarray, dtype: Any, *scalars: Any) -> np.ndarray:
+        """Return what a kernel finds at the pixels of ``where``, in reading order."""
+        pixels = np.flatnonzero(where).astype(np.int32)
+        values = wp.empty(len(pixels), dtype=dtype, device="cpu")
+        numbers = wp.from_numpy(pixels, dtype=int, device="cpu")
+        inputs = [self._view, self._scene.surface, numbers, *scalars, values]
+        launch_parallel(kernel, len(pixels), inputs, threads=self._threads)
+        return values.numpy()

@@ -21,16 +21,17 @@ class FrameRays(Protocol):
     def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
         """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
 
-        Rays are cast only at ``where``, (height, width), bool (None: everywhere); the others count as seen.
+        Here and below, rays are cast only at ``where``, (height, width), bool; None: everywhere. The
+        other pixels count as seen.
         """
         ...
 
-    def reflection_distance(self) -> np.ndarray:
-        """Distance from the surface to what it mirrors [m], (height, width), float32."""
+    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
+        """Distance from the surface to what it mirrors [m], (height, width), float32; NaN elsewhere."""
         ...
 
-    def depth_behind(self) -> np.ndarray:
-        """Planar depth of the first opaque surface [m], (height, width), float32."""
+    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
+        """Planar depth of the first opaque surface [m], (height, width), float32; NaN elsewhere."""
         ...
 
 

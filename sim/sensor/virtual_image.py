@@ -28,7 +28,7 @@ def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
     depth = truth.depth[rows, columns].astype(np.float64)
     x, y = (columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy
     to_surface = depth * np.sqrt(1 + x * x + y * y)
-    to_mirrored = truth.rays.reflection_distance()[rows, columns].astype(np.float64)
+    to_mirrored = truth.rays.reflection_distance(where)[rows, columns].astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1 / to_mirrored + 2 * curvature_along_rows(truth, rows, columns)
         behind = 1 / np.maximum(inverse, 1 / MAX_VIRTUAL_DISTANCE)

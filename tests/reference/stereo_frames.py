@@ -54,11 +54,11 @@ class CountedRays:
         self.asked.append("right_visibility")
         return np.ones(self.shape, dtype=bool)
 
-    def reflection_distance(self) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         self.asked.append("reflection_distance")
         return np.full(self.shape, 10.0, dtype=np.float32)
 
-    def depth_behind(self) -> np.ndarray:
+    def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         self.asked.append("depth_behind")
         return np.full(self.shape, 10.0, dtype=np.float32)
 

@@ -118,6 +118,20 @@ def test_opacity_textures_cut_holes_into_geometry() -> None:
     assert (materials[45][solid] == 0).all()
 
 
+def test_rays_at_some_pixels_are_those_of_the_whole_frame() -> None:
+    rays, _ = rays_of(join_scenes(wall(0.4, 0.1, transmission=1.0), wall(-0.5, 0.6)))
+    where = np.random.default_rng(0).random((90, 160)) < 0.2
+    for kind, elsewhere in (
+        (rays.right_visibility, True),
+        (rays.reflection_distance, np.nan),
+        (rays.depth_behind, np.nan),
+    ):
+        some, everything = kind(where), kind()
+        np.testing.assert_array_equal(some[where], everything[where])
+        np.testing.assert_array_equal(some[~where], elsewhere)
+        assert kind(np.zeros_like(where)).shape == where.shape  # asking for nothing is no error
+
+
 def test_rays_are_cast_once() -> None:
     rays, _ = rays_of(wall(0.0, 0.2))
     assert rays.right_visibility() is rays.right_visibility()

@@ -53,5 +53,5 @@ class Transparency:
         drawn = coherent_uniform(rng, glass.shape, rows, columns, COHERENCE)
         glass[rows, columns] = drawn < share
         # The ray goes straight on: refraction is left out of the rendered images, too.
-        behind = np.float32(truth.rig.focal_baseline) / truth.rays.depth_behind()
+        behind = np.float32(truth.rig.focal_baseline) / truth.rays.depth_behind(glass)
         return sensed.with_values(glass, behind, Cause.TRANSPARENT, confidence=0.8)

@@ -41,7 +41,7 @@ class WallRays(CountedRays):
         super().__init__(truth.depth.shape)
         self.length = (truth.depth + distance) * ray_lengths(truth)
 
-    def reflection_distance(self) -> np.ndarray:
+    def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         return self.length.astype(np.float32)
 
 
