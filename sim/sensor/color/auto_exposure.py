@@ -42,7 +42,7 @@ class AutoExposure:
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Bring the left image's mean luminance toward middle grey, by MAX_STOPS at most."""
-        luminance = float((eyes.left.mean(axis=(0, 1)) @ LUMINANCE).item())
+        luminance = float(eyes.left.mean(axis=(0, 1), dtype=np.float64) @ LUMINANCE)
         stops = np.log2(MIDDLE_GREY / luminance) if luminance > 0 else MAX_STOPS
         gain = np.float32(2.0 ** (strength * np.clip(stops, -MAX_STOPS, MAX_STOPS)))
         return eyes.with_images(_exposed(eyes.left, gain), _exposed(eyes.right, gain))

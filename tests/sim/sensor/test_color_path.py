@@ -1,0 +1,160 @@
+"""Effects on the colour path against their laws, and exact bytes without them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.stereo_frames import make_frame
+
+from digs_warp.images import srgb_from_linear
+from sim.profiles import load_profile
+from sim.rig import StereoRig
+from sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
+from sim.sensor.color.auto_exposure import AutoExposure
+from sim.sensor.color.encoding import decode, encode
+from sim.sensor.color.noise_law import STEPS_PER_LINEAR, read_sigma, shot_factor
+from sim.sensor.color.protocol import EyeImages, PixelEffect
+from sim.sensor.color.read_noise import ReadNoise
+from sim.sensor.color.shot_noise import ShotNoise
+from sim.sensor.color.vignetting import Vignetting
+from sim.sensor.facts import SceneFacts, measure_facts
+from sim.sensor.frame import Motion
+
+RIG = load_profile("zed2-720").rig(320, 180)
+GREY = 0.18
+
+
+def eyes(left: float | np.ndarray, right: float | np.ndarray | None = None) -> EyeImages:
+    k = RIG.intrinsics
+    shape = (k.height, k.width, 3)
+    pair = (left, left if right is None else right)
+    images = (np.broadcast_to(np.float32(value), shape).copy() for value in pair)
+    return EyeImages(k, *images)
+
+
+def facts_of(rig: StereoRig) -> SceneFacts:
+    """A wall seen by a hand that turns the camera by a fifth of a radian per second."""
+    truth = make_frame(np.full((180, 320), 25.0), rig=rig)
+    turning = Motion(velocity_cam=(0.0, 0.0, 0.0), angular_velocity_cam=(0.0, 0.5, 0.0))
+    return measure_facts([replace(truth, motion=turning)])
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def test_every_eight_bit_value_survives_linear_light() -> None:
+    values = np.arange(256, dtype=np.uint8)
+    np.testing.assert_array_equal(encode(decode(values)), values)
+
+
+def test_encoding_is_srgb_up_to_half_a_step() -> None:
+    linear = rng().uniform(-0.1, 1.2, 10_000)
+    exact = 255 * srgb_from_linear(np.clip(linear, 0, 1))
+    np.testing.assert_allclose(encode(linear), exact, atol=0.55)
+
+
+def test_the_slope_of_srgb_at_middle_grey() -> None:
+    low, high = 255 * srgb_from_linear(np.array([GREY - 1e-5, GREY + 1e-5]))
+    assert (high - low) / 2e-5 == pytest.approx(STEPS_PER_LINEAR, rel=1e-6)
+
+
+@pytest.mark.parametrize("noise", [1.0, 2.0, 4.0])
+def test_both_noises_make_what_the_rig_states_at_middle_grey(noise: float) -> None:
+    rig = replace(RIG, image_noise=noise)
+    noisy = ReadNoise().apply(ShotNoise().apply(eyes(GREY), rig, rng(1)), rig, rng(2))
+    for image in (noisy.left, noisy.right):
+        steps = 255 * srgb_from_linear(image.astype(np.float64))
+        assert steps.std() == pytest.approx(noise, rel=0.05)
+        assert steps.mean() == pytest.approx(
+            255 * srgb_from_linear(np.array(GREY)), abs=0.2
+        )  # the curve of sRGB bends
+
+
+def test_shot_noise_grows_with_the_root_of_light_and_read_noise_does_not() -> None:
+    levels = (0.02, 0.08, 0.32, 0.9)
+    shot = [np.var(ShotNoise().apply(eyes(x), RIG, rng(3)).left - np.float32(x)) for x in levels]
+    np.testing.assert_allclose(shot, shot_factor(RIG) ** 2 * np.array(levels), rtol=0.02)
+    read = [np.std(ReadNoise().apply(eyes(x), RIG, rng(3)).left - np.float32(x)) for x in levels]
+    np.testing.assert_allclose(read, read_sigma(RIG), rtol=0.01)
+
+
+def test_noise_is_white_and_independent_between_eyes() -> None:
+    for effect in (ShotNoise(), ReadNoise()):
+        noisy = effect.apply(eyes(GREY), RIG, rng(4))
+        left, right = noisy.left[..., 0] - GREY, noisy.right[..., 0] - GREY
+        assert abs(np.corrcoef(left.ravel(), right.ravel())[0, 1]) < 0.02
+        assert abs(np.corrcoef(left[:, 1:].ravel(), left[:, :-1].ravel())[0, 1]) < 0.02
+        assert abs(np.corrcoef(left.ravel(), noisy.left[..., 1].ravel())[0, 1]) < 0.02
+
+
+def test_vignetting_takes_what_the_rig_states_from_the_corners_and_nothing_from_the_middle() -> (
+    None
+):
+    rig = replace(RIG, vignetting=0.4)
+    shaded = Vignetting().apply(eyes(0.5, 0.25), rig, rng())
+    left = shaded.left[..., 0]
+    assert left[0, 0] == pytest.approx(0.5 * 0.6, rel=1e-5)
+    assert left[90, 160] == pytest.approx(0.5, rel=1e-3)
+    np.testing.assert_allclose(shaded.right, 0.5 * shaded.left, rtol=1e-6)
+    along = left[90, 160:]
+    assert (np.diff(along) < 0).all()
+    # cos^4 between the middle and the corner.
+    k = rig.intrinsics
+    cos4 = [
+        (1 + ((x - k.cx) ** 2 + (y - k.cy) ** 2) / k.fx**2) ** -2
+        for x, y in [(250.5, 90.5), (0.5, 0.5)]
+    ]
+    assert 1 - left[90, 250] / 0.5 == pytest.approx(0.4 * (1 - cos4[0]) / (1 - cos4[1]), rel=1e-3)
+
+
+@pytest.mark.parametrize("level", [0.09, 0.18, 0.3])
+def test_exposure_brings_the_left_image_to_middle_grey_and_the_right_along(level: float) -> None:
+    exposed = AutoExposure().apply(eyes(level, 0.5 * level), RIG, rng())
+    np.testing.assert_allclose(exposed.left, GREY, rtol=1e-5)
+    np.testing.assert_allclose(exposed.right, 0.5 * GREY, rtol=1e-5)
+
+
+def test_exposure_has_limits_keeps_white_white_and_bears_black() -> None:
+    dark = AutoExposure().apply(eyes(0.01), RIG, rng())
+    np.testing.assert_allclose(dark.left, 0.01 * 2**1.5, rtol=1e-5)
+    bright = eyes(0.5)
+    bright.left[:90] = 1.0
+    exposed = AutoExposure().apply(bright, RIG, rng())
+    assert (exposed.left[:90] == 1.0).all() and (exposed.left[90:] < 0.25).all()
+    black = AutoExposure().apply(eyes(0.0), RIG, rng())
+    assert (black.left == 0).all()
+
+
+@pytest.mark.parametrize("effect", PIXEL_EFFECTS, ids=lambda effect: effect.name)
+def test_strength_zero_is_no_effect_and_the_seed_decides(effect: PixelEffect) -> None:
+    images = eyes(rng(7).uniform(0, 1, (180, 320, 3)))
+    untouched = effect.apply(images, RIG, rng(), strength=0.0)
+    np.testing.assert_allclose(untouched.left, images.left, rtol=1e-6)
+    once, again = (effect.apply(images, RIG, rng(8)) for _ in range(2))
+    np.testing.assert_array_equal(once.right, again.right)
+
+
+@pytest.mark.parametrize(
+    ("name", "quiet"),
+    [
+        ("rolling-shutter", {"readout_time": 0.0}),
+        ("image-blur", {"exposure_time": 0.0}),
+        ("vignetting", {"vignetting": 0.0}),
+        ("shot-noise", {"image_noise": 0.0}),
+        ("read-noise", {"image_noise": 0.0}),
+    ],
+)
+def test_a_camera_without_the_cause_never_gets_the_effect(
+    name: str, quiet: dict[str, float]
+) -> None:
+    (effect,) = (effect for effect in COLOR_EFFECTS if effect.name == name)
+    quiet_rig = replace(RIG, **quiet)
+    assert effect.choose(facts_of(RIG), RIG).on
+    assert not effect.choose(facts_of(quiet_rig), quiet_rig).on
+
+
+def test_exposure_is_corrected_only_where_much_is_clipped() -> None:
+    for saturated, dark, on in ((0.04, 0.04, False), (0.15, 0.0, True), (0.0, 0.15, True)):
+        facts = replace(facts_of(RIG), saturated_share=saturated, dark_share=dark)
+        assert AutoExposure().choose(facts, RIG).on == on
