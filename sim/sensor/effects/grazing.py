@@ -10,6 +10,7 @@ from sim.sensor.cause import Cause
 from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import GRAZING_RATIO, SceneFacts
+from sim.sensor.filters import nearest_clear
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.pixels import pixels_where
 from sim.sensor.slopes import surface_slope, width_ratio
@@ -28,12 +29,17 @@ HALF_SLOPE, SLOPE_WIDTH = 0.673, 0.049
 SAFE_SLOPE = 0.2
 
 
+# Up to this distance from better ground, smoothness carries in the disparity of the rim, and a wrong one
+# it is: at the rims of round things, in rendered scenes and a real pair, the matcher has a value for 70 to
+# 90 % of the hopeless pixels, off by more than 1 px for 40 to 90 % of them [px].
+BRIDGE = 8.0
+
 MIN_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
 class Grazing:
-    """Holes on surfaces seen so flatly that their texture is compressed in one eye."""
+    """Holes, and wrong depth in narrow strips, where texture is much compressed in one eye."""
 
     name: ClassVar[str] = "grazing"
 
@@ -52,7 +58,7 @@ class Grazing:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Make holes; ``strength`` divides the slopes that matching bears."""
+        """Drop or bridge pixels; ``strength`` divides the slopes that matching bears."""
         along_rows, along_columns = truth.slope, surface_slope(truth.disparity, axis=0)
         steep = SAFE_SLOPE / strength
         rows, columns = pixels_where((np.abs(along_rows) > steep) | (np.abs(along_columns) > steep))
@@ -65,7 +71,26 @@ class Grazing:
             (strength * width_ratio(x) - half) / RATIO_WIDTH,
             (strength * y - HALF_SLOPE) / SLOPE_WIDTH,
         )
-        draw = coherent_uniform(rng, truth.depth.shape, rows, columns, truth.rig.noise_correlation)
-        lost = np.zeros(truth.depth.shape, dtype=bool)
-        lost[rows, columns] = draw < 1 / (1 + np.exp(-excess))
-        return sensed.with_holes(lost, Cause.GRAZING)
+        shape = truth.depth.shape
+        draw = coherent_uniform(rng, shape, rows, columns, truth.rig.noise_correlation)
+        failed, hopeless = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        failed[rows, columns] = draw < 1 / (1 + np.exp(-excess))
+        hopeless[rows, columns] = excess > 0
+        return _bridged(sensed, failed, hopeless)
+
+
+def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed:
+    """Return the frame without the failed pixels, but with the hopeless ones filled from the rim.
+
+    Args:
+        sensed: before.
+        failed: what is not matched, (height, width), bool.
+        hopeless: surface on which most pixels fail, (height, width), bool.
+    """
+    if hopeless.any() and not hopeless.all():
+        distance, nearest = nearest_clear(hopeless)
+        disparity = sensed.disparity.reshape(-1)[nearest]
+        filled = failed & hopeless & (distance <= BRIDGE) & sensed.known & ~np.isnan(disparity)
+        sensed = sensed.with_values(filled, disparity, Cause.GRAZING, confidence=0.5)
+        failed = failed & ~filled
+    return sensed.with_holes(failed, Cause.GRAZING)

@@ -22,8 +22,9 @@ DECAY = 14.0  # [px]
 # Reach and decay divided by 1 + 30 |slope| give 43, 67 and 77 %.
 SLOPE_GAIN = 30.0
 
-# Of the failed pixels of these discs 0 to a half become holes; the rest is wrong and confident.
-HOLE_SHARE = 0.35
+# Of the failed pixels of these discs 0 to a half become holes, of those in rendered scenes two thirds; the
+# rest is wrong and confident.
+HOLE_SHARE = 0.45
 
 # Failures come in patches of this size, wrong by 1 px and up to this much more [px] [tuned].
 PATCH, WRONG_ERROR = 24.0, 3.0

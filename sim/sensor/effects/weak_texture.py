@@ -1,6 +1,6 @@
 """Weak texture: image noise shows in the disparity, and at last drowns the match."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,10 +16,14 @@ from sim.sensor.noise_field import smooth_normal
 from sim.sensor.pixels import pixels_where
 from sim.sensor.texture import noise_of
 
-# Temporal disparity error of semi-global matching: c sqrt(2) / (w SNR) px for a window of w pixels and
-# SNR = gradient / image noise; c was between 0.34 and 0.6.
-ERROR_PER_SNR = 0.47 * np.sqrt(2)
-LARGEST_ERROR = 1.0  # [px]; beyond it, pixels are lost instead
+# Disparity error [px] by SNR = gradient / image noise: semi-global matching (window 5) of rendered scenes
+# with image noise of 2 DN, of which a real pair with 4 DN is a second witness (0.45 px among errors below
+# 1 px, 21 % above, at SNR < 0.5). Ideal planes give half of this: 0.5 to 0.8 / (window SNR).
+SNRS = (0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+ERRORS = (0.85, 0.78, 0.64, 0.48, 0.33, 0.20, 0.10)
+
+# Errors above this have a label [px].
+WRONG = 1.0
 
 # In weak texture noise is smooth over more pixels: 10 along rows, 5 along columns were seen, not 4.
 CORRELATION_GAIN = (1.25, 2.5)  # columns, rows
@@ -28,7 +32,7 @@ CORRELATION_GAIN = (1.25, 2.5)  # columns, rows
 REGION = 4
 
 # Share of matched pixels by SNR where the texture is weak all round.
-SNRS = (0.0, 0.06, 0.12, 0.24, 0.47)
+FILL_SNRS = (0.0, 0.06, 0.12, 0.24, 0.47)
 FILL = (0.0, 0.003, 0.09, 0.99, 1.0)
 
 # "All round": a plain patch smaller than this is filled from its rim [px].
@@ -69,9 +73,12 @@ class WeakTexture:
         vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
         error = smooth_normal(rng, shape, horizontal, vertical)
         error *= enlarge(_excess_noise(energy, noise, rig), shape)
-        sensed = sensed.shifted(error)
+        shifted = sensed.disparity + error
+        wrong = (np.abs(error) > np.float32(WRONG)) & sensed.known
+        sensed = replace(sensed, disparity=shifted)
+        sensed = sensed.with_values(wrong, shifted, Cause.WEAK_TEXTURE, confidence=0.5)
 
-        fill = np.interp(_regional_root(energy, SURROUNDINGS) / noise, SNRS, FILL)
+        fill = np.interp(_regional_root(energy, SURROUNDINGS) / noise, FILL_SNRS, FILL)
         if fill.min() == 1:
             return sensed
         fill = enlarge(fill.astype(np.float32), shape)
@@ -90,8 +97,7 @@ def _excess_noise(energy: np.ndarray, noise: float, rig: StereoRig) -> np.ndarra
         noise: of the image [DN].
         rig: its noise belongs to good texture, and is an effect of its own.
     """
-    snr = np.maximum(_regional_root(energy, REGION * rig.window), 1e-3) / noise
-    error = np.minimum(ERROR_PER_SNR / rig.window / snr, LARGEST_ERROR)
+    error = np.interp(_regional_root(energy, REGION * rig.window) / noise, SNRS, ERRORS)
     excess = np.square(error) - rig.disparity_sigma**2 * rig.temporal_share
     return np.sqrt(np.maximum(excess, 0.0)).astype(np.float32)
 
