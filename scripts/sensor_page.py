@@ -3,10 +3,12 @@
 Usage: python scripts/sensor_page.py   (about half a minute)
 """
 
-from inspect import getdoc
+import re
+import sys
+from inspect import getdoc, getsource
 from pathlib import Path
 
-from digs_warp.study.sensor_pictures import DepthFigure, SensorStudio, draw_all
+from digs_warp.study.sensor_pictures import DRIFT, DepthFigure, SensorStudio, draw_all
 from sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
 from sim.sensor.cause import Cause
 from sim.sensor.color import COLOR_EFFECTS
@@ -32,7 +34,8 @@ into depth.
 
 ## Tiers
 
-`--tier` chooses how far that goes.
+`--tier` chooses how far that goes. For tests of your own code at rising noise there is
+[a pytest plug-in](sensor-noise-plugin.md).
 
 | tier | depth |
 |---|---|
@@ -59,7 +62,8 @@ digs-warp simulate --tier planned --effects occlusion,correlated-noise --out out
 Each picture shows the same still life with one effect alone: the left image, disparity as it is (warm is
 near), disparity after the effect, and the error (blue: reads too near, red: too far, black: no depth).
 Pictures show the part of the frame where most happens. The camera is of ZED 2 class at {width} x {height}
-pixels. Rules and facts are the planner's on this scene.
+pixels. Rules and facts are the planner's on this scene. Only mis-rectification is shown with another one,
+whose calibration has drifted by {drift_rows} px between the rows and {drift_columns} px along them.
 
 {depth}
 ## Effects on the images
@@ -83,8 +87,8 @@ per pixel. The last effect that took or replaced a value has the word; effects t
 sensor's noise leave the label alone. Missing depth is coded as the ZED does: NaN, minus infinity nearer
 than the camera can see, plus infinity farther.
 
-| number | cause |
-|---|---|
+| number | cause | meaning |
+|---|---|---|
 {causes}
 
 ## Cameras
@@ -116,10 +120,12 @@ def main() -> None:
     page = PAGE.format(
         width=k.width,
         height=k.height,
+        drift_rows=DRIFT["row_offset"],
+        drift_columns=DRIFT["column_offset"],
         depth="\n".join(section(e, studio.facts, studio) for e in EFFECTS),
         color="\n".join(section(e, studio.facts, studio) for e in COLOR_EFFECTS),
         numbers="\n".join(number_row(name, figure) for name, figure in figures.items()),
-        causes="\n".join(f"| {cause.value} | {cause.name.lower()} |" for cause in Cause),
+        causes=cause_rows(),
         profiles=", ".join(f"`{name}`" for name in PROFILES),
         profile=SHOWN_PROFILE,
         figures=figure_rows(SHOWN_PROFILE),
@@ -130,11 +136,26 @@ def main() -> None:
 
 def section(effect: DepthEffect | ColorEffect, facts: SceneFacts, studio: SensorStudio) -> str:
     """Return heading, explanation, rule and picture of an effect."""
-    what = (getdoc(type(effect)) or "").partition("\n\n")[0].replace("\n", " ")
+    what = (
+        f"{first_paragraph(sys.modules[type(effect).__module__])} {first_paragraph(type(effect))}"
+    )
     choice: Choice = effect.choose(facts, studio.rig)
     rule = f"On where {choice.threshold}; here {choice.statistic}: {'on' if choice.on else 'off'}."
     picture = f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)"
-    return f"### {effect.name}\n\n{what} {rule}\n\n{picture}\n"
+    return f"### {effect.name}\n\n{what}\n\n{rule}\n\n{picture}\n"
+
+
+def first_paragraph(thing: object) -> str:
+    """Return the first paragraph of a docstring as one line of Markdown."""
+    return (getdoc(thing) or "").partition("\n\n")[0].replace("\n", " ").replace("``", "`")
+
+
+def cause_rows() -> str:
+    """Return the table of causes; what they mean stands in the comments of `Cause`."""
+    meanings = dict(re.findall(r"^ +([A-Z_]+) = \d+(?:  # (.+))?$", getsource(Cause), re.MULTILINE))
+    return "\n".join(
+        f"| {cause.value} | {cause.name.lower()} | {meanings[cause.name]} |" for cause in Cause
+    )
 
 
 def number_row(name: str, figure: DepthFigure) -> str:

@@ -12,6 +12,8 @@ from digs_warp.log import to_json, versions
 from sim.config import SimulateConfig
 from sim.record import simulate
 
+KEY_LENGTH = 20  # hexadecimal digits
+
 # Folders of this package and the files below it whose code decides the bytes of a capture.
 _SOURCES = ("sim/**/*.py", "digs_warp/*.py")
 
@@ -20,18 +22,25 @@ _SOURCES = ("sim/**/*.py", "digs_warp/*.py")
 class CaptureCache:
     """A folder of captures, each made once.
 
-    The name of a capture is a hash of its settings, of the files they name, of the simulator's code and
-    of the packages under it: when any of them changes, it is made anew.
+    The name of a capture is a hash of its settings and of the files they name. Captures lie in a folder
+    named by the simulator's code and the packages under it; those of other code are removed.
     """
 
     folder: Path
 
     def capture(self, config: SimulateConfig) -> Capture:
         """Return the capture of these settings; simulates it when it is not there yet."""
-        folder = self.folder / _key(config)
+        folder = self.folder / _code_key() / _key(config)
         if not folder.is_dir():
+            self._remove_others(folder.parent)
             self._simulate(config, folder)
         return read_capture(folder)
+
+    def _remove_others(self, current: Path) -> None:
+        if self.folder.is_dir():
+            for other in self.folder.iterdir():
+                if other != current:
+                    shutil.rmtree(other, ignore_errors=True)
 
     def _simulate(self, config: SimulateConfig, folder: Path) -> None:
         # Test processes may run side by side: each makes its own, the first one to finish wins.
@@ -49,19 +58,17 @@ class CaptureCache:
 
 def _key(config: SimulateConfig) -> str:
     digest = hashlib.sha256(to_json(config).encode())
-    digest.update(to_json(versions()).encode())
-    digest.update(_source_digest())
     for field in fields(config):
         value = getattr(config, field.name)
         if isinstance(value, Path) and value.is_file():
             digest.update(hashlib.sha256(value.read_bytes()).digest())
-    return digest.hexdigest()[:20]
+    return digest.hexdigest()[:KEY_LENGTH]
 
 
 @cache
-def _source_digest() -> bytes:
+def _code_key() -> str:
     root = Path(__file__).resolve().parents[2]
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(to_json(versions()).encode())
     for path in sorted(path for pattern in _SOURCES for path in root.glob(pattern)):
         digest.update(path.read_bytes())
-    return digest.digest()
+    return digest.hexdigest()[:KEY_LENGTH]

@@ -108,7 +108,7 @@ def test_a_capture_is_simulated_once(config: SimulateConfig, tmp_path: Path) -> 
 
 
 def test_whatever_decides_the_bytes_decides_the_name(
-    config: SimulateConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    config: SimulateConfig, tmp_path: Path
 ) -> None:
     captures = CaptureCache(tmp_path / "cache")
     names = {captures.capture(config).folder.name}
@@ -117,16 +117,26 @@ def test_whatever_decides_the_bytes_decides_the_name(
     assert config.mesh is not None
     config.mesh.write_text(TETRAHEDRON.replace("v 0 1 1", "v 0 2 1"))
     names.add(captures.capture(config).folder.name)
-    monkeypatch.setattr(cache, "_source_digest", lambda: b"other code")
-    names.add(captures.capture(config).folder.name)
-    assert len(names) == 5
+    assert len(names) == 4
+    assert {path.name for path in captures.folder.glob("*/*")} == names
+
+
+def test_captures_of_other_code_are_removed(
+    config: SimulateConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    before = captures.capture(config).folder
+    monkeypatch.setattr(cache, "_code_key", lambda: "other code")
+    after = captures.capture(config).folder
+    assert (before.name, before.exists()) == (after.name, False)
+    assert [path.name for path in captures.folder.iterdir()] == ["other code"]
 
 
 def test_a_failed_simulation_leaves_nothing_behind(config: SimulateConfig, tmp_path: Path) -> None:
     captures = CaptureCache(tmp_path / "cache")
     with pytest.raises(DigsError, match="no such file"):
         captures.capture(replace(config, mesh=tmp_path / "missing.obj"))
-    assert not list(tmp_path.glob("cache/*")) and not list(tmp_path.glob("cache/.*"))
+    assert [path for path in tmp_path.glob("cache/**/*") if path.is_file()] == []
 
 
 def test_a_failing_function_tells_the_strength(config: SimulateConfig, tmp_path: Path) -> None:
@@ -212,7 +222,7 @@ def test_the_worked_example_passes_in_another_project(tmp_path: Path) -> None:
     (tmp_path / "test_example.py").write_text(example)
     done = run_pytest(tmp_path, "-q")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert list(tmp_path.glob(".pytest_cache/d/sensor_noise/*/transforms.json"))
+    assert list(tmp_path.glob(".pytest_cache/d/sensor_noise/*/*/transforms.json"))
 
 
 def test_wrong_use_is_explained(tmp_path: Path) -> None:
