@@ -37,7 +37,7 @@ class Convert:
         from digs_warp.interchange.export import export_capture
 
         output = OutputFolder(out=self.out, overwrite=self.overwrite)
-        folder = output.prepare(inputs=[self.capture])
+        folder = output.prepare(inputs=[self.capture]).resolve()
         capture = read_capture(self.capture)
         log = RunLog("convert", {"capture": self.capture, "to": self.to})
         unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
@@ -49,4 +49,4 @@ class Convert:
             os.replace(unfinished, folder)
         finally:
             shutil.rmtree(unfinished, ignore_errors=True)
-        return f"{folder}: {len(capture)} frames as {self.to}, {log.seconds['export']:.1f} s"
+        return f"{self.out}: {len(capture)} frames as {self.to}, {log.seconds['export']:.1f} s"

@@ -13,7 +13,7 @@ from digs_warp.capture import Capture, CaptureWriter, FrameImages
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.commands.convert import Convert
 from digs_warp.geometry import look_at, matrix_from_quat_xyzw, rigid
-from digs_warp.images import read_image
+from digs_warp.images import encode_jpeg, read_image
 from digs_warp.imports import MissingLibraryError, import_open3d, import_pycolmap
 from digs_warp.interchange.bop import depth_scale
 from digs_warp.interchange.common import encode_depth
@@ -335,6 +335,41 @@ def test_missing_depth_is_named(capture: Capture, form: str, tmp_path: Path) -> 
     bare = with_last_frame(capture, files=files)
     with pytest.raises(CaptureError, match="frame '0002': the capture has no 'depth_file_path'"):
         export_capture(bare, form, tmp_path / "out")
+
+
+@pytest.mark.parametrize("form", list(EXPORTERS))
+def test_one_pixel_of_one_frame_is_enough(form: str, tmp_path: Path) -> None:
+    writer = CaptureWriter(tmp_path / "capture", Intrinsics(1, 1, 1.0, 1.0, 0.5, 0.5))
+    pixel = FrameImages(
+        image=np.full((1, 1, 3), 7, np.uint8),
+        depth=np.ones((1, 1), np.float32),
+        mask=np.full((1, 1), 255, np.uint8),
+    )
+    writer.write_frame(0, pixel)
+    writer.add_pose(0, np.eye(4), 0.0)
+    export_capture(writer.finish(), form, tmp_path / "out")
+    images = [path for path in (tmp_path / "out").rglob("*.png") if "mask" not in str(path)]
+    depths = [path for path in images if path.parent.name == "depth"]
+    assert len(depths) == (0 if form.startswith("colmap") else 1)
+    (image,) = set(images) - set(depths)
+    np.testing.assert_array_equal(read_image(image), pixel.image)
+
+
+def test_images_of_other_types_become_png(capture: Capture, tmp_path: Path) -> None:
+    frame = capture.frames[-1]
+    (tmp_path / "photo.jpg").write_bytes(encode_jpeg(frame.load_image(), quality=100))
+    photo = with_last_frame(capture, files={**frame.files, "file_path": tmp_path / "photo.jpg"})
+    folder = exported(photo, "redwood", tmp_path / "out")
+    found = read_image(folder / "color/00002.png")
+    np.testing.assert_array_equal(found, photo.frames[-1].load_image())
+
+
+def test_the_command_writes_into_the_folder_it_stands_in(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Convert(capture=capture.folder, to="tum", out=Path(".")).execute()
+    assert (tmp_path / "groundtruth.txt").is_file()
 
 
 def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
