@@ -71,24 +71,6 @@ def distance_to(mask: np.ndarray) -> np.ndarray:
     return cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
 
 
-def nearest_clear(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return distance [px] and flat index of the false pixel nearest to each, both (height, width).
-
-    Args:
-        mask: (height, width), bool; at least one pixel is false.
-    """
-    import cv2
-
-    distance, labels = cv2.distanceTransformWithLabels(
-        mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    clear = np.flatnonzero(~mask)
-    labels = np.asarray(labels, np.intp)
-    index = np.empty(labels.max() + 1, dtype=np.intp)
-    index[labels.reshape(-1)[clear]] = clear
-    return np.asarray(distance), index[labels]
-
-
 def enlarge(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Return a coarse float32 image stretched to ``shape`` (height, width), bilinear."""
     import cv2

@@ -10,7 +10,6 @@ from sim.sensor.cause import Cause
 from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import GRAZING_RATIO, SceneFacts
-from sim.sensor.filters import nearest_clear
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.pixels import pixels_where
 from sim.sensor.slopes import surface_slope, width_ratio
@@ -32,7 +31,7 @@ SAFE_SLOPE = 0.2
 # Up to this distance from better ground, smoothness carries in the disparity of the rim, and a wrong one
 # it is: at the rims of round things, in rendered scenes and a real pair, the matcher has a value for 70 to
 # 90 % of the hopeless pixels, off by more than 1 px for 40 to 90 % of them [px].
-BRIDGE = 8.0
+BRIDGE = 8
 
 MIN_SHARE = 1e-3
 
@@ -87,10 +86,26 @@ def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed
         failed: what is not matched, (height, width), bool.
         hopeless: surface on which most pixels fail, (height, width), bool.
     """
-    if hopeless.any() and not hopeless.all():
-        distance, nearest = nearest_clear(hopeless)
-        disparity = sensed.disparity.reshape(-1)[nearest]
-        filled = failed & hopeless & (distance <= BRIDGE) & sensed.known & ~np.isnan(disparity)
-        sensed = sensed.with_values(filled, disparity, Cause.GRAZING, confidence=0.5)
-        failed = failed & ~filled
-    return sensed.with_holes(failed, Cause.GRAZING)
+    rows, columns = pixels_where(failed & hopeless & sensed.known)
+    disparity = sensed.disparity.copy()
+    disparity[rows, columns] = _rim_values(sensed.disparity, hopeless, rows, columns)
+    filled = np.zeros(failed.shape, dtype=bool)
+    filled[rows, columns] = ~np.isnan(disparity[rows, columns])
+    sensed = sensed.with_values(filled, disparity, Cause.GRAZING, confidence=0.5)
+    return sensed.with_holes(failed & ~filled, Cause.GRAZING)
+
+
+def _rim_values(
+    disparity: np.ndarray, hopeless: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> np.ndarray:
+    """Return the disparity of the nearest better ground along rows or columns; NaN: too far, shape (n,)."""
+    height, width = hopeless.shape
+    found = np.full(len(rows), np.nan, dtype=np.float32)
+    for distance in range(1, BRIDGE + 1):
+        for down, right in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+            row, column = rows + down * distance, columns + right * distance
+            inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+            here = np.flatnonzero(inside & np.isnan(found))
+            here = here[~hopeless[row[here], column[here]]]
+            found[here] = disparity[row[here], column[here]]
+    return found
