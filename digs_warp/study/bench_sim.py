@@ -3,9 +3,9 @@
 Frames of four sample meshes (or the built-in object, where the sample data is missing) are sensed by every
 tier. The matcher is the yardstick: it compares real images, and knows nothing of effects. For each effect
 the benchmark tells its time alone, what it changes, and whether that brings the planned tier nearer to the
-matcher. A real pair with true disparity is a check on both. Perfect figures are impossible: a profile with
-a post-filter has flying pixels, and a camera that removes saturated areas has holes there; the matcher has
-neither.
+matcher; for each cause, what share of the frame it takes from either. A real pair with true disparity is a
+check on both. Perfect figures are impossible: a profile with a post-filter has flying pixels, and a camera
+that removes saturated areas has holes there; the matcher has neither.
 """
 
 import os
@@ -20,6 +20,8 @@ from digs_warp.log import progress
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
 from sim.config import SimulateConfig
+from sim.sensor.blame import blame
+from sim.sensor.cause import Cause
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.facts import measure_facts
 from sim.sensor.frame import FrameTruth
@@ -96,7 +98,7 @@ def bench_sim(
             bar.update()
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
-    return results + _effect_results(cases)
+    return results + _cause_results(cases) + _effect_results(cases)
 
 
 def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
@@ -158,6 +160,30 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
         Result(name, float(np.mean([row[name] for row in rows])), "mean", {"effect": effect})
         for effect, rows in measured.items()
         for name in rows[0]
+    ]
+
+
+def _cause_results(cases: Sequence[Case]) -> list[Result]:
+    """Return the shares of the frame that each cause takes from matcher and planned tier; means.
+
+    Both are told by the same rule from disparity and truth, whatever labels the planned tier has itself.
+    """
+    shares: dict[Cause, dict[str, list[float]]] = {}
+    for case in cases:
+        truth = case.fresh()
+        for tier in ("matcher", "planned"):
+            disparity = case.sense(tier)
+            causes, missing = blame(disparity, truth), np.isnan(disparity)
+            for cause in Cause:
+                failed = causes == cause
+                row = shares.setdefault(cause, {})
+                row.setdefault(f"{tier}: missing", []).append(float((failed & missing).mean()))
+                row.setdefault(f"{tier}: wrong", []).append(float((failed & ~missing).mean()))
+    return [
+        Result(name, float(np.mean(values)), "share", {"cause": cause.name.lower()})
+        for cause, row in shares.items()
+        if cause != Cause.OK and any(map(any, row.values()))
+        for name, values in row.items()
     ]
 
 

@@ -18,7 +18,7 @@ def plot_sim(results: Sequence[Result]) -> bytes:
     """Return a PNG: tiers by time and distance to the matcher; effects by time and by what they gain."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13, 5.2), layout="constrained")
+    figure = Figure(figsize=(14, 5.2), layout="constrained")
     tiers_axes, effects_axes = figure.subplots(1, 2)
     _draw_tiers(tiers_axes, results)
     _draw_effects(effects_axes, results)
@@ -70,6 +70,4 @@ def _draw_effects(axes: Any, results: Sequence[Result]) -> None:
             va="center",
             fontsize=7.5,
         )
-    axes.set_title(
-        "Effects: time, and by how much each brings the planned tier nearer to the matcher"
-    )
+    axes.set_title("Effects: time, and the gap to the matcher that each closes")

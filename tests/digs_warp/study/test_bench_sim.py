@@ -34,13 +34,21 @@ def test_effects_are_told_with_what_they_change(results: list[Result]) -> None:
     assert changes["correlated-noise"] == pytest.approx(0, abs=1e-3)
 
 
+def test_causes_are_told_for_matcher_and_planned_tier(results: list[Result]) -> None:
+    causes = {r.settings["cause"] for r in results if "cause" in r.settings}
+    assert {"occluded", "band"} <= causes and "ok" not in causes
+    occluded = {r.name: r.value for r in results if r.settings.get("cause") == "occluded"}
+    for tier in ("matcher", "planned"):
+        assert 0 < occluded[f"{tier}: missing"] < 0.5 and 0 <= occluded[f"{tier}: wrong"] < 0.5
+
+
 def test_the_wide_table_has_a_row_per_case_and_a_column_per_name(results: list[Result]) -> None:
     tables = format_wide_table(results).split("\n\n")
-    assert len(tables) == 2
+    assert len(tables) == 3  # tiers, causes, effects
     header, _, *rows = tables[0].splitlines()
     assert header.split()[:2] == ["scene", "sensor"] and len(rows) == len(TIERS)
     effects = {r.settings["effect"] for r in results if "effect" in r.settings}
-    assert len(tables[1].splitlines()) == 2 + len(effects)
+    assert len(tables[2].splitlines()) == 2 + len(effects)
 
 
 def test_the_plot_is_a_png(results: list[Result], tmp_path: Path) -> None:
