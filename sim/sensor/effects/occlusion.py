@@ -11,6 +11,7 @@ from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.right_eye import hidden_from_right
 from sim.sensor.steps import Runs, find_runs
 
 # Hidden share below which nobody would see the effect.
@@ -21,23 +22,22 @@ MIN_SHARE = 1e-4
 # disparity (Middlebury Motorcycle) and of rendered frames of six meshes. The window and the smoothness
 # term carry the near disparity across the first few pixels; what lies farther is found out.
 RUN_LENGTHS = (1.0, 2.0, 4.0, 6.5, 10.0, 16.0, 30.0, 55.0, 100.0)
-HOLE_SHARES_NEAR = (0.15, 0.20, 0.30, 0.40, 0.50, 0.58, 0.62, 0.60, 0.62)
-HOLE_SHARES_FAR = (0.15, 0.20, 0.30, 0.50, 0.65, 0.70, 0.83, 0.87, 0.96)
-NEAR_REACH, FAR_REACH = 4.0, 12.0
+HOLE_SHARES_NEAR = (0.15, 0.20, 0.25, 0.30, 0.33, 0.36, 0.36, 0.36, 0.36)
+HOLE_SHARES_FAR = (0.15, 0.20, 0.45, 0.65, 0.80, 0.82, 0.86, 0.89, 0.97)
+NEAR_REACH, FAR_REACH = 1.0, 12.0
 
 # What the rest gets, on the same pair: a tenth is right by chance, three quarters take the disparity of
 # what hides them, the others lie between the two.
 RIGHT_SHARE = 0.10
 BETWEEN_SHARE = 0.15
 
+# Right beside what hides them they always take its disparity; those shares hold from here on [px].
+FREE_FROM = 4.0
+
 # What hides a run is nearer by this much, and lies at most so far to its right [px]: not next to it where
 # the surface comes into sight again before a thin thing, or where disparity has gaps.
 NEARER = 1.0
 SEARCH = 16
-
-# An edge may lie anywhere between two pixel centres; half a pixel finds 99.5 % of what is hidden and
-# asks for 4 to 10 % of the rays on the sample meshes.
-BETWEEN_PIXELS = 0.5
 
 # Distance over which a matcher decides alike [px].
 COHERENCE = 12.0
@@ -71,9 +71,8 @@ class Occlusion:
         """
         if strength <= 0:
             return sensed
-        true, shape = truth.disparity, truth.depth.shape
-        maybe = possibly_hidden(true)
-        runs = find_runs(maybe & ~truth.rays.right_visibility(maybe))
+        shape = truth.depth.shape
+        runs = find_runs(hidden_from_right(truth))
         rows, columns, run = runs.pixels()
 
         touched = rng.random(len(rows)) < strength
@@ -105,22 +104,6 @@ def hole_share(run_length: np.ndarray, distance: np.ndarray) -> np.ndarray:
     return near + (far - near) * away
 
 
-def possibly_hidden(disparity: np.ndarray) -> np.ndarray:
-    """Return the few pixels where a ray from the right eye is worth its cost, (height, width), bool.
-
-    What hides a point from the right eye shows in the left image, further right, and lands in the right
-    image at the same place or left of it. (Something in the triangle between both eyes and the point is
-    seen by the left eye to the right of the point.) Pixels that land outside the right image are left
-    out: that is the invalid band, not occlusion.
-    """
-    columns = np.arange(disparity.shape[1], dtype=np.float32)
-    landing = columns - disparity
-    leftmost_to_come = np.fmin.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
-    hidden = np.zeros(disparity.shape, dtype=bool)
-    hidden[:, :-1] = leftmost_to_come[:, 1:] < landing[:, :-1] + BETWEEN_PIXELS
-    return hidden & (disparity <= columns + 0.5)
-
-
 def _guess(
     disparity: np.ndarray,
     runs: Runs,
@@ -133,6 +116,8 @@ def _guess(
     hiding = _hiding(disparity, runs)[run]
     own = disparity[rows, columns]
     drawn = coherent_uniform(rng, disparity.shape, rows, columns, COHERENCE)
+    # Dividing a uniform number by a share leaves that share of it below any limit.
+    drawn = drawn / np.minimum((runs.end[run] - columns) / FREE_FROM, 1.0)
     between = own + (hiding - own) * (drawn - RIGHT_SHARE) / BETWEEN_SHARE
     guess = np.where(drawn < RIGHT_SHARE + BETWEEN_SHARE, between, hiding)
     return np.where(drawn < RIGHT_SHARE, own, guess)

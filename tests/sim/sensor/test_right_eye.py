@@ -1,0 +1,66 @@
+"""What the right eye cannot see, with as few rays as possible."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from reference.stereo_frames import CountedRays, make_frame
+
+from sim.scene import Material
+from sim.sensor.right_eye import hidden_from_right, possibly_hidden, surely_hidden
+
+SHAPE = (240, 320)
+
+
+@dataclass
+class NoRays(CountedRays):
+    """Remembers for which pixels rays were asked; they all see their point."""
+
+    count: int = 0
+
+    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+        assert where is not None
+        self.count += int(np.count_nonzero(where))
+        return np.ones(self.shape, dtype=bool)
+
+
+def step(near: float = 40.0, far: float = 10.0) -> np.ndarray:
+    disparity = np.full(SHAPE, far)
+    disparity[80:160, 100:220] = near
+    return disparity
+
+
+def test_the_strip_left_of_a_near_square_is_hidden_without_rays() -> None:
+    truth = replace(make_frame(step()), rays=NoRays(SHAPE))
+    hidden = hidden_from_right(truth)
+    assert (hidden.sum(axis=1)[80:160] >= 30 - 3).all() and (hidden.sum(axis=1) <= 30).all()
+    assert hidden[80:160, 72:98].all() and not hidden[:80].any()
+    assert isinstance(truth.rays, NoRays) and truth.rays.count < 4 * 80
+
+
+def test_gaps_that_the_right_eye_may_look_through_are_left_to_rays() -> None:
+    disparity = step()
+    disparity[:, 150:152] = 10.0  # a slit in the near square
+    maybe = possibly_hidden(disparity.astype(np.float32))
+    sure = surely_hidden(disparity.astype(np.float32), disparity.astype(np.float32), maybe)
+    columns = np.arange(320.0)
+    landing = columns - disparity
+    # The slit lands at columns 110 and 111 of the right image; what lands there is not sure.
+    in_slit = (landing >= 109.5) & (landing <= 112.5)
+    assert not (sure & in_slit).any()
+    assert sure[80:160, 72:98].all()
+
+
+def test_what_stands_behind_glass_is_not_hidden_for_sure() -> None:
+    truth = make_frame(step())
+    ids = (step() > 20).astype(np.int32)
+    glass = Material("glass", np.ones(3), transmission=1.0)
+    truth = replace(
+        truth, material_ids=ids, materials=(*truth.materials, glass), rays=NoRays(SHAPE)
+    )
+    assert not hidden_from_right(truth).any()
+
+
+def test_narrow_images_are_left_to_rays() -> None:
+    for shape in ((5, 1), (5, 2)):
+        disparity = np.full(shape, 0.1, np.float32)
+        assert not surely_hidden(disparity, disparity, np.ones(shape, dtype=bool)).any()
