@@ -21,6 +21,8 @@ from sim.testing.cache import CaptureCache
 from sim.testing.curve import DegradationCurve
 from sim.testing.series import NoiseSeries
 
+BOX = Path(__file__).parent / "box.obj"
+
 TETRAHEDRON = "v 0 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1 1\nf 1 2 3\nf 2 3 4\nf 1 3 4\nf 1 2 4\n"
 
 
@@ -49,7 +51,7 @@ def initialization_error(capture: Capture) -> float:
     return float(KDTree(surface).query(points)[0].mean())
 
 
-@pytest.mark.sensor_noise(tier="law", strengths=(0, 1, 4), frames=3)
+@pytest.mark.sensor_noise(mesh=BOX, tier="law", strengths=(0, 1, 4), frames=3)
 def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     curve = sensor_noise.measure(depth_error)
     assert curve.errors[0] == 0.0
@@ -58,14 +60,14 @@ def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     curve.assert_no_cliff(largest_growth=1.1)
 
 
-@pytest.mark.sensor_noise(tier="law", strengths=(0, 1, 4), frames=3)
+@pytest.mark.sensor_noise(mesh=BOX, tier="law", strengths=(0, 1, 4), frames=3)
 def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
     curve = sensor_noise.measure(initialization_error)
     curve.assert_at_most({0: 1e-6, 1: 0.01})
     curve.assert_no_cliff()
 
 
-@pytest.mark.sensor_noise(tier="law", strengths=(0, 4), frames=3)
+@pytest.mark.sensor_noise(mesh=BOX, tier="law", strengths=(0, 4), frames=3)
 def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> None:
     (_, perfect), (_, noisy) = sensor_noise
     before, after = file_hashes(perfect.folder), file_hashes(noisy.folder)
@@ -75,7 +77,7 @@ def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> 
 
 
 @pytest.mark.sensor_noise(
-    effects=("correlated-noise", "random-invalid"), strengths=(0, 3), frames=2
+    mesh=BOX, effects=("correlated-noise", "random-invalid"), strengths=(0, 3), frames=2
 )
 def test_named_effects_act_alone(sensor_noise: NoiseSeries) -> None:
     (_, perfect), (_, noisy) = sensor_noise
