@@ -16,8 +16,10 @@ from sim.sensor.facts import SceneFacts
 # Blur below half a pixel hides behind the pixel's own size.
 VISIBLE_BLUR_PX = 0.5
 
-# Views per exposure: one per pixel of blur leaves no gaps; beyond 16 the cost outgrows the use.
-MIN_VIEWS, MAX_VIEWS = 4, 16
+# Views per exposure: a pixel is as wide as itself, so views this far apart [px] leave no gap that one
+# could see; beyond 16 the cost outgrows the use.
+VIEW_PX = 1.5
+MIN_VIEWS, MAX_VIEWS = 2, 16
 
 
 @dataclass(frozen=True)
@@ -40,4 +42,4 @@ class ImageBlur:
 
     def views(self, facts: SceneFacts, strength: float = 1.0) -> int:
         """Return how many views make one exposure, ``strength`` times as long as the rig's."""
-        return int(np.clip(np.ceil(strength * facts.blur_px), MIN_VIEWS, MAX_VIEWS))
+        return int(np.clip(np.ceil(strength * facts.blur_px / VIEW_PX), MIN_VIEWS, MAX_VIEWS))

@@ -18,7 +18,7 @@ from sim.sensor.facts import SceneFacts
 VISIBLE_SKEW_PX = 0.5
 
 # Between neighbouring bands the image jumps by this much: too little to see as a step.
-STEP_PX = 0.25
+STEP_PX = 0.5
 MIN_BANDS, MAX_BANDS = 2, 32
 
 
