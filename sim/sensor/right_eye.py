@@ -1,4 +1,8 @@
-"""What the right eye cannot see: decided from disparity where that is safe, by rays elsewhere."""
+"""What the right eye cannot see: decided from disparity where that is safe, by rays elsewhere.
+
+Safe is only one direction: a closed surface that both eyes see covers what lands behind it. That nothing
+nearer lands somewhere proves nothing: sides of things that the left eye does not see hide as well.
+"""
 
 import numpy as np
 
@@ -55,12 +59,12 @@ def surely_hidden(disparity: np.ndarray, opaque: np.ndarray, where: np.ndarray) 
         where: the pixels that are asked about, (height, width), bool.
     """
     width = disparity.shape[1]
+    if width < 3:
+        return np.zeros(where.shape, dtype=bool)
     nearest = _right_view(opaque)
     rows, columns = pixels_where(where)
     own = disparity[rows, columns]
-    middle = np.clip(np.floor(columns - own).astype(np.intp), 1, max(width - 2, 1))
-    if width < 3:
-        return np.zeros(where.shape, dtype=bool)
+    middle = np.clip(np.floor(columns - own).astype(np.intp), 1, width - 2)
     left, here, right = (nearest[rows, middle + side] for side in (-1, 0, 1))
     # Something on both sides, nearer, and without a step between: no gap to look through.
     closed = (np.abs(left - here) < NEARER) & (np.abs(right - here) < NEARER)
