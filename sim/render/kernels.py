@@ -13,12 +13,13 @@ import warp as wp
 
 from sim.render.lighting import Light, sample_panorama
 from sim.render.look import look_at_hit
-from sim.render.shading import coat, shade
+from sim.render.shading import coat, key_visibility, shade
 from sim.render.surface import (
     ANY_SURFACE,
     MAX_LAYERS,
-    OPAQUE,
     Surface,
+    is_blocked,
+    is_see_through,
     opacity_at,
     texture_level,
     trace,
@@ -66,61 +67,79 @@ def surround_color(view: View, light: Light, level: float, direction: wp.vec3) -
 class Sample:
     """What one ray brings back."""
 
-    color: wp.vec3
+    color: wp.vec3  # of the object
+    passing: wp.vec3  # share of the surround's light that comes through
     covered: float  # 1: it met the object
+    visible: float  # share of the bright spots seen from where it met an opaque object
 
 
 @wp.func
 def solid_sample(
-    view: View, surface: Surface, light: Light, level: float, direction: wp.vec3, pick: float
+    view: View,
+    surface: Surface,
+    light: Light,
+    direction: wp.vec3,
+    pick: float,
+    known_visible: float,
 ) -> Sample:
-    """Follow a ray through a scene without anything transparent."""
+    """Follow a ray through a scene without anything transparent.
+
+    ``known_visible``: of a sample of the same pixel; negative: cast a shadow ray.
+    """
     sample = Sample()
+    sample.passing = wp.vec3(1.0)
     hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
     if hit.result:
+        sample.passing = wp.vec3(0.0)
         width = hit.t * view.pixel_cone
         look = look_at_hit(surface, hit, direction, width)
         point = view.center + hit.t * direction
-        sample.color = shade(view, surface, light, hit, look, point, direction, width, pick, 0.0)
+        sample.visible = known_visible
+        if known_visible < 0.0:
+            sample.visible = key_visibility(surface, light, hit, look, point, pick)
+        sample.color = shade(
+            view, surface, light, look, point, direction, width, sample.visible, 0.0
+        )
         sample.covered = 1.0
-    else:
-        sample.color = surround_color(view, light, level, direction)
     return sample
 
 
 @wp.func
 def layered_sample(
-    view: View, surface: Surface, light: Light, level: float, direction: wp.vec3, pick: float
+    view: View, surface: Surface, light: Light, direction: wp.vec3, pick: float
 ) -> Sample:
     """Follow a ray straight on through transparent walls, front to back."""
     sample = Sample()
-    passing = wp.vec3(1.0)
+    sample.passing = wp.vec3(1.0)
     travelled = wp.float32(0.0)
     for _layer in range(MAX_LAYERS):
         origin = view.center + travelled * direction
         hit = wp.mesh_query_ray(surface.mesh, origin, direction, FAR)
-        if not hit.result or wp.max(passing) < FAINT:
+        if not hit.result:
             break
         distance = travelled + hit.t
         width = distance * view.pixel_cone
-        texture = texture_level(surface, hit, direction, width)
-        opacity = opacity_at(surface, hit, texture)
-        if opacity > 0.0:
+        opacity = wp.float32(1.0)
+        transmission = wp.float32(0.0)
+        if is_see_through(surface, hit):
+            texture = texture_level(surface, hit, direction, width)
+            opacity = opacity_at(surface, hit, texture)
             transmission = transmission_at(surface, hit, texture)
+        if opacity > 0.0:
             look = look_at_hit(surface, hit, direction, width)
             point = view.center + distance * direction
-            seen = shade(
-                view, surface, light, hit, look, point, direction, width, pick, transmission
-            )
-            sample.color = sample.color + opacity * wp.cw_mul(passing, seen)
+            visible = key_visibility(surface, light, hit, look, point, pick)
+            seen = shade(view, surface, light, look, point, direction, width, visible, transmission)
+            sample.color = sample.color + opacity * wp.cw_mul(sample.passing, seen)
             body = transmission * (1.0 - look.metallic) * look.color
             clear = wp.cw_mul(body, wp.vec3(1.0) - coat(look, direction))
-            passing = wp.cw_mul(passing, wp.vec3(1.0 - opacity) + opacity * clear)
+            through = wp.vec3(1.0 - opacity) + opacity * clear
+            sample.passing = wp.cw_mul(sample.passing, through)
             sample.covered = 1.0
+        if wp.max(sample.passing) < FAINT:
+            sample.passing = wp.vec3(0.0)
+            break
         travelled = distance + surface.step
-    if wp.max(passing) >= FAINT:
-        behind = surround_color(view, light, level, direction)
-        sample.color = sample.color + wp.cw_mul(passing, behind)
     return sample
 
 
@@ -130,7 +149,7 @@ def color_kernel(
     view: View,
     surface: Surface,
     light: Light,
-    surround_level: float,  # pyramid level of the panorama that fits a sample
+    surround_level: float,  # pyramid level of the panorama that fits a pixel
     samples: int,
     seed: int,
     # outputs
@@ -147,7 +166,9 @@ def color_kernel(
     column = float(pixel % view.width)
     row = float(pixel // view.width)
     total = wp.vec3(0.0)
+    passing = wp.vec3(0.0)
     covered = wp.float32(0.0)
+    visible = wp.float32(-1.0)
     for i in range(samples):
         dx = shift_x + R2_X * float(i)
         dy = shift_y + R2_Y * float(i)
@@ -155,18 +176,24 @@ def color_kernel(
         x = column + dx - wp.floor(dx)
         y = row + dy - wp.floor(dy)
         direction = view.world_from_cam * ray_direction_cam(view, x, y)
+        pick = pick - wp.floor(pick)
         sample = Sample()
         if surface.see_through == 0:
-            sample = solid_sample(
-                view, surface, light, surround_level, direction, pick - wp.floor(pick)
-            )
+            sample = solid_sample(view, surface, light, direction, pick, visible)
+            # Two samples share a shadow ray.
+            if sample.covered == 1.0:
+                visible = wp.where(visible < 0.0, sample.visible, -1.0)
         else:
-            sample = layered_sample(
-                view, surface, light, surround_level, direction, pick - wp.floor(pick)
-            )
+            sample = layered_sample(view, surface, light, direction, pick)
         # One glint of the sun must not outshine the other samples of its pixel.
         total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
+        passing += sample.passing
         covered += sample.covered
+    if wp.max(passing) > 0.0:
+        # The panorama is filtered: one look-up does for all samples of the pixel.
+        middle = view.world_from_cam * ray_direction_cam(view, column + 0.5, row + 0.5)
+        behind = surround_color(view, light, surround_level, middle)
+        total += wp.cw_mul(passing, wp.min(behind, wp.vec3(SAMPLE_LIMIT)))
     mean = total / float(samples)
     image[pixel, 0] = srgb_byte(mean[0])
     image[pixel, 1] = srgb_byte(mean[1])
@@ -191,11 +218,14 @@ def geometry_kernel(
     direction_cam = ray_direction_cam(view, x, y)
     direction = view.world_from_cam * direction_cam
     start = wp.float32(0.0)
-    if surface.see_through == 1:
-        # Up to the first surface: holes are passed.
-        distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
-        start = wp.where(distance < 0.0, FAR, distance - 0.5 * surface.step)
-    hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
+    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
+    if hit.result and is_see_through(surface, hit):
+        level = texture_level(surface, hit, direction, hit.t * view.pixel_cone)
+        if opacity_at(surface, hit, level) == 0.0:
+            # A hole: on to the first surface that is there.
+            distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
+            start = wp.where(distance < 0.0, FAR, distance - 0.5 * surface.step)
+            hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
     if hit.result:
         depth[pixel] = (start + hit.t) * direction_cam[2]
         normals[pixel] = viewer_side_normal(surface, hit, direction)
@@ -225,12 +255,7 @@ def open_share(
             radius * (wp.cos(angle) * tangent + wp.sin(angle) * bitangent)
             + wp.sqrt(1.0 - radius2) * normal
         )
-        blocked = False
-        if surface.see_through == 0:
-            blocked = wp.mesh_query_ray_anyhit(surface.mesh, point, direction, reach)
-        else:
-            blocked = trace(surface, point, direction, reach, 0.0, OPAQUE) >= 0.0
-        if not blocked:
+        if not is_blocked(surface, point, direction, reach):
             free += 1.0
     return free / float(rays)
 

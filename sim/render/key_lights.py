@@ -43,28 +43,35 @@ class KeyLights:
     points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions, equally strong
 
 
+@wp.func
+def key_light(keys: KeyLights, normal: wp.vec3) -> wp.vec3:
+    """Irradiance over pi of all spots without shadow."""
+    light = wp.vec3(0.0)
+    for k in range(keys.count):
+        light += wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.colors[k]
+    return light
+
+
 @wp.struct
 class KeyChoice:
-    """The diffuse light of all spots, and where to send the shadow ray."""
+    """Where to send the shadow ray, and how much all spots could add."""
 
-    light: wp.vec3
     direction: wp.vec3
+    strength: float
 
 
 @wp.func
 def choose_key(keys: KeyLights, normal: wp.vec3, pick: float) -> KeyChoice:
-    """Sum the spots' light and choose one with a chance in proportion to its part.
+    """Choose a spot with a chance in proportion to its part of the light, and a point of it.
 
-    The light times the visibility of the chosen point is an unbiased estimate of the shadowed light
+    All light times the visibility of the chosen point is then an unbiased estimate of the shadowed light
     (for spots of one colour). ``pick`` is uniform in 0..1.
     """
     choice = KeyChoice()
-    total = wp.float32(0.0)
     for k in range(keys.count):
         cosine = wp.max(wp.dot(normal, keys.vectors[k]), 0.0)
-        choice.light = choice.light + cosine * keys.colors[k]
-        total += cosine * keys.strengths[k]
-    threshold = pick * total
+        choice.strength = choice.strength + cosine * keys.strengths[k]
+    threshold = pick * choice.strength
     passed = wp.float32(0.0)
     for k in range(keys.count):
         part = wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.strengths[k]

@@ -63,8 +63,9 @@ class RaycastRenderer:
         if samples_per_pixel < 1:
             raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
         view = make_view(camera, self.surround_radius, samples_per_pixel)
+        pixel_angle = 1.0 / min(camera.intrinsics.fx, camera.intrinsics.fy)
         texel_angle = np.pi / self._panorama_height
-        surround_level = float(max(0.0, np.log2(view.pixel_cone / texel_angle)))
+        surround_level = float(max(0.0, np.log2(pixel_angle / texel_angle)))
         height, width = camera.intrinsics.height, camera.intrinsics.width
         self._ensure_openness()
         image = wp.empty((height * width, 3), dtype=wp.uint8, device="cpu")

@@ -15,10 +15,10 @@ itself; see `sim.render.key_lights` and `mirrored_light`.
 
 import warp as wp
 
-from sim.render.key_lights import choose_key
+from sim.render.key_lights import choose_key, key_light
 from sim.render.lighting import Light, diffuse_light, specular_light
 from sim.render.look import Look, look_at_hit
-from sim.render.surface import OPAQUE, Surface, smooth_position, trace
+from sim.render.surface import Surface, is_blocked, smooth_position
 from sim.render.view import FAR, View, surround_distance
 
 wp.set_module_options({"enable_backward": False})
@@ -67,6 +67,14 @@ def smooth_diffuse(light: Light, look: Look) -> wp.vec3:
 
 
 @wp.func
+def key_diffuse(light: Light, look: Look) -> wp.vec3:
+    """Light of the bright spots without shadow, sent back by the matte base."""
+    if light.keys.count == 0:
+        return wp.vec3(0.0)
+    return (1.0 - look.metallic) * wp.cw_mul(look.color, key_light(light.keys, look.normal))
+
+
+@wp.func
 def coat(look: Look, direction: wp.vec3) -> wp.vec3:
     """Share of the mirrored light that reaches the viewer."""
     # Interpolated normals may point away from the viewer near a silhouette.
@@ -97,9 +105,7 @@ def shade_once(
     view: View, surface: Surface, light: Light, look: Look, point: wp.vec3, direction: wp.vec3
 ) -> wp.vec3:
     """Radiance toward the viewer without further rays: openness stands in for visibility."""
-    keys = choose_key(light.keys, look.normal, 0.5)
-    albedo = (1.0 - look.metallic) * look.color
-    total = smooth_diffuse(light, look) + look.openness * wp.cw_mul(albedo, keys.light)
+    total = smooth_diffuse(light, look) + look.openness * key_diffuse(light, look)
     mirrored = mirrored_direction(look, direction)
     around = environment_light(view, light, point, mirrored, look.roughness)
     return look.emission + total + look.openness * wp.cw_mul(coat(look, direction), around)
@@ -133,23 +139,20 @@ def mirrored_light(
 
 
 @wp.func
-def shadowed_keys(
+def key_visibility(
     surface: Surface, light: Light, hit: wp.MeshQueryRay, look: Look, point: wp.vec3, pick: float
-) -> wp.vec3:
-    """Light of the bright spots, sent back by the matte base; 0 when the chosen point is hidden."""
+) -> float:
+    """1 where a randomly chosen point of a bright spot is seen from the hit, 0 where it is hidden.
+
+    ``pick`` is uniform in 0..1. Where the spots hardly matter, openness stands in for the ray.
+    """
     if light.keys.count == 0:
-        return wp.vec3(0.0)
+        return 1.0
     choice = choose_key(light.keys, look.normal, pick)
-    lit = (1.0 - look.metallic) * wp.cw_mul(look.color, choice.light)
-    if wp.max(lit) < FAINT_KEY:
-        return look.openness * lit
+    if (1.0 - look.metallic) * wp.max(look.color) * choice.strength < FAINT_KEY:
+        return look.openness
     origin = smooth_position(surface, hit, point, look.side) + surface.lift * look.facet_normal
-    hidden = False
-    if surface.see_through == 0:
-        hidden = wp.mesh_query_ray_anyhit(surface.mesh, origin, choice.direction, FAR)
-    else:
-        hidden = trace(surface, origin, choice.direction, FAR, 0.0, OPAQUE) >= 0.0
-    return wp.where(hidden, wp.vec3(0.0), lit)
+    return wp.where(is_blocked(surface, origin, choice.direction, FAR), 0.0, 1.0)
 
 
 @wp.func
@@ -157,20 +160,19 @@ def shade(
     view: View,
     surface: Surface,
     light: Light,
-    hit: wp.MeshQueryRay,
     look: Look,
     point: wp.vec3,
     direction: wp.vec3,
     cone_width: float,
-    pick: float,
+    visible: float,
     transmission: float,
 ) -> wp.vec3:
     """Linear, exposed radiance that leaves the hit toward the viewer.
 
-    Args of note: ``pick`` is uniform in 0..1 and chooses where the shadow ray goes; the matte base loses
-    the share ``transmission`` of its light.
+    ``visible`` is the share of the bright spots that is seen; the matte base loses the share
+    ``transmission`` of its light.
     """
-    diffuse = smooth_diffuse(light, look) + shadowed_keys(surface, light, hit, look, point, pick)
+    diffuse = smooth_diffuse(light, look) + visible * key_diffuse(light, look)
     mirrored = mirrored_direction(look, direction)
     around = mirrored_light(view, surface, light, look, point, mirrored, cone_width)
     return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(coat(look, direction), around)

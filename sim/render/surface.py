@@ -27,6 +27,7 @@ MAX_LAYERS = wp.constant(16)
 class MaterialData:
     """`sim.scene.Material` for kernels; a texture of -1 is none."""
 
+    see_through: int  # 0: opaque everywhere
     base_color: wp.vec3
     emission: wp.vec3
     roughness: float
@@ -117,6 +118,12 @@ def texture_level(
 
 
 @wp.func
+def is_see_through(surface: Surface, hit: wp.MeshQueryRay) -> bool:
+    """Whether the hit may let light through; the quick answer for opaque materials."""
+    return surface.see_through == 1 and surface.data[surface.materials[hit.face]].see_through == 1
+
+
+@wp.func
 def opacity_at(surface: Surface, hit: wp.MeshQueryRay, level: float) -> float:
     """Opacity of the hit, 0 where the material is cut out."""
     data = surface.data[surface.materials[hit.face]]
@@ -156,7 +163,7 @@ def trace(
         if not hit.result:
             break
         distance = start + hit.t
-        if surface.see_through == 0:
+        if not is_see_through(surface, hit):
             found = distance
             break
         level = texture_level(surface, hit, direction, distance * cone)
@@ -171,6 +178,15 @@ def trace(
         if start >= reach:
             break
     return found
+
+
+@wp.func
+def is_blocked(surface: Surface, origin: wp.vec3, direction: wp.vec3, reach: float) -> bool:
+    """Whether something opaque lies within ``reach`` [m]; the finest texture level decides."""
+    blocked = wp.mesh_query_ray_anyhit(surface.mesh, origin, direction, reach)
+    if blocked and surface.see_through == 1:
+        blocked = trace(surface, origin, direction, reach, 0.0, OPAQUE) >= 0.0
+    return blocked
 
 
 @wp.func

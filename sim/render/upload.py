@@ -99,6 +99,7 @@ def _is_see_through(material: Material) -> bool:
 
 def _material_data(material: Material, slot: dict[str, int]) -> MaterialData:
     data = MaterialData()
+    data.see_through = int(_is_see_through(material))
     data.base_color = wp.vec3(*(float(value) for value in material.base_color))
     data.emission = wp.vec3(*material.emission)
     data.roughness = material.roughness
