@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures sensor performance test lint format constraints clean
+.PHONY: help setup demo figures sensor sensor-cost performance test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -43,6 +43,9 @@ figures: demo ## The pictures of README and docs, from the results of make demo
 
 sensor: setup ## Photograph every effect of the simulated camera and write docs/sensor.md
 	$(BIN)/python scripts/sensor_page.py
+
+sensor-cost: setup ## Measure the simulated camera against real matching and write docs/sensor-cost.md
+	$(BIN)/python scripts/sensor_cost_page.py
 
 performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py

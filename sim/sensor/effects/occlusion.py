@@ -87,7 +87,8 @@ class Occlusion:
         disparity[rows[changed], columns[changed]] = guess[changed]
         where = np.zeros(shape, dtype=bool)
         where[rows[changed], columns[changed]] = True
-        confidence = np.where(np.isnan(disparity), 0.0, 0.8)  # wrong, and the sensor does not know
+        # Wrong, and the sensor does not know.
+        confidence = np.where(np.isnan(disparity), np.float32(0.0), np.float32(0.8))
         return sensed.with_values(where, disparity, Cause.OCCLUDED, confidence)
 
 
