@@ -9,7 +9,7 @@ from sim.sensor.pixels import pixels_where
 MAX_VIRTUAL_DISTANCE = 100.0
 
 # Neighbours whose depth differs by more than this share belong to another surface.
-SAME_SURFACE = 0.02
+SAME_SURFACE = 0.05
 
 
 def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
@@ -41,25 +41,30 @@ def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
 def curvature_along_rows(truth: FrameTruth, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return the curvature of the surface along the rows [1/m] at some pixels, shape (n,).
 
-    Positive where convex (a sphere of radius r seen from outside: 1/r); 0 where a neighbour belongs to
-    another surface.
+    Positive where convex (a sphere of radius r seen from outside: 1/r). Measured between the neighbours
+    that show the same surface; 0 where neither does.
     """
     last = truth.depth.shape[1] - 1
-    left, right = np.maximum(columns - 1, 0), np.minimum(columns + 1, last)
-    near, far = (
+    left, right = (
+        np.where(_same_surface(truth, rows, columns, side), side, columns)
+        for side in (np.maximum(columns - 1, 0), np.minimum(columns + 1, last))
+    )
+    start, end = (
         truth.camera.unproject(
             np.stack([side + 0.5, rows + 0.5], axis=-1), truth.depth[rows, side].astype(np.float64)
         )
         for side in (left, right)
     )
-    step = far - near
+    step = end - start
     turn = truth.normals_world[rows, right].astype(np.float64) - truth.normals_world[rows, left]
     length = np.sum(step * step, axis=1)
+    return np.where(left < right, np.sum(turn * step, axis=1) / np.maximum(length, 1e-12), 0.0)
+
+
+def _same_surface(
+    truth: FrameTruth, rows: np.ndarray, columns: np.ndarray, others: np.ndarray
+) -> np.ndarray:
+    """Return whether pixels show the same surface as others of their rows, shape (n,), bool."""
     depth = truth.depth[rows, columns]
-    same = (truth.material_ids[rows, left] == truth.material_ids[rows, columns]) & (
-        truth.material_ids[rows, right] == truth.material_ids[rows, columns]
-    )
-    for side in (left, right):
-        same &= np.abs(truth.depth[rows, side] - depth) < SAME_SURFACE * depth
-    same &= length > 0
-    return np.where(same, np.sum(turn * step, axis=1) / np.where(same, length, 1.0), 0.0)
+    same_material = truth.material_ids[rows, others] == truth.material_ids[rows, columns]
+    return same_material & (np.abs(truth.depth[rows, others] - depth) < SAME_SURFACE * depth)
