@@ -73,7 +73,7 @@ def test_the_sun_casts_a_shadow_where_geometry_says() -> None:
 
 def test_a_round_body_of_few_faces_has_no_steps_at_its_terminator() -> None:
     """Brightness falls smoothly toward the dark side although shadow rays start on flat faces."""
-    segments = 24
+    segments = 8
     angle = np.linspace(0, 2 * np.pi, segments + 1)
     ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     vertices = np.concatenate([0.3 * ring - 0.4 * UP, 0.3 * ring + 0.4 * UP])
@@ -94,16 +94,9 @@ def test_a_round_body_of_few_faces_has_no_steps_at_its_terminator() -> None:
     camera = Camera(INTRINSICS, look_at(side, np.zeros(3), UP))
     renderer = RaycastRenderer(cylinder, environment)
     row = linear_image(renderer, camera, 64)[45, :, 0]
-    inner = np.flatnonzero(renderer.render_image(camera, 4)[1][45] == 255)
-    across = (inner + 0.5 - 80) / (
-        np.ptp(inner) / 2
-    )  # -1 to 1: the sine of the angle round the body
-    shown = row[inner]
-    # Lambert's law over the body, from the coat's few percent apart.
-    toward_sun = across if shown[-1] > shown[0] else -across
-    expected = shown[toward_sun.argmin()] + np.ptp(shown) * np.maximum(toward_sun, 0)
+    shown = row[renderer.render_image(camera, 4)[1][45] == 255]
     assert np.ptp(shown) > 0.3
-    assert np.abs(shown - expected).max() < 0.1 * np.ptp(shown)
+    assert np.abs(np.diff(shown)).max() < 0.1 * np.ptp(shown)
 
 
 def test_spots_and_rest_together_keep_the_light() -> None:
@@ -249,7 +242,7 @@ def test_a_normal_map_shades_like_tilted_normals(tilt: tuple[float, float], mirr
     smooth = wall(shiny)
     mapped = replace(smooth, materials=(replace(shiny, normal_texture=encoded(local)),))
     if mirrored:
-        mapped = replace(mapped, uvs=mapped.uvs * np.float32([-1, 1]))
+        mapped = replace(mapped, uvs=mapped.uvs * np.array([-1, 1], np.float32))
     along_u = -1.0 if mirrored else 1.0
     world = np.array([local[2], along_u * local[0], local[1]], np.float32)
     tilted = replace(smooth, normals=np.tile(world, (4, 1)))
