@@ -11,6 +11,9 @@ BYTE_MEAN = 127.5
 # Smoother fields are drawn on a coarser grid, with this many points per correlation length.
 GRID_POINTS = 5.0
 
+# Patches are drawn on a grid with this many points per patch.
+PATCH_POINTS = 3.0
+
 # A Gaussian ends here, in its standard deviations; what is cut off holds 0.3 % of its sum.
 KERNEL_REACH = 3.0
 
@@ -61,3 +64,16 @@ def _kernel(correlation: float) -> np.ndarray:
     reach = int(np.ceil(KERNEL_REACH * sigma))
     kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
     return kernel / np.linalg.norm(kernel)
+
+
+def patchy_uniform(rng: np.random.Generator, shape: tuple[int, int], cell: float) -> np.ndarray:
+    """Return a field uniform over 0 to 1 that hardly changes over ``cell`` pixels, float32.
+
+    Thresholding it gives patches instead of single pixels. For a whole frame; a few pixels of a field
+    are cheaper with `sim.sensor.coherent`.
+    """
+    from scipy.special import ndtr
+
+    step = max(1.0, cell / PATCH_POINTS)
+    coarse = (int(np.ceil(shape[0] / step)) + 1, int(np.ceil(shape[1] / step)) + 1)
+    return enlarge(ndtr(smooth_normal(rng, coarse, max(2.0, cell / step))), shape)

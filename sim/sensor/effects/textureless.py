@@ -7,10 +7,10 @@ import numpy as np
 
 from sim.rig import StereoRig
 from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import TEXTURE_REACH, SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.noise_field import patchy_uniform
 from sim.sensor.pixels import pixels_where
 
 # Semi-global matching of plain discs in good texture: a radius of 20 px is filled and right; 40, 80, 120
@@ -58,11 +58,11 @@ class Textureless:
         if len(rows) == 0:
             return sensed
         shape = truth.depth.shape
-        draw = coherent_uniform(rng, shape, rows, columns, PATCH)
+        draw = patchy_uniform(rng, shape, PATCH)[rows, columns]
         failed = draw < -np.expm1(-beyond[rows, columns] / DECAY)
         # Another draw, so that the fate does not depend on how likely the failure was.
         rows, columns, draw = rows[failed], columns[failed], draw[failed]
-        fate = coherent_uniform(rng, shape, rows, columns, PATCH)
+        fate = patchy_uniform(rng, shape, PATCH)[rows, columns]
         sign = np.where(fate > 0.5 * (1 + HOLE_SHARE), 1, -1)
         error = np.where(fate < HOLE_SHARE, np.nan, sign * (1 + WRONG_ERROR * draw))
 

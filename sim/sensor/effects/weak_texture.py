@@ -7,13 +7,11 @@ import numpy as np
 
 from sim.rig import StereoRig
 from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.filters import box_mean, enlarge, shrink
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import smooth_normal
-from sim.sensor.pixels import pixels_where
+from sim.sensor.noise_field import patchy_uniform, smooth_normal
 from sim.sensor.texture import noise_of
 
 # Disparity error [px] by SNR = gradient / image noise: semi-global matching (window 5) of rendered scenes
@@ -82,10 +80,7 @@ class WeakTexture:
         if fill.min() == 1:
             return sensed
         fill = enlarge(fill.astype(np.float32), shape)
-        rows, columns = pixels_where(fill < 1)
-        draw = coherent_uniform(rng, shape, rows, columns, 2 * rig.noise_correlation)
-        lost = np.zeros(shape, dtype=bool)
-        lost[rows, columns] = draw > fill[rows, columns]
+        lost = patchy_uniform(rng, shape, 2 * rig.noise_correlation) > fill
         return sensed.with_holes(lost, Cause.WEAK_TEXTURE)
 
 
