@@ -35,7 +35,8 @@ into depth.
 ## Tiers
 
 `--tier` chooses how far that goes. For tests of your own code at rising noise there is
-[a pytest plug-in](sensor-noise-plugin.md).
+[a pytest plug-in](sensor-noise-plugin.md); [sensor-cost.md](sensor-cost.md) tells what each tier and effect
+costs in time, and how close to matching it comes.
 
 | tier | depth |
 |---|---|
