@@ -57,7 +57,7 @@ def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capt
     log.save(record)  # from here on the folder belongs to these settings
     try:
         with log.stage("prepare"):
-            session = prepare_session(config, *inputs)
+            session = prepare_session(config, inputs)
         with log.stage("plan"):
             plan = make_plan(session)
         if config.plans_effects:

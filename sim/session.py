@@ -107,9 +107,20 @@ class Session:
         return np.random.SeedSequence([self.config.seed, number, eye])
 
 
-def load_inputs(config: SimulateConfig) -> tuple[Scene, Environment, Profile]:
-    """Return object, surround and camera model; everything that a wrong path can make fail."""
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What the settings name: everything that a wrong path or figure can make fail."""
+
+    scene: Scene
+    environment: Environment
+    profile: Profile
+    rig: StereoRig
+
+
+def load_inputs(config: SimulateConfig) -> Inputs:
+    """Return object, surround and camera."""
     profile = load_profile(config.profile or DEFAULT_PROFILE)
+    rig = _make_rig(config, profile)
     if config.mesh is None:
         from sim.procedural import procedural_scene
 
@@ -119,21 +130,21 @@ def load_inputs(config: SimulateConfig) -> tuple[Scene, Environment, Profile]:
 
         scene = load_scene(config.mesh, config.object_size, config.up)
     if config.environment is None:
-        return scene, procedural_environment(), profile
-    return scene, load_environment(config.environment), profile
+        environment = procedural_environment()
+    else:
+        environment = load_environment(config.environment)
+    return Inputs(scene, environment, profile, rig)
 
 
-def prepare_session(
-    config: SimulateConfig, scene: Scene, environment: Environment, profile: Profile
-) -> Session:
+def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     """Put the camera at a distance at which it sees the object, and the surround beyond its way."""
-    rig = _make_rig(config, profile)
+    scene, environment, rig = inputs.scene, inputs.environment, inputs.rig
     distance = _orbit_distance(scene, rig)
     radius = max(environment.radius, SURROUND_MARGIN * distance)
     surround = Environment(environment.radiance, radius)
     walk = Walk.around(distance, config.seed)
     renderer = _make_renderer(config, scene, surround)
-    return Session(config, scene, surround, profile, rig, walk, renderer)
+    return Session(config, scene, surround, inputs.profile, rig, walk, renderer)
 
 
 def _make_rig(config: SimulateConfig, profile: Profile) -> StereoRig:

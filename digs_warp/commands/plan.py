@@ -43,7 +43,7 @@ class Plan:
         if self.json is not None:
             check_output_file(self.json, self.overwrite)
         check_effects(self.recording)
-        session = prepare_session(self.recording, *load_inputs(self.recording))
+        session = prepare_session(self.recording, load_inputs(self.recording))
         plan = make_plan(session)
         if self.json is not None:
             write_atomically(self.json, to_json(plan.as_json()).encode())

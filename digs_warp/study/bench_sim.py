@@ -109,7 +109,7 @@ def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
         width=width,
         frames=FRAMES,
     )
-    session = prepare_session(config, *load_inputs(config))
+    session = prepare_session(config, load_inputs(config))
     truth, _ = session.truth(FRAMES // 2, Shutter())
 
     def fresh() -> FrameTruth:

@@ -23,7 +23,7 @@ CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, normals=True, s
 
 @pytest.fixture(scope="module")
 def session() -> Session:
-    return prepare_session(CONFIG, *load_inputs(CONFIG))
+    return prepare_session(CONFIG, load_inputs(CONFIG))
 
 
 @pytest.fixture(scope="module")
@@ -151,9 +151,11 @@ def test_a_profile_brings_its_image(tmp_path: Path) -> None:
     assert capture.rig is not None and capture.rig.baseline == 0.05
 
 
-def test_unknown_effects_and_profiles_do_not_claim_the_folder(tmp_path: Path) -> None:
-    for wrong in ({"effects": "fog"}, {"profile": "kinect"}, {"profile": tmp_path / "none.yaml"}):
-        with pytest.raises(DigsError, match=r"fog|kinect|none\.yaml"):
+def test_unusable_settings_do_not_claim_the_folder(tmp_path: Path) -> None:
+    zero = tmp_path / "zero.yaml"
+    zero.write_text("figures: {baseline: {value: 0, origin: tuned}}")
+    for wrong in ({"effects": "fog"}, {"profile": "kinect"}, {"profile": zero}):
+        with pytest.raises(DigsError, match=r"fog|kinect|baseline \[m\]: 0"):
             simulate(replace(CONFIG, **wrong), tmp_path / "capture")  # pyright: ignore
     assert not (tmp_path / "capture").exists()
 
