@@ -20,11 +20,17 @@ class InitConfig:
     edge_filter: bool = True
     """Leave out depth at jumps, where stereo is least reliable (paper eq. 9)."""
 
+    min_support: float = 0.15
+    """Leave out voxels with fewer measurements than this fraction of the median voxel: what only a stray
+    measurement or two saw is an outlier. 0 keeps all."""
+
     opacity: float = INITIAL_OPACITY
     """Opacity of every Gaussian at the start, above 0 and below 1."""
 
     def __post_init__(self) -> None:
         check_positive("init.voxel_size", self.voxel_size)
+        if not 0 <= self.min_support <= 1:
+            raise DigsError(f"init.min_support: {self.min_support}, expected 0 to 1")
         if not 0 < self.opacity < 1:
             raise DigsError(f"init.opacity: {self.opacity}, expected above 0 and below 1")
         if not 0 <= self.mask_threshold < 255:

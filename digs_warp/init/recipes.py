@@ -62,7 +62,7 @@ def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
     merged = grid.merged()
     if len(merged) == 0:
         raise _no_points_error(views, config)
-    return merged.mean_points()
+    return merged.well_supported(config.min_support).mean_points()
 
 
 def _reduce_view(frame: Frame, config: InitConfig) -> _View:

@@ -1,4 +1,4 @@
-"""Voxel-grid filter: one point per occupied voxel, at the mean of what fell into it (paper section 3.3.1).
+"""Voxel-grid filter: one point per occupied voxel, at the mean of what fell into it (paper eq. 10).
 
 Every view sees the same surface again; the grid turns many noisy measurements of a spot into one
 point. The grid is anchored at the world's origin, so sums of separate batches can be merged: a
@@ -34,6 +34,13 @@ class VoxelSums:
 
     def __len__(self) -> int:
         return len(self.keys)
+
+    def well_supported(self, fraction: float) -> "VoxelSums":
+        """Return the voxels with at least ``fraction`` of the median number of points."""
+        if len(self) == 0:
+            return self
+        keep = self.counts >= fraction * np.median(self.counts)
+        return VoxelSums(self.keys[keep], self.counts[keep], self.sums[keep])
 
     def mean_points(self) -> PointCloud:
         """Return the mean position and colour of each voxel, in the order of the keys."""

@@ -99,9 +99,17 @@ def test_a_coarse_voxel_averages_everything_on_one_side_of_the_origin() -> None:
     np.testing.assert_allclose(found.colors, [[0, 1, 0], [0.5, 0, 0]])
 
 
+def test_support_is_relative_to_the_median_voxel() -> None:
+    points = np.repeat([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [2.5, 0.5, 0.5]], [30, 20, 1], axis=0)
+    sums = voxel_sums(points, points, 1.0)
+    assert sums.well_supported(0.1).counts.tolist() == [30, 20]
+    assert sums.well_supported(0.05).counts.tolist() == [30, 20, 1]
+    assert sums.well_supported(0.0).counts.tolist() == [30, 20, 1]
+
+
 def test_no_points_give_no_points() -> None:
     nothing = np.zeros((0, 3))
-    assert len(voxel_sums(nothing, nothing, 1.0).mean_points()) == 0
+    assert len(voxel_sums(nothing, nothing, 1.0).well_supported(0.1).mean_points()) == 0
 
 
 def test_indices_just_below_the_limit_work_and_above_it_raise() -> None:
