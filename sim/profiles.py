@@ -124,35 +124,45 @@ _ZED2 = {
     **_figures("vendor", "default of the ROS 2 wrapper", drops_saturated=1.0),
 }
 
-# Random invalid pixels: Ortiz et al. 2018, doi 10.5565/rev/elcvia.1084, first ZED, per resolution.
-# Read-out: 44.8 us (2K), 25.6 us (1080p, 720p30) per line, vendor's support pages.
-_ORTIZ = "ZED (v1), Ortiz et al. 2018"
-_ZED2_MODES: tuple[tuple[str, str, int, int, float, float, float], ...] = (
-    ("zed2-2k", "2K", 2208, 1242, 1063.98, 0.0230, 0.0556),
-    ("zed2-1080", "HD1080", 1920, 1080, 1063.98, 0.0243, 0.0276),
-    ("zed2-720", "HD720", 1280, 720, 531.99, 0.0206, 0.0184),
-    ("zed2-vga", "VGA", 672, 376, 265.995, 0.0209, 0.0096),
-)
+_CALIBRATED = "factory calibration of one device"
+_LINES = "line time x lines, vendor's support pages"
 
-
-def _zed2(
-    name: str, mode: str, width: int, height: int, focal: float, invalid: float, readout: float
-) -> Profile:
-    figures = {
-        **_ZED2,
-        **_figures("vendor", "image mode", width=width, height=height),
-        **_figures("measured", "factory calibration of one device", focal=focal),
-        **_figures("measured", _ORTIZ, random_invalid=invalid),
-        **_figures("vendor", "line time x lines", readout_time=readout),
-    }
-    return Profile(name, f"ZED-2 class, {mode}", figures)
+# What differs between the image modes. Random invalid pixels: Ortiz et al. 2018, doi
+# 10.5565/rev/elcvia.1084, measured on the first ZED.
+_ZED2_MODES = {
+    "2K": {
+        **_figures("vendor", "image mode", width=2208, height=1242),
+        **_figures("measured", _CALIBRATED, focal=1063.98),
+        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0230),
+        **_figures("vendor", _LINES, readout_time=0.0556),
+    },
+    "1080": {
+        **_figures("vendor", "image mode", width=1920, height=1080),
+        **_figures("tuned", "taken for a crop of the 2K mode", focal=1063.98),
+        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0243),
+        **_figures("vendor", _LINES, readout_time=0.0276),
+    },
+    "720": {
+        **_figures("vendor", "image mode", width=1280, height=720),
+        **_figures("measured", _CALIBRATED, focal=531.99),
+        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0206),
+        **_figures("vendor", _LINES, readout_time=0.0184),
+    },
+    "VGA": {
+        **_figures("vendor", "image mode", width=672, height=376),
+        **_figures("tuned", "half of the 720 mode", focal=265.995),
+        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0209),
+        **_figures("tuned", "376 lines at the line time of the 720 mode", readout_time=0.0096),
+    },
+}
 
 
 _D435 = {
     **_MATCHER,
     **_figures("vendor", "image mode", width=848, height=480),
     **_figures("vendor", "90 degrees across", focal=424.0),
-    **_figures("vendor", "data sheet", baseline=0.05, max_depth=10.0),
+    **_figures("vendor", "data sheet", baseline=0.05),
+    **_figures("tuned", "where noise reaches 0.4 m", max_depth=10.0),
     **_figures("vendor", "search range of the depth chip", max_disparity=126.0),
     **_figures("vendor", "f b / 126 px", min_depth=0.168),
     **_figures("vendor", "1/32 px", disparity_step=1 / 32),
@@ -166,7 +176,8 @@ _OAKD = {
     **_MATCHER,
     **_figures("vendor", "image mode", width=1280, height=800),
     **_figures("vendor", "calibration of an 800P unit", focal=882.5),
-    **_figures("vendor", "data sheet", baseline=0.075, max_depth=15.0),
+    **_figures("vendor", "data sheet", baseline=0.075),
+    **_figures("tuned", "where noise reaches 0.5 m", max_depth=15.0),
     **_figures("vendor", "95 px search", max_disparity=95.0, min_depth=0.697),
     **_figures("vendor", "3 sub-pixel bits", disparity_step=1 / 8),
     # Vendor's medians (2 % at 4 m, 4 % at 7 m) are bounds with bias: they allow 0.3 px.
@@ -176,7 +187,12 @@ _OAKD = {
 }
 
 PROFILES = {
-    **{mode[0]: _zed2(*mode) for mode in _ZED2_MODES},
+    **{
+        f"zed2-{mode.lower()}": Profile(
+            f"zed2-{mode.lower()}", f"ZED-2 class, {mode}", {**_ZED2, **figures}
+        )
+        for mode, figures in _ZED2_MODES.items()
+    },
     "d435": Profile("d435", "RealSense-D435 class", _D435),
     "oak-d": Profile("oak-d", "OAK-D class", _OAKD),
 }

@@ -169,3 +169,17 @@ def test_strength_scales_the_error(name: str) -> None:
     truth = make_frame(50.3, rig)
     once, twice = (error_of(truth, name, strength=s) for s in (1.0, 2.0))
     np.testing.assert_allclose(twice, 2 * once, atol=2e-5)  # float32 at 50 px
+
+
+def test_far_depth_is_biased_as_the_inverse_of_a_noisy_disparity() -> None:
+    """E[dZ] = Z^3 sigma^2 / (f b)^2, to second order."""
+    rig = make_rig(640, 480, disparity_sigma=0.25, temporal_share=1.0, max_depth=100.0)
+    depth = 12.0
+    biases = []
+    for number in range(20):
+        truth = make_frame(rig.focal_baseline / depth, rig, number=number)
+        sensed = sense_effects(truth, ["correlated-noise"])
+        biases.append(np.mean(depth_of(sensed, truth).astype(np.float64)) - depth)
+    expected = depth**3 * 0.25**2 / rig.focal_baseline**2
+    assert np.mean(biases) == pytest.approx(expected, abs=4 * np.std(biases) / np.sqrt(20))
+    assert np.mean(biases) > 0.5 * expected
