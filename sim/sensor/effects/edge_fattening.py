@@ -4,6 +4,7 @@ Narrow gaps between near things close altogether; thin near things survive.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -77,17 +78,54 @@ class EdgeFattening:
         if strength <= 0:
             return sensed
         half = truth.rig.window // 2
-        true, texture, disparity = truth.disparity, truth.gradient, sensed.disparity.copy()
-        moved = np.zeros(disparity.shape, dtype=bool)
-        source, upright = sensed.disparity, strength * VERTICAL_SHARE
-        # Transposed views: columns become rows, and writing to them writes to the frame.
-        _move(true, texture, source, half, strength, rng, disparity, moved)
-        _move(true.T, texture.T, source.T, half, upright, rng, disparity.T, moved.T)
-        _close_gaps(true, source, strength, rng, disparity, moved)
-        _close_gaps(true.T, source.T, strength, rng, disparity.T, moved.T)
-        lost = np.isnan(disparity)
-        confidence = np.where(lost, np.float32(0.0), np.float32(0.6))
-        return sensed.with_values(moved, disparity, Cause.EDGE, confidence)
+        sideways = _Work(
+            truth.disparity,
+            truth.gradient,
+            sensed.disparity,
+            sensed.disparity.copy(),
+            np.zeros(sensed.disparity.shape, dtype=bool),
+        )
+        upright = sideways.turned()
+        _move(sideways, half, strength, rng)
+        _move(upright, half, strength * VERTICAL_SHARE, rng)
+        _close_gaps(sideways, strength, rng)
+        _close_gaps(upright, strength, rng)
+        disparity = sideways.disparity
+        confidence = np.where(np.isnan(disparity), np.float32(0.0), np.float32(0.6))
+        return sensed.with_values(sideways.moved, disparity, Cause.EDGE, confidence)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """A frame in work, seen along its rows; all (height, width).
+
+    Attributes:
+        true: disparity that tells where the steps are [px].
+        texture: strength of the texture [DN/px].
+        source: sensed disparity before the effect [px].
+        disparity: the same, to be written to.
+        moved: what has been written, to be marked.
+    """
+
+    true: np.ndarray
+    texture: np.ndarray
+    source: np.ndarray
+    disparity: np.ndarray
+    moved: np.ndarray
+
+    @cached_property
+    def steps(self) -> Steps:
+        """The steps along the rows."""
+        return find_steps(self.true, STEP)
+
+    def turned(self) -> "_Work":
+        """Return the frame with columns for rows; what is written to it is written to this one."""
+        return _Work(self.true.T, self.texture.T, self.source.T, self.disparity.T, self.moved.T)
+
+    def write(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
+        """Write disparities at some pixels."""
+        self.disparity[rows, columns] = values
+        self.moved[rows, columns] = True
 
 
 def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) -> np.ndarray:
@@ -106,75 +144,41 @@ def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) 
     )
 
 
-def _move(
-    true: np.ndarray,
-    texture: np.ndarray,
-    source: np.ndarray,
-    half: int,
-    strength: float,
-    rng: np.random.Generator,
-    disparity: np.ndarray,
-    moved: np.ndarray,
-) -> None:
-    """Move the outlines along the rows: read ``source``, write ``disparity`` and mark ``moved``."""
+def _move(work: _Work, half: int, strength: float, rng: np.random.Generator) -> None:
+    """Move the outlines along the rows, for a window of half-width ``half`` [px]."""
     from scipy.special import gammaincinv
 
-    steps = find_steps(true, STEP)
-    last = true.shape[1] - 1
+    steps, texture, shape = work.steps, work.texture, work.true.shape
     # The outline itself moves with the near side and is often its strongest texture: the window of the
     # near side touches it, that of the far side does not.
-    near_window = steps.near - half * steps.away
-    far_window = steps.far + (half + 2) * steps.away
-    shift = outline_shift(
-        texture[steps.rows, np.clip(near_window, 0, last)],
-        texture[steps.rows, np.clip(far_window, 0, last)],
-        half,
-    )
-    drawn = coherent_uniform(rng, true.shape, steps.rows, steps.near, COHERENCE)
+    near_window = np.clip(steps.near - half * steps.away, 0, shape[1] - 1)
+    far_window = np.clip(steps.far + (half + 2) * steps.away, 0, shape[1] - 1)
+    shift = outline_shift(texture[steps.rows, near_window], texture[steps.rows, far_window], half)
+    drawn = coherent_uniform(rng, shape, steps.rows, steps.near, COHERENCE)
     shift *= gammaincinv(SPREAD_SHAPE, drawn) / SPREAD_SHAPE
-    shift += WANDER * coherent_normal(rng, true.shape, steps.rows, steps.near, COHERENCE)
+    shift += WANDER * coherent_normal(rng, shape, steps.rows, steps.near, COHERENCE)
     shift *= strength
     for sign, giver, taker in ((1, steps.near, steps.far), (-1, steps.far, steps.near)):
         pixels = np.floor(np.maximum(sign * shift, 0.0) + rng.random(len(shift)))
-        _spread(true, source, steps, giver, taker, pixels, disparity, moved)
+        _spread(work, giver, taker, pixels)
 
 
-def _spread(
-    true: np.ndarray,
-    source: np.ndarray,
-    steps: Steps,
-    giver: np.ndarray,
-    taker: np.ndarray,
-    pixels: np.ndarray,
-    disparity: np.ndarray,
-    moved: np.ndarray,
-) -> None:
+def _spread(work: _Work, giver: np.ndarray, taker: np.ndarray, pixels: np.ndarray) -> None:
     """Give the disparity at ``giver`` to ``pixels`` pixels from ``taker`` on, up to the next step."""
-    width = true.shape[1]
-    direction = taker - giver
+    true, direction = work.true, taker - giver
     for distance in range(int(pixels.max(initial=0))):
         column = taker + distance * direction
-        inside = (pixels > distance) & (column >= 0) & (column < width)
-        rows, column = steps.rows[inside], column[inside]
-        start, value = taker[inside], source[rows, giver[inside]]
+        inside = (pixels > distance) & (column >= 0) & (column < true.shape[1])
+        rows, column = work.steps.rows[inside], column[inside]
+        start, value = taker[inside], work.source[rows, giver[inside]]
         same_side = np.abs(true[rows, column] - true[rows, start]) <= STEP
         usable = same_side & ~np.isnan(value)
-        disparity[rows[usable], column[usable]] = value[usable]
-        moved[rows[usable], column[usable]] = True
+        work.write(rows[usable], column[usable], value[usable])
 
 
-def _close_gaps(
-    true: np.ndarray,
-    source: np.ndarray,
-    strength: float,
-    rng: np.random.Generator,
-    disparity: np.ndarray,
-    moved: np.ndarray,
-) -> None:
-    """Close or lose narrow gaps along the rows: read ``source``, write ``disparity`` and ``moved``."""
-    steps = find_steps(true, STEP)
-    if len(steps.rows) < 2:
-        return
+def _close_gaps(work: _Work, strength: float, rng: np.random.Generator) -> None:
+    """Close or lose narrow gaps along the rows."""
+    steps = work.steps
     # Steps come in reading order: a gap is a step down to the far side and the next one up from it.
     same_row = steps.rows[1:] == steps.rows[:-1]
     gap = np.flatnonzero(same_row & (steps.away[:-1] > 0) & (steps.away[1:] < 0))
@@ -185,10 +189,9 @@ def _close_gaps(
     width = gaps.lengths[run]
     closed = 1.0 - (1.0 - np.interp(width, GAP_WIDTHS, GAP_CLOSED)) ** strength
     lost = 1.0 - (1.0 - np.interp(width, GAP_WIDTHS, GAP_LOST)) ** strength
-    drawn = coherent_uniform(rng, true.shape, rows, columns, GAP_COHERENCE)
+    drawn = coherent_uniform(rng, work.true.shape, rows, columns, GAP_COHERENCE)
     nearer_left = columns - gaps.first[run] < width / 2
     beside = np.where(nearer_left, gaps.first[run] - 1, gaps.end[run])
-    value = np.where(drawn < closed, source[rows, beside], np.nan)
+    value = np.where(drawn < closed, work.source[rows, beside], np.nan)
     changed = (drawn < closed + lost) & ~((drawn < closed) & np.isnan(value))
-    disparity[rows[changed], columns[changed]] = value[changed]
-    moved[rows[changed], columns[changed]] = True
+    work.write(rows[changed], columns[changed], value[changed])
