@@ -23,7 +23,7 @@ from sim.render.gl_scene import (
 from sim.render.lighting import prepare_light
 from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
-from sim.render.upload import DeviceScene, upload_scene
+from sim.render.upload import DeviceScene, is_see_through, upload_scene
 from sim.render.view import check_inside
 from sim.scene import Scene
 
@@ -66,7 +66,7 @@ class GlRenderer:
         sphere = sphere_mesh(self._pyrender, environment, self.exposure)
         self._surround = [self._drawing.add(sphere)]
         two_lights(self._pyrender, self._drawing, light.struct.irradiance.numpy())
-        self._has_glass = any(material.is_transparent for material in scene.materials)
+        self._has_glass = any(is_see_through(material) for material in scene.materials)
         # Ids as colours; 0 is the background.
         self._id_colors = {node: _id_color(int(node.mesh.name) + 1) for node in self._shown}
 

@@ -13,6 +13,9 @@ from sim.scene import Material, Scene
 # Segments of the surround's sphere; its texture bends within one by less than a tenth of a degree.
 SPHERE_COLUMNS, SPHERE_ROWS = 256, 128
 
+# Blending is all that OpenGL does about glass: this much of its own colour keeps it visible.
+GLASS_ALPHA = 0.2
+
 
 def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
     """Return one mesh per material that has faces, named by the material's number, with both sides."""
@@ -115,19 +118,47 @@ def _with_alpha(colors: np.ndarray) -> np.ndarray:
 
 
 def _material(pyrender: Any, material: Material) -> Any:
-    opacity = material.opacity * (1.0 - material.transmission)
+    alpha = material.opacity * (1.0 - material.transmission)
+    alpha_texture = _alpha_texture(material)
     shown = pyrender.MetallicRoughnessMaterial(
-        baseColorFactor=(*(float(value) for value in material.base_color), opacity),
+        baseColorFactor=(
+            *(float(value) for value in material.base_color),
+            1.0 if alpha_texture is not None else max(alpha, GLASS_ALPHA),
+        ),
         metallicFactor=material.metallic,
         roughnessFactor=material.roughness,
         emissiveFactor=material.emission,
-        alphaMode="BLEND" if material.is_transparent else "OPAQUE",
+        alphaMode="BLEND" if alpha_texture is not None or alpha < 1 else "OPAQUE",
     )
-    if material.texture is not None:
+    if alpha_texture is not None:
+        color = _resampled(material.texture, alpha_texture.shape)
+        pixels = np.dstack([color, np.maximum(alpha_texture, np.uint8(255 * GLASS_ALPHA))])
+        shown.baseColorTexture = pyrender.Texture(source=pixels, source_channels="RGBA")
+    elif material.texture is not None:
         shown.baseColorTexture = _texture(pyrender, material.texture)
     if material.emission_texture is not None:
         shown.emissiveTexture = _texture(pyrender, material.emission_texture)
     return shown
+
+
+def _alpha_texture(material: Material) -> np.ndarray | None:
+    """Return what opacity and transmission leave of each texel, (height, width), uint8; None: even."""
+    opaque, clear = material.opacity_texture, material.transmission_texture
+    if opaque is None and clear is None:
+        return None
+    if opaque is None:
+        opaque = np.full(np.shape(clear), 255.0 * material.opacity)
+    passing = material.transmission if clear is None else _resampled(clear, opaque.shape) / 255.0
+    return np.rint(opaque * (1.0 - passing)).astype(np.uint8)
+
+
+def _resampled(pixels: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the nearest texels of a texture at another size; white for none."""
+    if pixels is None:
+        return np.full((*shape, 3), 255, np.uint8)
+    rows = np.arange(shape[0]) * pixels.shape[0] // shape[0]
+    columns = np.arange(shape[1]) * pixels.shape[1] // shape[1]
+    return pixels[rows[:, None], columns]
 
 
 def _textured(pyrender: Any, pixels: np.ndarray) -> Any:

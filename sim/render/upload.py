@@ -61,7 +61,7 @@ def upload_scene(scene: Scene) -> DeviceScene:
     data = [_material_data(m, slot) for m, slot in zip(scene.materials, slots, strict=True)]
     surface.data = wp.array(data, dtype=MaterialData, device="cpu")
     surface.textures = pack_textures(images)
-    surface.see_through = int(any(_is_see_through(material) for material in scene.materials))
+    surface.see_through = int(any(is_see_through(material) for material in scene.materials))
     surface.step = STEP_SHARE * scene.radius
     surface.lift = LIFT_SHARE * scene.radius
     return DeviceScene(surface, mesh)
@@ -88,7 +88,8 @@ def _texture_slots(
     return slots, images
 
 
-def _is_see_through(material: Material) -> bool:
+def is_see_through(material: Material) -> bool:
+    """Whether any part of the material may let light through."""
     return (
         material.opacity < 1
         or material.transmission > 0
@@ -99,7 +100,7 @@ def _is_see_through(material: Material) -> bool:
 
 def _material_data(material: Material, slot: dict[str, int]) -> MaterialData:
     data = MaterialData()
-    data.see_through = int(_is_see_through(material))
+    data.see_through = int(is_see_through(material))
     data.base_color = wp.vec3(*(float(value) for value in material.base_color))
     data.emission = wp.vec3(*material.emission)
     data.roughness = material.roughness
