@@ -82,6 +82,8 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     record = folder / RUN_NAME
     if record.exists() and resume:
         log.continue_from(record)
+        for leftover in folder.rglob(".*"):  # temporary files of a run that was killed while writing
+            leftover.unlink()
     elif record.exists() or (folder / INDEX_NAME).exists():
         raise DigsError(
             f"capture '{folder}': the folder already holds a recording; resume it if it was cut off, "

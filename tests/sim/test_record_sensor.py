@@ -75,6 +75,7 @@ def test_a_planned_recording_that_was_cut_off_resumes_to_the_same_bytes(
     before = read_json(folder / "run.json", "record")["seconds"]
     for gone in ("transforms.json", "sensor_plan.json", "cause/0001.png", "depth/0002.exr"):
         (folder / gone).unlink()
+    (folder / "depth/.0002.4711.exr").write_bytes(b"half a fi")  # left by a process that was killed
     simulate(CONFIG, folder, resume=True)
     assert file_hashes(folder) == file_hashes(recording)
     after = read_json(folder / "run.json", "record")["seconds"]
