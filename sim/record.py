@@ -82,7 +82,8 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     record = folder / RUN_NAME
     if record.exists() and resume:
         log.continue_from(record)
-        for leftover in folder.rglob(".*"):  # temporary files of a run that was killed while writing
+        # Frame files that a process was writing when it was killed: .NUMBER.PROCESS.SUFFIX.
+        for leftover in folder.glob("*/.[0-9]*.[0-9]*.*"):
             leftover.unlink()
     elif record.exists() or (folder / INDEX_NAME).exists():
         raise DigsError(
