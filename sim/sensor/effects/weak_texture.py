@@ -12,13 +12,13 @@ from sim.sensor.facts import SceneFacts
 from sim.sensor.filters import box_mean, enlarge, shrink
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import patchy_uniform, smooth_normal
-from sim.sensor.texture import noise_of
+from sim.sensor.texture import noise_of, typical_gradient
 
-# Disparity error [px] by SNR = gradient / image noise: semi-global matching (window 5) of rendered scenes
-# with image noise of 2 DN, of which a real pair with 4 DN is a second witness (0.45 px among errors below
-# 1 px, 21 % above, at SNR < 0.5). Ideal planes give half of this: 0.5 to 0.8 / (window SNR).
-SNRS = (0.12, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-ERRORS = (0.85, 0.78, 0.64, 0.48, 0.33, 0.20, 0.10)
+# Disparity error [px] by typical gradient / image noise: semi-global matching (window 5, image noise 2 DN)
+# of rendered scenes, between a brick wall (0.75 times as much) and a blurred photograph (1.3 times). The
+# typical gradient is the geometric mean over a region: a few strong edges do not help the plain ground.
+SNRS = (0.05, 0.09, 0.18, 0.37, 0.75, 1.5, 3.0, 6.0)
+ERRORS = (1.10, 0.85, 0.57, 0.41, 0.29, 0.22, 0.16, 0.10)
 
 # Errors above this have a label [px].
 WRONG = 1.0
@@ -68,9 +68,10 @@ class WeakTexture:
         rig, shape = truth.rig, truth.depth.shape
         energy = shrink(np.square(truth.gradient), STRIDE)
         noise = strength * noise_of(rig.image_noise)
+        typical = typical_gradient(truth.gray, REGION * rig.window, STRIDE) / noise
         vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
         error = smooth_normal(rng, shape, horizontal, vertical)
-        error *= enlarge(_excess_noise(energy, noise, rig), shape)
+        error *= enlarge(_excess_noise(typical, rig), shape)
         shifted = sensed.disparity + error
         wrong = (np.abs(error) > np.float32(WRONG)) & sensed.known
         sensed = replace(sensed, disparity=shifted)
@@ -84,16 +85,9 @@ class WeakTexture:
         return sensed.with_holes(lost, Cause.WEAK_TEXTURE)
 
 
-def _excess_noise(energy: np.ndarray, noise: float, rig: StereoRig) -> np.ndarray:
-    """Return the error that good texture would not have [px], of the shape of ``energy``, float32.
-
-    Args:
-        energy: squared gradient of blocks of STRIDE pixels [(DN/px)^2].
-        noise: of the image [DN].
-        rig: its noise belongs to good texture, and is an effect of its own.
-    """
-    error = np.interp(_regional_root(energy, REGION * rig.window) / noise, SNRS, ERRORS)
-    excess = np.square(error) - rig.disparity_sigma**2 * rig.temporal_share
+def _excess_noise(snr: np.ndarray, rig: StereoRig) -> np.ndarray:
+    """Return the error that good texture would not have [px], of the shape of ``snr``, float32."""
+    excess = np.square(np.interp(snr, SNRS, ERRORS)) - rig.disparity_sigma**2 * rig.temporal_share
     return np.sqrt(np.maximum(excess, 0.0)).astype(np.float32)
 
 

@@ -8,6 +8,7 @@ from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 from sim.sensor.cause import Cause
 from sim.sensor.frame import FrameTruth, Sensed
+from sim.sensor.texture import typical_gradient
 from sim.sensor.tiers import depth_of, sense_effects
 
 SHAPE = (240, 320)
@@ -162,16 +163,18 @@ def test_weak_texture_is_lost_as_measured(snr: float, fill: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("snr", "rms", "bad"), [(0.37, 0.47, 0.18), (0.75, 0.43, 0.12), (1.5, 0.37, 0.06)]
+    ("snr", "rms", "bad"),
+    [(0.09, 0.50, 0.25), (0.18, 0.45, 0.10), (0.37, 0.36, 0.05), (0.75, 0.27, 0.01)],
 )
 def test_weak_texture_adds_the_noise_of_rendered_scenes(snr: float, rms: float, bad: float) -> None:
-    truth = uniform_snr(snr)
-    truth = replace(truth, rig=replace(truth.rig, disparity_sigma=0.1, ripple=0.1))
-    sensed = sense_effects(truth, ["weak-texture", "correlated-noise", "ripple"])
+    truth = uniform_snr(1.0)
+    typical = float(np.median(typical_gradient(truth.gray, 20, 4)))
+    truth = replace(truth, rig=replace(truth.rig, disparity_sigma=0.1, image_noise=typical / snr))
+    sensed = sense_effects(truth, ["weak-texture", "correlated-noise"])
     error = (sensed.disparity - truth.disparity)[sensed.known]
     inliers = error[np.abs(error) < 1]
-    assert np.sqrt(np.mean(inliers**2)) == pytest.approx(rms, rel=0.15)
-    assert np.mean(np.abs(error) > 1) == pytest.approx(bad, abs=0.06)
+    assert np.sqrt(np.mean(inliers**2)) == pytest.approx(rms, rel=0.2)
+    assert np.mean(np.abs(error) > 1) == pytest.approx(bad, abs=0.05)
 
 
 def test_weak_texture_labels_what_is_wrong() -> None:
