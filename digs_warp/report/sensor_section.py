@@ -1,11 +1,16 @@
 """The sensor of a simulated capture: which effects it had, and why."""
 
+from typing import Any
+
 from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
 from digs_warp.log import read_json
 from digs_warp.report.markup import section, table
 
 PLAN_NAME = "sensor_plan.json"
+
+# Heading -> key in the plan.
+PATHS = {"On the images": "color", "On depth": "depth"}
 
 
 def sensor_section(capture: Capture) -> str:
@@ -19,26 +24,27 @@ def sensor_section(capture: Capture) -> str:
         return ""
     plan = read_json(path, "sensor plan")
     try:
-        rows = [
-            (
-                c["effect"],
-                where,
-                "on" if c["on"] else "off",
-                c["statistic"],
-                c["threshold"],
-                c["reason"],
-            )
-            for key, where in (("color", "images"), ("depth", "depth"))
-            for c in plan[key]
-        ]
+        tables = {title: _rows(plan[key]) for title, key in PATHS.items()}
     except (KeyError, TypeError) as error:
         raise DigsError(
             f"sensor plan '{path}': {error!r}; expected lists 'color' and 'depth' of choices; "
             "record again, or delete the file"
         ) from error
-    on = sum(row[2] == "on" for row in rows)
+    rows = [row for group in tables.values() for row in group]
+    on = sum(row[1] == "on" for row in rows)
+    headings = ["Effect", "State", "Measured", "Rule", "Because"]
+    parts = [
+        f"<h3>{title}</h3>{table(headings, group)}" for title, group in tables.items() if group
+    ]
     return section(
         "Sensor",
         f"{on} of {len(rows)} effects of the depth camera were simulated; what the scene shows decided.",
-        table(["Effect", "Acts on", "State", "Measured", "Rule", "Because"], rows),
+        *parts,
     )
+
+
+def _rows(choices: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    return [
+        (c["effect"], "on" if c["on"] else "off", c["statistic"], c["threshold"], c["reason"])
+        for c in choices
+    ]
