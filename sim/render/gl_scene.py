@@ -144,10 +144,10 @@ def _material(pyrender: Any, material: Material) -> Any:
 def _alpha_texture(material: Material) -> np.ndarray | None:
     """Return what opacity and transmission leave of each texel, (height, width), uint8; None: even."""
     opaque, clear = material.opacity_texture, material.transmission_texture
-    if opaque is None and clear is None:
-        return None
     if opaque is None:
-        opaque = np.full(np.shape(clear), 255.0 * material.opacity)
+        if clear is None:
+            return None
+        opaque = np.full(clear.shape, 255.0 * material.opacity)
     passing = material.transmission if clear is None else _resampled(clear, opaque.shape) / 255.0
     return np.rint(opaque * (1.0 - passing)).astype(np.uint8)
 

@@ -264,6 +264,7 @@ def open_share(
 def openness_kernel(
     first: int,
     surface: Surface,
+    points: wp.array[wp.vec3],  # [n] where to measure for each vertex
     rays: int,
     reach: float,
     # outputs
@@ -271,7 +272,7 @@ def openness_kernel(
 ):
     """Measure the openness of a vertex on both sides of the surface."""
     vertex = first + wp.tid()
-    point = surface.points[vertex]
+    point = points[vertex]
     normal = surface.normals[vertex]
     offset = surface.lift
     if wp.length(normal) < 0.5:

@@ -28,6 +28,9 @@ MIN_OPENNESS_RAYS = 8
 # Occluders farther away than this share of the scene's radius do not darken a surface.
 OPENNESS_REACH = 0.7
 
+# How far from a vertex toward the middle of its largest face openness is measured, as a share of the way.
+OPENNESS_INSET = 0.3
+
 
 class RaycastRenderer:
     """A scene and its environment, ready to be seen from any camera inside the surround."""
@@ -35,7 +38,7 @@ class RaycastRenderer:
     def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
         self.threads = threads
         self.surround_radius = environment.radius
-        self._radius = scene.radius
+        self._source = scene
         self._panorama_height = environment.radiance.shape[0]
         self._light = prepare_light(environment, threads)
         self._scene = upload_scene(scene)
@@ -100,12 +103,31 @@ class RaycastRenderer:
         count = len(self._scene.mesh.points)
         rays = int(np.clip(OPENNESS_BUDGET // (2 * count), MIN_OPENNESS_RAYS, OPENNESS_RAYS))
         openness = wp.empty(count, dtype=wp.vec2, device="cpu")
-        inputs = [self._surface, rays, OPENNESS_REACH * self._radius, openness]
+        points = wp.array(openness_points(self._source), dtype=wp.vec3, device="cpu")
+        inputs = [self._surface, points, rays, OPENNESS_REACH * self._source.radius, openness]
         self._launch(openness_kernel, count, inputs)
         self._surface.openness = self._openness = openness
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
         launch_parallel(kernel, dim, inputs, threads=self.threads)
+
+
+def openness_points(scene: Scene) -> np.ndarray:
+    """Return where each vertex' openness is measured, shape (n, 3), float32.
+
+    A little inside its largest face: a corner under a part that stands on a large face must not darken
+    the whole face.
+    """
+    corners = scene.vertices[scene.faces].astype(np.float64)
+    edges = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    middle = corners.mean(axis=1, keepdims=True)
+    inside = corners + OPENNESS_INSET * (middle - corners)
+    smallest_first = np.argsort(np.repeat(area, 3), kind="stable")
+    points = scene.vertices.copy()
+    # Of several writes to one vertex the last stays: that of its largest face.
+    points[scene.faces.reshape(-1)[smallest_first]] = inside.reshape(-1, 3)[smallest_first]
+    return points
 
 
 def _int32(seed: int) -> int:
