@@ -250,8 +250,9 @@ def test_a_normal_map_shades_like_tilted_normals(tilt: tuple[float, float], mirr
     a, b, flat = (
         RaycastRenderer(s, sky).render_image(FRONT)[0].astype(int) for s in (mapped, tilted, smooth)
     )
-    assert np.abs(a - b).max() <= 5  # eight bits tilt a normal by up to a quarter of a degree
-    assert np.abs(b - flat).max() > 15
+    # Eight bits tilt a normal by a quarter of a degree, and openness goes by the vertex normals.
+    assert np.abs(a - b).max() <= 8
+    assert np.abs(b - flat).max() > 40
 
 
 def test_a_finish_texture_that_says_the_same_everywhere_is_the_plain_finish() -> None:
