@@ -33,6 +33,9 @@ SAFE_SLOPE = 0.2
 # 90 % of the hopeless pixels, off by more than 1 px for 40 to 90 % of them [px].
 BRIDGE = 8
 
+# Ground whose disparity differs by more than this per pixel of distance belongs to something else.
+SAME_SURFACE = 2.0
+
 MIN_SHARE = 1e-3
 
 
@@ -107,5 +110,7 @@ def _rim_values(
             inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
             here = np.flatnonzero(inside & np.isnan(found))
             here = here[~hopeless[row[here], column[here]]]
-            found[here] = disparity[row[here], column[here]]
+            value = disparity[row[here], column[here]]
+            same = np.abs(value - disparity[rows[here], columns[here]]) <= SAME_SURFACE * distance
+            found[here[same]] = value[same]
     return found

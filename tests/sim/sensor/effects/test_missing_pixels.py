@@ -231,6 +231,15 @@ def test_wide_grazing_areas_are_filled_at_the_rim_and_lost_inside() -> None:
     assert known[:, 101:108].all() and not known[:, 115:185].any()
 
 
+def test_the_rim_of_a_ball_does_not_take_the_disparity_of_the_wall() -> None:
+    disparity = np.full((240, 320), 30.0)
+    disparity[:, 100:110] = 100 - 0.7 * (10 - np.arange(10.0))
+    disparity[:, 110:] = 100.0
+    sensed = sense_effects(make_frame(disparity), ["grazing"])
+    assert (sensed.disparity[:, 100:110][sensed.known[:, 100:110]] > 90).all()
+    assert sensed.known[:, 104:].all()
+
+
 def test_steps_are_not_grazing_surfaces() -> None:
     disparity = np.full(SHAPE, 20.0)
     disparity[60:180, 100:220] = 60.0
