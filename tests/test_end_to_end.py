@@ -10,7 +10,7 @@ from digs_warp.capture import read_capture
 from digs_warp.cli import main
 from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.images import read_image
-from usd.reader import read_gaussians
+from usd.reader import read_scene
 
 SIZES = ["--frames", "18", "--width", "160", "--height", "90", "--iterations", "150"]
 # A pixel is 6 mm at the object: finer voxels would only cost time. At this size the edge pixels, in which
@@ -27,13 +27,15 @@ def run(folder: Path, *arguments: str) -> dict[str, float]:
 def check_results(folder: Path) -> None:
     """The USD scene holds the trained Gaussians; the report stands alone; pictures are pictures."""
     trained = Gaussians.load(folder / "reconstruction" / "gaussians.npz")
-    scene = read_gaussians(folder / "scene.usdz")
+    scene = read_scene(folder / "scene.usdz")
     for name in FIELDS:
-        found, expected = getattr(scene, name), getattr(trained, name)
+        found, expected = getattr(scene.gaussians, name), getattr(trained, name)
         if name == "quats":
             expected = expected / np.linalg.norm(expected, axis=1, keepdims=True)
             found = found * np.sign((found * expected).sum(axis=1, keepdims=True))
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4, err_msg=name)
+    assert scene.metadata["kernel"]["dilation_px2"] == pytest.approx(0.3)
+    assert scene.metadata["held_out"]["psnr"] > 0
     report = (folder / "report.html").read_text(encoding="utf-8")
     assert "<img" in report
     assert 'src="http' not in report

@@ -44,12 +44,15 @@ class ExportUsd:
 
 def write_scene(gaussians: "Gaussians", reconstruction: Path, path: Path) -> None:
     """Write the scene; what is known about its making goes along as metadata."""
+    from digs_warp.splat.config import DILATION, MAX_ALPHA, MIN_ALPHA
     from usd.writer import write_gaussians
 
-    metadata: dict[str, Any] = {}
+    # USD has no place for what the training assumed of its renderer.
+    kernel = {"dilation_px2": DILATION, "min_alpha": MIN_ALPHA, "max_alpha": MAX_ALPHA}
+    metadata: dict[str, Any] = {"kernel": kernel}
     if (reconstruction / RUN_RECORD).is_file():
         record = read_json(reconstruction / RUN_RECORD, "run record")
-        metadata = {key: record[key] for key in ("settings", "versions") if key in record}
+        metadata |= {key: record[key] for key in ("settings", "versions") if key in record}
     if (reconstruction / EVALUATION).is_file():
         metadata["held_out"] = read_quality(reconstruction).mean
     write_gaussians(path, gaussians, metadata)
