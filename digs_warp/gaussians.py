@@ -8,7 +8,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape, require_file
-from digs_warp.log import write_atomically
+from digs_warp.log import write_arrays
 from digs_warp.sh import degree_from_count
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
@@ -71,11 +71,7 @@ class Gaussians:
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""
-        from io import BytesIO
-
-        buffer = BytesIO()
-        np.savez(buffer, **{name: getattr(self, name) for name in FIELDS})
-        write_atomically(path, buffer.getvalue())
+        write_arrays(path, {name: getattr(self, name) for name in FIELDS})
 
     @staticmethod
     def load(path: Path) -> "Gaussians":

@@ -18,7 +18,7 @@ from digs_warp.images import to_uint8, write_image
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import RunLog, progress, to_json, write_atomically
+from digs_warp.log import RunLog, progress, to_json, write_arrays, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
@@ -107,7 +107,7 @@ def _initialize(
         with np.load(path) as arrays:
             return PointCloud(arrays["points_world"], arrays["colors"])
     points = initial_points(frames, config.init)
-    _save_arrays(path, points_world=points.points_world, colors=points.colors)
+    write_arrays(path, {"points_world": points.points_world, "colors": points.colors})
     return points
 
 
@@ -231,11 +231,3 @@ def _write_evaluation(
     record = {"views": rows, "mean": mean}
     write_atomically(folder / EVALUATION, to_json(record).encode())
     log.results["held_out"] = mean
-
-
-def _save_arrays(path: Path, **arrays: np.ndarray) -> None:
-    from io import BytesIO
-
-    buffer = BytesIO()
-    np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
-    write_atomically(path, buffer.getvalue())

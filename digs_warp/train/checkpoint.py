@@ -4,7 +4,6 @@ The order of views and the backgrounds follow from (seed, step) alone, so this i
 a resumed run continues bit for bit.
 """
 
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 from zipfile import BadZipFile
@@ -13,7 +12,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import FIELDS
-from digs_warp.log import write_atomically
+from digs_warp.log import write_arrays
 
 if TYPE_CHECKING:
     from digs_warp.train.trainer import Trainer
@@ -27,9 +26,7 @@ def save_checkpoint(path: Path, trainer: "Trainer") -> None:
     for group, arrays in groups.items():
         for name, array in zip(FIELDS, arrays.arrays, strict=True):
             state[f"{group}_{name}"] = array.numpy()
-    buffer = BytesIO()
-    np.savez(buffer, **state)  # pyright: ignore[reportArgumentType]
-    write_atomically(path, buffer.getvalue())
+    write_arrays(path, state)
 
 
 def load_checkpoint(path: Path, trainer: "Trainer") -> None:
