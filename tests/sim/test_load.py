@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from reference.scene_checks import check_arrays
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
@@ -49,17 +50,7 @@ SAMPLE_EXTENTS = {
 def check_scene(scene: Scene, size: float = STANDARD_SIZE) -> None:
     """Everything that `sim.scene.Scene` promises."""
     n, m = len(scene.vertices), len(scene.faces)
-    for array, shape, dtype in (
-        (scene.vertices, (n, 3), np.float32),
-        (scene.faces, (m, 3), np.int32),
-        (scene.face_materials, (m,), np.int32),
-        (scene.normals, (n, 3), np.float32),
-        (scene.uvs, (n, 2), np.float32),
-        (scene.vertex_colors, (n, 3), np.float32),
-    ):
-        assert array.shape == shape
-        assert array.dtype == dtype
-        assert np.isfinite(array).all()
+    check_arrays(scene)
     assert m >= 1
     assert set(np.unique(scene.faces)) == set(range(n))
     assert scene.face_materials.min() >= 0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from reference.scene_checks import check_arrays
 
 from sim.builtin.noise import periodic_noise
 from sim.builtin.shapes import revolve, smooth_curve, tube
@@ -48,17 +49,7 @@ def test_it_is_half_a_metre_tall_and_centred(scene: Scene) -> None:
 def test_arrays_fit_the_scene_type(scene: Scene) -> None:
     n, m = len(scene.vertices), len(scene.faces)
     assert 20_000 <= m <= 70_000
-    for array, shape, dtype in (
-        (scene.vertices, (n, 3), np.float32),
-        (scene.faces, (m, 3), np.int32),
-        (scene.face_materials, (m,), np.int32),
-        (scene.normals, (n, 3), np.float32),
-        (scene.uvs, (n, 2), np.float32),
-        (scene.vertex_colors, (n, 3), np.float32),
-    ):
-        assert array.shape == shape
-        assert array.dtype == dtype
-        assert np.isfinite(array).all()
+    check_arrays(scene)
     assert scene.faces.min() == 0
     assert scene.faces.max() == n - 1
     assert set(scene.face_materials) == set(range(len(scene.materials)))
