@@ -18,10 +18,11 @@ FLOORS = {
     **dict.fromkeys(("digs_warp.gaussians", "digs_warp.sfm_model", "digs_warp.ssim"), 1),
     **dict.fromkeys(("digs_warp.parallel", "digs_warp.warp_start"), 1),
     **dict.fromkeys(("digs_warp.image_planes", "digs_warp.compose"), 1),
+    "digs_warp.triangle_mesh": 1,
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 2),
     **dict.fromkeys(("digs_warp.losses", "digs_warp.metrics", "digs_warp.interchange"), 2),
     **dict.fromkeys(("sim", "usd"), 2),
-    "digs_warp.train": 3,
+    **dict.fromkeys(("digs_warp.train", "digs_warp.surface", "digs_warp.film"), 3),
     **dict.fromkeys(("digs_warp.reconstruct", "digs_warp.report"), 4),
     **dict.fromkeys(("digs_warp.cli", "digs_warp.commands", "digs_warp.study"), 5),
 }
