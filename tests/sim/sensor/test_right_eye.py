@@ -3,10 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
+from reference.right_eye_twin import classified
 from reference.stereo_frames import CountedRays, make_frame
 
 from sim.scene import Material
-from sim.sensor.right_eye import hidden_from_right, possibly_hidden, surely_hidden
+from sim.sensor.landings import HIDDEN, UNSURE, classify
+from sim.sensor.right_eye import hidden_from_right
 
 SHAPE = (240, 320)
 
@@ -40,8 +43,7 @@ def test_the_strip_left_of_a_near_square_is_hidden_without_rays() -> None:
 def test_gaps_that_the_right_eye_may_look_through_are_left_to_rays() -> None:
     disparity = step()
     disparity[:, 150:152] = 10.0  # a slit in the near square
-    maybe = possibly_hidden(disparity.astype(np.float32))
-    sure = surely_hidden(disparity.astype(np.float32), disparity.astype(np.float32), maybe)
+    sure = classify(disparity, disparity) == HIDDEN
     columns = np.arange(320.0)
     landing = columns - disparity
     # The slit lands at columns 110 and 111 of the right image; what lands there is not sure.
@@ -63,4 +65,18 @@ def test_what_stands_behind_glass_is_not_hidden_for_sure() -> None:
 def test_narrow_images_are_left_to_rays() -> None:
     for shape in ((5, 1), (5, 2)):
         disparity = np.full(shape, 0.1, np.float32)
-        assert not surely_hidden(disparity, disparity, np.ones(shape, dtype=bool)).any()
+        assert not (classify(disparity, disparity) == HIDDEN).any()
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 90])
+def test_every_pixel_is_classified_as_point_by_point(width: int) -> None:
+    # Multiples of 1/64 px: float32 and float64 land them at the same places to the bit.
+    rng = np.random.default_rng(width)
+    disparity = rng.integers(0, 64 * 12, (40, width)) / 64.0
+    disparity[10:30, width // 4 : width // 2] = 20.25  # a near square, so that something is sure
+    disparity[rng.random(disparity.shape) < 0.02] = np.nan
+    opaque = np.where(rng.random(disparity.shape) < 0.1, np.nan, disparity)
+    expected = classified(disparity, opaque)
+    np.testing.assert_array_equal(classify(disparity, opaque), expected)
+    if width == 90:
+        assert {HIDDEN, UNSURE} < set(expected.ravel().tolist())

@@ -10,7 +10,7 @@ from reference.stereo_pairs import HiddenRays, box_frame
 from sim.sensor.cause import Cause
 from sim.sensor.effects.occlusion import Occlusion, hole_share
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.right_eye import possibly_hidden
+from sim.sensor.landings import SEEN, classify
 
 FAR = 8.0
 
@@ -101,7 +101,7 @@ def test_rays_are_asked_only_where_something_nearer_may_hide() -> None:
     nearer = disparity[:, None, :] > disparity[:, :, None] + 1e-6
     same = np.abs(landing[:, None, :] - landing[:, :, None]) <= 0.5
     hidden = (nearer & same).any(axis=2) & (landing >= 0)
-    candidates = possibly_hidden(disparity.astype(np.float32))
+    candidates = classify(disparity, disparity) != SEEN
     assert hidden.sum() > 500
     assert (hidden & ~candidates).sum() == 0
     assert candidates.sum() < 2.5 * hidden.sum()
@@ -109,4 +109,4 @@ def test_rays_are_asked_only_where_something_nearer_may_hide() -> None:
 
 def test_a_flat_scene_asks_for_no_ray() -> None:
     truth = make_frame(12.0)
-    assert not possibly_hidden(truth.disparity).any()
+    assert (classify(truth.disparity, truth.disparity) == SEEN).all()
