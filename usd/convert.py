@@ -1,14 +1,15 @@
-"""Gaussians <-> the arrays of the USD schema: activation, frames, checks, extent. NumPy only."""
+"""Gaussians <-> the arrays of the USD schema: activation, frames, precision, checks. NumPy only."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from digs_warp.checks import UsdError
 from digs_warp.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw, quat_multiply, quat_xyzw_from_matrix
+from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix
 from digs_warp.images import linear_from_srgb
-from digs_warp.sh import rgb_from_sh, rotate_sh
+from digs_warp.sh import coefficient_count, rgb_from_sh, rotate_sh
 from usd.frames import Similarity
 
 # A standard deviation of 0 makes the covariance singular; this one is smaller than any splat [m].
@@ -22,13 +23,16 @@ MAX_OPACITY = 1.0 - 2.0**-24
 # Opacities read from a file may leave 0..1 by this much (rounding) before they are taken for logits.
 OPACITY_SLACK = 1e-3
 
-# Rows handled at a time where many intermediate arrays are needed: they stay in the cache.
-CHUNK = 16384
+# How the arrays are stored: all float32; positions float32 and the rest float16; all float16.
+Precision = Literal["float", "mixed", "half"]
+
+# The smallest positive half: a scale below half of it would become 0.
+MIN_HALF_SCALE = 2.0**-24
 
 
 @dataclass(frozen=True, eq=False)
 class SplatArrays:
-    """The values of n splats as the schema stores them, in one frame, float32.
+    """The values of n splats as the schema stores them, in one frame; float32, or float16 to be stored.
 
     Attributes:
         positions: centres, shape (n, 3).
@@ -48,7 +52,7 @@ class SplatArrays:
         return len(self.positions)
 
 
-def arrays_from_gaussians(gaussians: Gaussians) -> SplatArrays:
+def arrays_from_gaussians(gaussians: Gaussians, what: str = "Gaussians") -> SplatArrays:
     """Return the activated values of ``gaussians``, in their own frame.
 
     Raises:
@@ -62,8 +66,41 @@ def arrays_from_gaussians(gaussians: Gaussians) -> SplatArrays:
             np.clip(gaussians.opacities, 0.0, 1.0),
             gaussians.sh,
         )
-    check_rows(arrays, "Gaussians")
+    check_rows(arrays, what)
     return arrays
+
+
+def with_sh_degree(arrays: SplatArrays, degree: int) -> SplatArrays:
+    """Return the splats with spherical harmonics of ``degree`` (0..3): higher bands cut off, or zeros added."""
+    count = coefficient_count(degree)
+    missing = max(0, count - arrays.sh.shape[1])
+    sh = np.pad(arrays.sh[:, :count], ((0, 0), (0, missing), (0, 0)))
+    return replace(arrays, sh=sh)
+
+
+def with_precision(arrays: SplatArrays, precision: Precision, what: str) -> SplatArrays:
+    """Return the splats as they are stored: float16 where ``precision`` says so.
+
+    Scales are kept off the zero that halves below 6e-8 would round to: it makes covariances singular.
+
+    Raises:
+        UsdError: a value is beyond the largest half (65504).
+    """
+    if precision == "float":
+        return arrays
+    halves = ["orientations", "scales", "opacities", "sh"]
+    if precision == "half":
+        halves.append("positions")
+    floored = replace(arrays, scales=np.maximum(arrays.scales, np.float32(MIN_HALF_SCALE)))
+    with np.errstate(over="ignore"):  # reported below, by name
+        stored = {name: getattr(floored, name).astype(np.float16) for name in halves}
+    for name, values in stored.items():
+        if not is_finite(values):
+            raise UsdError(
+                f"{what}: {name} beyond 65504 do not fit half precision; write them with precision "
+                f"'{'mixed' if name == 'positions' else 'float'}'"
+            )
+    return replace(floored, **stored)
 
 
 def gaussians_from_arrays(arrays: SplatArrays) -> Gaussians:
@@ -107,7 +144,7 @@ def _turned_quats(quats: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 def check_rows(arrays: SplatArrays, what: str) -> None:
     """Raise a `UsdError` with the number of splats that hold NaN or infinite values."""
     fields = [getattr(arrays, name) for name in SplatArrays.__dataclass_fields__]
-    if all(np.isfinite(field).all() for field in fields):
+    if all(map(is_finite, fields)):
         return
     bad = np.zeros(len(arrays), dtype=bool)
     for field in fields:
@@ -116,6 +153,14 @@ def check_rows(arrays: SplatArrays, what: str) -> None:
         f"{what}: {np.count_nonzero(bad)} of {len(arrays)} splats hold NaN or infinite values "
         f"(the first is number {np.argmax(bad)}); remove them or train again"
     )
+
+
+def is_finite(values: np.ndarray) -> bool:
+    """Whether no value is NaN or infinite; quicker than asking every value where none is."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        # NaN and infinity survive a sum; a sum of finite values that overflows is looked at again.
+        total = values.sum(dtype=np.float32 if values.dtype == np.float16 else None)
+    return bool(np.isfinite(total) or np.isfinite(values).all())
 
 
 def check_activated(arrays: SplatArrays, what: str) -> None:
@@ -136,35 +181,10 @@ def check_activated(arrays: SplatArrays, what: str) -> None:
         )
 
 
-def three_sigma_extent(arrays: SplatArrays) -> np.ndarray:
-    """Return the corners (minimum, maximum), float32 (2, 3), of the box around every 3-sigma ellipsoid.
-
-    The ellipsoid of covariance ``R S^2 R^T`` reaches ``3 sqrt(diag(R S^2 R^T))`` along the axes. The box
-    of no splats is USD's empty one (minimum above maximum).
-    """
-    largest = float(np.finfo(np.float32).max)
-    low, high = np.full(3, largest), np.full(3, -largest)
-    if len(arrays) == 0:
-        return np.stack([low, high]).astype(np.float32)
-    for first in range(0, len(arrays), CHUNK):
-        rows = slice(first, first + CHUNK)
-        # float64: rounding must not push an ellipsoid out of its box.
-        axes = matrix_from_quat_xyzw(arrays.orientations[rows])
-        axes *= arrays.scales[rows, None, :]
-        # One row per axis: minima over long rows are five times as fast as over three columns.
-        reach = 3.0 * np.sqrt(np.einsum("nij,nij->in", axes, axes))
-        centers = np.ascontiguousarray(arrays.positions[rows].T)
-        low = np.minimum(low, (centers - reach).min(axis=1))
-        high = np.maximum(high, (centers + reach).max(axis=1))
-    # Rounded outwards.
-    box = np.stack([low, high]).astype(np.float32)
-    return np.nextafter(box, np.array([[-np.inf], [np.inf]], dtype=np.float32))
-
-
 def mean_display_color(arrays: SplatArrays) -> np.ndarray:
     """Return the opacity-weighted mean colour of at least one splat, linear RGB in 0..1, shape (3,)."""
-    weights = arrays.opacities + np.float32(MIN_OPACITY)
-    mean_sh = weights @ arrays.sh[:, 0] / weights.sum()
+    weights = arrays.opacities.astype(np.float64) + MIN_OPACITY
+    mean_sh = weights @ arrays.sh[:, 0].astype(np.float64) / weights.sum()
     # A field of degree 0 looks the same from everywhere: any direction will do.
     srgb = rgb_from_sh(mean_sh[None, None], np.array([[0.0, 0.0, 1.0]]))[0]
     return linear_from_srgb(np.clip(srgb, 0.0, 1.0))

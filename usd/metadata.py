@@ -17,8 +17,8 @@ from digs_warp.log import to_json
 JSON_MARK = "json:"
 
 
-def usd_from_json(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return a dictionary that USD can hold; dataclasses, paths and NumPy values are welcome.
+def portable_json(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return ``metadata`` in plain JSON types; dataclasses, paths and NumPy values are welcome.
 
     Absolute paths are cut down to the last part: a scene travels, the folders of one machine do not.
 
@@ -29,7 +29,12 @@ def usd_from_json(metadata: dict[str, Any]) -> dict[str, Any]:
         plain = json.loads(to_json(metadata))
     except (TypeError, ValueError) as error:
         raise UsdError(f"metadata of a USD scene: {error}; expected JSON-like values") from error
-    return {key: _to_usd(_portable(value)) for key, value in plain.items()}
+    return {key: _portable(value) for key, value in plain.items()}
+
+
+def usd_from_json(plain: dict[str, Any]) -> dict[str, Any]:
+    """Return a dictionary that USD can hold, from the plain JSON types of `portable_json`."""
+    return {key: _to_usd(value) for key, value in plain.items()}
 
 
 def json_from_usd(metadata: dict[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,11 @@ COLOR_SPACE_INSTANCE = "display"
 # Displayed by viewers that do not draw splats; linear as USD expects of displayColor.
 DISPLAY_COLOR_SPACE = "lin_rec709_scene"
 
+# The record of authorship (UsdMedia's AuthorshipAPI, OpenUSD 26.11; older versions skip it).
+AUTHORSHIP_SCHEMA = "AuthorshipAPI:digs_train"
+AUTHORSHIP_PREFIX = "authorship:digs_train:"
+SOFTWARE = "digs_warp"
+
 # Our metadata: a dictionary of the layer, and one of the asset prim.
 METADATA_KEY = "digs_warp"
 VERSION_KEY = "version"

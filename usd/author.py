@@ -1,0 +1,149 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""What every scene of ours is made of: a Y-up, metric asset with provenance, and fields of splats."""
+
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from digs_warp import __version__
+from usd import names
+from usd.convert import SplatArrays, mean_display_color
+from usd.extent import three_sigma_extent
+from usd.frames import ASSET_FROM_WORLD
+from usd.metadata import portable_json, usd_from_json
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+
+def begin_stage() -> "Usd.Stage":
+    """Return a stage in memory, Y up, in metres."""
+    from pxr import Sdf, Usd, UsdGeom
+
+    stage = Usd.Stage.Open(Sdf.Layer.CreateAnonymous())
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    return stage
+
+
+def begin_asset(metadata: dict[str, Any]) -> "Usd.Stage":
+    """Return a stage in memory with the default prim, its colour space and its provenance.
+
+    Raises:
+        UsdError: ``metadata`` has no JSON form.
+    """
+    from pxr import Gf, Kind, Usd, UsdGeom
+
+    plain = portable_json(metadata)
+    stage = begin_stage()
+    data = usd_from_json(plain) | {names.VERSION_KEY: __version__}
+    stage.SetMetadata("customLayerData", {names.METADATA_KEY: data})
+    asset = UsdGeom.Xform.Define(stage, names.ASSET_PATH).GetPrim()
+    stage.SetDefaultPrim(asset)
+    Usd.ModelAPI(asset).SetKind(Kind.Tokens.component)
+    asset.SetCustomDataByKey(names.SOURCE_TO_ASSET_KEY, Gf.Matrix4d(ASSET_FROM_WORLD.T))
+    _author_provenance(asset, plain)
+    _define_color_space(asset)
+    return stage
+
+
+def author_field(field: "Usd.Prim", arrays: SplatArrays, time: float | None = None) -> None:
+    """Author splats in the asset's frame; float16 arrays become the half-precision attributes.
+
+    Args:
+        field: a prim of type ``ParticleField3DGaussianSplat``.
+        arrays: the splats as `usd.convert.with_precision` returns them.
+        time: the time code of the arrays; None authors the default values.
+    """
+    from pxr import Usd, UsdGeom
+
+    code = Usd.TimeCode.Default() if time is None else Usd.TimeCode(time)
+    coefficients = arrays.sh.shape[1]
+    _set_array(field, names.POSITIONS, arrays.positions, code)
+    # The buffer of an array of quaternions is xyzw, as ours is; its text is wxyz.
+    _set_array(field, names.ORIENTATIONS, arrays.orientations, code)
+    _set_array(field, names.SCALES, arrays.scales, code)
+    _set_array(field, names.OPACITIES, arrays.opacities, code)
+    stored = _set_array(field, names.SH_COEFFICIENTS, arrays.sh.reshape(-1, 3), code)
+    # Not a primvar by its namespace, but importers look for this metadata of primvars.
+    stored.SetMetadata("elementSize", coefficients)
+    stored.SetMetadata("interpolation", UsdGeom.Tokens.vertex)
+    field.GetAttribute(names.SH_DEGREE).Set(round(coefficients**0.5) - 1)
+    field.GetAttribute(names.PROJECTION_HINT).Set(names.PROJECTION_MODE)
+    field.GetAttribute(names.SORTING_HINT).Set(names.SORTING_MODE)
+    _set_array(field, names.EXTENT, three_sigma_extent(arrays), code)
+    Usd.ColorSpaceAPI.Apply(field).CreateColorSpaceNameAttr(names.SPLAT_COLOR_SPACE)
+    if len(arrays):
+        mean = mean_display_color(arrays)[None].astype(np.float32)
+        _set_array(field, names.DISPLAY_COLOR, mean, code).SetColorSpace(names.DISPLAY_COLOR_SPACE)
+
+
+def _set_array(
+    field: "Usd.Prim", name: str, values: np.ndarray, code: "Usd.TimeCode"
+) -> "Usd.Attribute":
+    """Author a float or half array under its name and return the attribute."""
+    from pxr import Vt
+
+    half = values.dtype == np.float16
+    if values.ndim == 1:
+        kind = Vt.HalfArray if half else Vt.FloatArray
+    elif values.shape[1] == 3:
+        kind = Vt.Vec3hArray if half else Vt.Vec3fArray
+    else:
+        kind = Vt.QuathArray if half else Vt.QuatfArray
+    attribute = field.GetAttribute(name + names.HALF_SUFFIX if half else name)
+    attribute.Set(kind.FromNumpy(np.ascontiguousarray(values)), code)
+    return attribute
+
+
+def _author_provenance(asset: "Usd.Prim", metadata: dict[str, Any]) -> None:
+    """Record who wrote the asset, and from what settings, in the terms of UsdMedia's AuthorshipAPI.
+
+    By name: the class is there only from OpenUSD 26.11 on. No time stamp: same input, same bytes.
+    """
+    from pxr import Sdf
+
+    asset.AddAppliedSchema(names.AUTHORSHIP_SCHEMA)
+    pairs = [text for pair in _leaves(metadata) for text in pair]
+    values = {
+        "softwarePackage": (Sdf.ValueTypeNames.String, names.SOFTWARE),
+        "softwareVersion": (Sdf.ValueTypeNames.String, __version__),
+        "description": (
+            Sdf.ValueTypeNames.String,
+            "Gaussian splats optimized against a recording of a stereo depth camera.",
+        ),
+        "inputs": (Sdf.ValueTypeNames.StringArray, pairs),
+    }
+    for name, (kind, value) in values.items():
+        attribute = asset.CreateAttribute(
+            names.AUTHORSHIP_PREFIX + name, kind, custom=False, variability=Sdf.VariabilityUniform
+        )
+        attribute.Set(value)
+
+
+def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+    """Yield ("settings.train.iterations", "1000") for every value of nested dictionaries."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _leaves(item, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, value if isinstance(value, str) else json.dumps(value)
+
+
+def _define_color_space(asset: "Usd.Prim") -> None:
+    """Define sRGB as displays show it: Rec.709 primaries, D65, the piecewise sRGB curve."""
+    from pxr import Gf, Usd
+
+    space = Usd.ColorSpaceDefinitionAPI.Apply(asset, names.COLOR_SPACE_INSTANCE)
+    space.CreateNameAttr(names.SPLAT_COLOR_SPACE)
+    space.CreateColorSpaceAttrsWithChroma(
+        redChroma=Gf.Vec2f(0.64, 0.33),
+        greenChroma=Gf.Vec2f(0.30, 0.60),
+        blueChroma=Gf.Vec2f(0.15, 0.06),
+        whitePoint=Gf.Vec2f(0.3127, 0.3290),
+        gamma=2.4,
+        linearBias=0.055,
+    )
