@@ -1,0 +1,127 @@
+"""Runs the cases of a study: resumable, in worker processes, within a time budget."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+
+from digs_warp.checks import DigsError
+from digs_warp.log import progress
+from digs_warp.parallel import default_threads
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.store import Store
+from digs_warp.study.engine.worker import Measure, Worker
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run of a study went: numbers of cases by what became of them."""
+
+    done_before: int
+    done: int
+    failed: int
+    left_out: int
+
+    def __str__(self) -> str:
+        words = [f"{self.done} cases measured"]
+        if self.done_before:
+            words.append(f"{self.done_before} were there before")
+        if self.failed:
+            words.append(f"{self.failed} failed")
+        if self.left_out:
+            words.append(f"{self.left_out} left out by the time budget")
+        return ", ".join(words)
+
+
+def run_cases(
+    cases: Sequence[Case],
+    folder: Path,
+    *,
+    measure: Measure,
+    workers: int = 1,
+    budget: float = float("inf"),
+) -> Outcome:
+    """Measure every case that ``folder`` has no result of yet, in order, each in a process of its own.
+
+    A failed case is recorded with its error, does not stop the others, and runs again next time.
+
+    Args:
+        cases: those that matter most first.
+        folder: of the study; results are added to its results.jsonl.
+        measure: what a case does; a function of a module, because another process calls it.
+        workers: cases at the same time. They share the cores: compare times only with 1.
+        budget: seconds; no case is begun that would probably end later.
+
+    Raises:
+        DigsError: two cases with the same key.
+    """
+    if len({case.key for case in cases}) != len(cases):
+        raise DigsError(
+            "study: two cases have the same labels and settings; make the labels differ"
+        )
+    run = _Run(Store(folder), Path(folder), measure, workers, budget)
+    waiting = [case for case in cases if not run.store.is_done(case.key)]
+    done_before = len(cases) - len(waiting)
+    with progress(len(cases), "Measuring", "case", initial=done_before) as bar:
+        run.all(waiting, bar.update)
+    return Outcome(done_before, run.done, run.failed, len(waiting) - run.done - run.failed)
+
+
+class _Run:
+    """The state of one call of `run_cases`."""
+
+    def __init__(
+        self, store: Store, folder: Path, measure: Measure, workers: int, budget: float
+    ) -> None:
+        self.store = store
+        self.done = 0
+        self.failed = 0
+        self._folder = folder
+        self._measure = measure
+        self._workers = workers
+        self._threads = max(1, default_threads() // workers)
+        self._end = time.monotonic() + budget
+        self._durations: list[float] = []
+
+    def all(self, waiting: Sequence[Case], tick: Callable[[], object]) -> None:
+        """Run the cases; ``tick`` is called after each."""
+        queue = list(waiting)
+        running: list[Worker] = []
+        try:
+            while queue or running:
+                while queue and len(running) < self._workers and self._has_time():
+                    case = queue.pop(0)
+                    running.append(Worker(case, self._measure, self._folder, self._threads))
+                if not running:
+                    return  # the budget is used up
+                ready = wait([worker.connection for worker in running])
+                for worker in [w for w in running if w.connection in ready]:
+                    running.remove(worker)
+                    self._settle(worker)
+                    tick()
+        finally:
+            for worker in running:
+                worker.stop()
+
+    def _has_time(self) -> bool:
+        typical = sum(self._durations) / len(self._durations) if self._durations else 0.0
+        return time.monotonic() + typical <= self._end
+
+    def _settle(self, worker: Worker) -> None:
+        case = worker.case
+        record = {
+            "key": case.key,
+            "labels": dict(case.labels),
+            "recording": dict(case.recording),
+            "reconstruction": dict(case.reconstruction),
+            "threads": self._threads,
+        }
+        try:
+            record |= worker.result()
+            self.done += 1
+            self._durations.append(record["case_seconds"])
+        except DigsError as error:
+            self.failed += 1
+            record["error"] = str(error)
+        self.store.add(record)

@@ -1,0 +1,71 @@
+"""One case in a process of its own: its peak memory is its own, and a crash ends one case only."""
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from digs_warp.checks import DigsError
+from digs_warp.study.engine.case import Case
+
+Measure = Callable[[Case, Path], dict[str, Any]]
+
+# spawn: a forked child would inherit Warp's threads in an undefined state.
+_CONTEXT = multiprocessing.get_context("spawn")
+
+
+class Worker:
+    """A process that measures ``case``; wait for ``connection``, then take `result`."""
+
+    def __init__(self, case: Case, measure: Measure, folder: Path, threads: int) -> None:
+        self.case = case
+        self.connection, sender = _CONTEXT.Pipe(duplex=False)
+        self._process = _CONTEXT.Process(
+            target=_work, args=(sender, case, measure, folder, threads), daemon=True
+        )
+        self._process.start()
+        sender.close()  # the child's copy is the only one left: its death ends the connection
+
+    def result(self) -> dict[str, Any]:
+        """Return what was measured, with ``case_seconds``; blocks until it is there.
+
+        Raises:
+            DigsError: the case failed; the message is that of its error, or tells how the process died.
+        """
+        try:
+            error, measured = self.connection.recv()
+        except EOFError:
+            error, measured = None, None
+        self._process.join()
+        if measured is not None:
+            return measured
+        code = self._process.exitcode or 0
+        raise DigsError(error or f"its process ended with {_cause_of_death(code)}")
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.join()
+
+
+def _work(sender: Connection, case: Case, measure: Measure, folder: Path, threads: int) -> None:
+    # Ctrl-C reaches the whole process group; the parent ends the workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["DIGS_WARP_THREADS"] = str(threads)
+    start = time.monotonic()
+    try:
+        measured = measure(case, folder)
+    except Exception as error:  # of any kind: one bad case must not end a night of measuring
+        sender.send((f"{type(error).__name__}: {error}", None))
+        return
+    sender.send((None, measured | {"case_seconds": round(time.monotonic() - start, 3)}))
+
+
+def _cause_of_death(code: int) -> str:
+    if code >= 0:
+        return f"exit code {code}"
+    return f"signal {signal.Signals(-code).name}" + (" (out of memory?)" if code == -9 else "")

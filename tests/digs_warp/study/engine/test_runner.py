@@ -1,0 +1,125 @@
+"""The study runner, on cases that only compute a number: what is measured is the runner."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.runner import run_cases
+from digs_warp.study.engine.store import RESULTS, Store
+
+
+def measure(case: Case, folder: Path) -> dict[str, Any]:
+    """Square a number; some numbers misbehave. Leaves a trace of every call."""
+    n = case.labels["n"]
+    with open(folder / "calls.txt", "a", encoding="utf-8") as file:
+        file.write(f"{n}\n")
+    if n == 13 and not (folder / "lucky").exists():
+        raise ValueError("thirteen")
+    if n == 99:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(case.labels.get("seconds", 0.0))
+    return {"metrics": {"square": n * n}, "threads_seen": os.environ["DIGS_WARP_THREADS"]}
+
+
+def cases(*numbers: int, **labels: Any) -> list[Case]:
+    return [Case(labels={"n": n, **labels}) for n in numbers]
+
+
+def calls(folder: Path) -> list[int]:
+    return [int(line) for line in (folder / "calls.txt").read_text().split()]
+
+
+def test_every_case_is_measured_once(tmp_path: Path) -> None:
+    outcome = run_cases(cases(3, 4), tmp_path, measure=measure)
+    assert (outcome.done, outcome.failed, outcome.left_out) == (2, 0, 0)
+    again = run_cases(cases(3, 4, 5), tmp_path, measure=measure)
+    assert (again.done_before, again.done) == (2, 1)
+    assert calls(tmp_path) == [3, 4, 5]
+    squares = [record["metrics"]["square"] for record in Store(tmp_path).records.values()]
+    assert squares == [9, 16, 25]
+
+
+def test_a_failed_and_a_killed_case_do_not_stop_the_others(tmp_path: Path) -> None:
+    outcome = run_cases(cases(13, 99, 2), tmp_path, measure=measure)
+    assert (outcome.done, outcome.failed) == (1, 2)
+    errors = {r["labels"]["n"]: r.get("error") for r in Store(tmp_path).records.values()}
+    assert errors[13] == "ValueError: thirteen"
+    assert errors[99] is not None and "SIGKILL" in errors[99]
+    assert errors[2] is None
+
+
+def test_a_failed_case_runs_again(tmp_path: Path) -> None:
+    run_cases(cases(13), tmp_path, measure=measure)
+    (tmp_path / "lucky").touch()
+    outcome = run_cases(cases(13), tmp_path, measure=measure)
+    assert (outcome.done, outcome.failed) == (1, 0)
+    assert len(Store(tmp_path).records) == 1
+    assert "error" not in next(iter(Store(tmp_path).records.values()))
+
+
+def test_workers_share_the_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DIGS_WARP_THREADS", "6")
+    run_cases(cases(1, 2, 3), tmp_path, measure=measure, workers=3)
+    assert {r["threads_seen"] for r in Store(tmp_path).records.values()} == {"2"}
+
+
+def test_the_budget_leaves_out_the_last_cases(tmp_path: Path) -> None:
+    outcome = run_cases(cases(1, 2, 3, seconds=0.5), tmp_path, measure=measure, budget=0.4)
+    # The first one's time is unknown, so it is begun; the second would end too late.
+    assert (outcome.done, outcome.left_out) == (1, 2)
+    assert "left out" in str(outcome)
+
+
+def test_a_half_written_line_is_dropped_and_its_case_runs_again(tmp_path: Path) -> None:
+    run_cases(cases(1, 2), tmp_path, measure=measure)
+    path = tmp_path / RESULTS
+    path.write_bytes(path.read_bytes()[:-20])
+    assert [r["labels"]["n"] for r in Store(tmp_path).records.values()] == [1]
+    run_cases(cases(1, 2), tmp_path, measure=measure)
+    lines = path.read_text().splitlines()
+    assert [json.loads(line)["labels"]["n"] for line in lines] == [1, 2]
+
+
+def test_a_broken_line_in_the_middle_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / RESULTS).write_text('{"key": "a"}\nnonsense\n{"key": "b"}\n')
+    with pytest.raises(DigsError, match="line 2"):
+        Store(tmp_path)
+
+
+def test_two_cases_with_one_key_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match="labels"):
+        run_cases(cases(1, 1), tmp_path, measure=measure)
+
+
+def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.path[:0] = [sys.argv[1]]\n"
+        "from pathlib import Path\n"
+        "from test_runner import cases, measure\n"
+        "from digs_warp.study.engine.runner import run_cases\n"
+        "if __name__ == '__main__':\n"
+        "    todo = cases(1) + cases(2, seconds=60)\n"
+        "    run_cases(todo, Path(sys.argv[2]), measure=measure)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    arguments = [sys.executable, str(script), str(Path(__file__).parent), str(tmp_path)]
+    process = subprocess.Popen(arguments, start_new_session=True, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "calls.txt").exists() or calls(tmp_path) != [1, 2]:
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, stderr = process.communicate(timeout=30)
+    assert b"KeyboardInterrupt" in stderr
+    assert [r["labels"]["n"] for r in Store(tmp_path).records.values()] == [1]
