@@ -1,0 +1,1 @@
+"""Gaussians in the files of other programs: PLY, SPZ and .splat."""

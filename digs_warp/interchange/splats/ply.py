@@ -1,0 +1,127 @@
+"""Gaussians as PLY, in the layout of the 3D Gaussian splatting reference implementation (graphdeco).
+
+One ``vertex`` element, a row per Gaussian, float32: x y z, nx ny nz (zeros), f_dc_0..2, f_rest_0..,
+opacity, scale_0..2, rot_0..3. Scales are logarithms, opacities logits, quaternions wxyz and not
+normalized: the raw parameters, so that nothing is lost. ``f_rest`` is channel-major: all coefficients of
+red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3.
+"""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import Gaussians
+from digs_warp.interchange.splats.ply_header import read_ply_header
+from digs_warp.interchange.splats.ply_table import read_table
+from digs_warp.interchange.splats.rows import LARGEST_LOGIT
+from digs_warp.log import write_atomically
+from digs_warp.sh import MAX_DEGREE, coefficient_count
+
+logger = logging.getLogger(__name__)
+
+POSITION = ("x", "y", "z")
+NORMAL = ("nx", "ny", "nz")
+COLOR = ("f_dc_0", "f_dc_1", "f_dc_2")
+OPACITY = ("opacity",)
+SCALES = ("scale_0", "scale_1", "scale_2")
+QUATERNION = ("rot_0", "rot_1", "rot_2", "rot_3")  # wxyz
+REST = "f_rest_{}"
+
+# Files of degree 4 exist; its 9 further coefficients a channel are left out with a warning.
+_DEGREE_OF_REST = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(MAX_DEGREE + 2)}
+
+_WXYZ_FROM_XYZW = [3, 0, 1, 2]
+_XYZW_FROM_WXYZ = [1, 2, 3, 0]
+
+
+def read_ply(path: Path) -> Gaussians:
+    """Read Gaussians; binary files of either byte order and text, float or double properties.
+
+    Properties in any order; others than those of a Gaussian are ignored. Infinite opacity logits, which
+    other programs write for 0 and 1, become finite ones that mean the same. NaN and infinite values
+    elsewhere are kept: the caller decides about such rows.
+
+    Raises:
+        DigsError: not a PLY file of Gaussians, or truncated; says what was found and expected.
+    """
+    what = f"PLY '{path}'"
+    header = read_ply_header(path)
+    if any(element.name == "chunk" for element in header.elements):
+        raise DigsError(
+            f"{what}: a compressed PLY of SuperSplat; export it again as plain PLY, or as SPZ"
+        )
+    table = read_table(path, header, "vertex")
+    names = set(table.dtype.names or ())
+    missing = [
+        name for name in (*POSITION, *COLOR, *OPACITY, *SCALES, *QUATERNION) if name not in names
+    ]
+    if missing:
+        raise DigsError(
+            f"{what}: no property {', '.join(missing)}, so no Gaussians: a mesh or a point cloud? "
+            "Expected the PLY that 3D Gaussian splatting programs write"
+        )
+    logits = _columns(table, OPACITY, what)[:, 0]
+    infinite = np.isinf(logits)
+    logits[infinite] = np.copysign(LARGEST_LOGIT, logits[infinite])
+    return Gaussians(
+        means=_columns(table, POSITION, what),
+        log_scales=_columns(table, SCALES, what),
+        quats=_columns(table, QUATERNION, what)[:, _XYZW_FROM_WXYZ],
+        opacity_logits=logits,
+        sh=_read_sh(table, what),
+    )
+
+
+def write_ply(path: Path, gaussians: Gaussians) -> None:
+    """Write Gaussians, binary little-endian: float32 exactly as in memory."""
+    rest = gaussians.sh.shape[1] - 1
+    names = [*POSITION, *NORMAL, *COLOR, *(REST.format(i) for i in range(3 * rest))]
+    names += [*OPACITY, *SCALES, *QUATERNION]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(gaussians)}"]
+    header += [f"property float {name}" for name in names] + ["end_header", ""]
+    columns = [
+        gaussians.means,
+        np.zeros_like(gaussians.means),
+        gaussians.sh[:, 0],
+        gaussians.sh[:, 1:].transpose(0, 2, 1).reshape(len(gaussians), 3 * rest),
+        gaussians.opacity_logits[:, None],
+        gaussians.log_scales,
+        gaussians.quats[:, _WXYZ_FROM_XYZW],
+    ]
+    rows = np.concatenate(columns, axis=1, dtype="<f4")
+    write_atomically(path, b"".join(["\n".join(header).encode(), rows.tobytes()]))
+
+
+def _columns(table: np.ndarray, names: tuple[str, ...], what: str) -> np.ndarray:
+    """Return the properties ``names`` side by side, shape (n, len(names)), float32."""
+    columns = np.empty((len(table), len(names)), dtype=np.float32)
+    for number, name in enumerate(names):
+        kind = table.dtype[name]
+        if kind.kind != "f":
+            raise DigsError(f"{what}: the property '{name}' holds {kind.name}, expected float")
+        with np.errstate(over="ignore"):  # doubles beyond float32 become infinite: a broken row
+            columns[:, number] = table[name]
+    return columns
+
+
+def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
+    names = table.dtype.names or ()
+    count = sum(name.startswith("f_rest_") for name in names)
+    rest_names = tuple(REST.format(i) for i in range(count))
+    if count not in _DEGREE_OF_REST or any(name not in names for name in rest_names):
+        raise DigsError(
+            f"{what}: {count} properties f_rest_*, expected f_rest_0 to f_rest_8, _23 or _44 "
+            "(degree 1, 2 or 3), or none"
+        )
+    degree = _DEGREE_OF_REST[count]
+    if degree > MAX_DEGREE:
+        logger.warning("%s: colours of degree %d are read up to %d", what, degree, MAX_DEGREE)
+    used = coefficient_count(min(degree, MAX_DEGREE)) - 1
+    sh = np.empty((len(table), 1 + used, 3), dtype=np.float32)
+    sh[:, 0] = _columns(table, COLOR, what)
+    for channel in range(3):
+        first = channel * (count // 3)
+        sh[:, 1:, channel] = _columns(table, rest_names[first : first + used], what)
+    return sh
