@@ -1,0 +1,99 @@
+"""Charts of a study: the same drawing as PNG and SVG files, and inside a page."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+# Colour-blind safe (Okabe and Ito).
+COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#7f7f7f", "#000000")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a chart.
+
+    Attributes:
+        label: for the legend.
+        x, y: its points.
+        spread: half width of a band around it; empty: none.
+        line: draw the line; False: only the points.
+        notes: a word at each point; empty: none.
+    """
+
+    label: str
+    x: Sequence[float]
+    y: Sequence[float]
+    spread: Sequence[float] = ()
+    line: bool = True
+    notes: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Curves over common axes.
+
+    Attributes:
+        name: of its files, without suffix.
+        title: stands above it.
+        log_x, log_y: logarithmic axes.
+    """
+
+    name: str
+    title: str
+    curves: Sequence[Curve]
+    x_label: str
+    y_label: str
+    log_x: bool = False
+    log_y: bool = False
+
+    def png(self) -> bytes:
+        """Return the picture as PNG."""
+        return self._render("png")
+
+    def svg(self) -> bytes:
+        """Return the picture as SVG; the same values give the same bytes."""
+        return self._render("svg")
+
+    def _render(self, form: str) -> bytes:
+        import matplotlib
+        from matplotlib.figure import Figure
+
+        with matplotlib.rc_context({"svg.hashsalt": "digs-warp", "svg.fonttype": "none"}):
+            figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+            self._draw(figure.subplots())
+            file = io.BytesIO()
+            metadata = {"Date": None} if form == "svg" else None
+            figure.savefig(file, format=form, dpi=120, metadata=metadata)
+        return file.getvalue()
+
+    def _draw(self, axes: Any) -> None:
+        for number, curve in enumerate(self.curves):
+            color = COLORS[number % len(COLORS)]
+            style = "-o" if curve.line else "o"
+            axes.plot(curve.x, curve.y, style, label=curve.label, color=color, markersize=4)
+            if curve.spread:
+                low = [y - s for y, s in zip(curve.y, curve.spread, strict=True)]
+                high = [y + s for y, s in zip(curve.y, curve.spread, strict=True)]
+                axes.fill_between(curve.x, low, high, color=color, alpha=0.15, linewidth=0)
+            for x, y, note in zip(curve.x, curve.y, curve.notes, strict=False):
+                axes.annotate(note, (x, y), xytext=(5, 3), textcoords="offset points", fontsize=7)
+        axes.set_title(self.title)
+        axes.set_xlabel(self.x_label)
+        axes.set_ylabel(self.y_label)
+        self._scale(axes)
+        axes.grid(alpha=0.3)
+        if len(self.curves) > 1:
+            axes.legend(frameon=False, fontsize=8)
+
+    def _scale(self, axes: Any) -> None:
+        from matplotlib.ticker import NullFormatter
+
+        for wanted, set_scale, axis in (
+            (self.log_x, axes.set_xscale, axes.xaxis),
+            (self.log_y, axes.set_yscale, axes.yaxis),
+        ):
+            if wanted:
+                set_scale("log")
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,100 @@
+"""The report of a study: Markdown with tables and pictures, CSV files, and one self-contained HTML page."""
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from digs_warp.log import write_atomically
+from digs_warp.report import markup
+from digs_warp.report.style import CSS
+from digs_warp.study.engine.charts import Chart
+
+MARKDOWN = "report.md"
+PAGE = "report.html"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under headings; the first column labels the row.
+
+    Attributes:
+        name: of its CSV file, without suffix.
+    """
+
+    name: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def csv(self) -> bytes:
+        """Return the table as CSV."""
+        file = io.StringIO()
+        csv.writer(file, lineterminator="\n").writerows([self.headings, *self.rows])
+        return file.getvalue().encode()
+
+    def markdown(self) -> str:
+        """Return the table as Markdown."""
+        lines = [list(self.headings), ["---"] * len(self.headings), *self.rows]
+        return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines)
+
+
+@dataclass(frozen=True)
+class Section:
+    """One finding: what it says, with its tables and charts."""
+
+    title: str
+    text: str
+    tables: Sequence[Table] = ()
+    charts: Sequence[Chart] = ()
+
+
+def write_pages(title: str, intro: str, sections: Sequence[Section], folder: Path) -> Path:
+    """Write report.md, report.html, tables/ and plots/ into ``folder``; return the HTML page."""
+    folder = Path(folder)
+    for section in sections:
+        for table in section.tables:
+            write_atomically(folder / "tables" / f"{table.name}.csv", table.csv())
+        for chart in section.charts:
+            write_atomically(folder / "plots" / f"{chart.name}.png", chart.png())
+            write_atomically(folder / "plots" / f"{chart.name}.svg", chart.svg())
+    write_atomically(folder / MARKDOWN, _markdown(title, intro, sections).encode())
+    write_atomically(folder / PAGE, _page(title, intro, sections).encode())
+    return folder / PAGE
+
+
+def _markdown(title: str, intro: str, sections: Sequence[Section]) -> str:
+    parts = [f"# {title}", intro]
+    for section in sections:
+        parts += [f"## {section.title}", section.text]
+        parts += [f"![{chart.title}](plots/{chart.name}.png)" for chart in section.charts]
+        parts += [table.markdown() for table in section.tables]
+    return "\n\n".join(parts) + "\n"
+
+
+def _page(title: str, intro: str, sections: Sequence[Section]) -> str:
+    body = "\n".join(map(_html_section, sections))
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
+        f"<header><h1>{escape(title)}</h1><p>{escape(intro)}</p></header>\n{body}\n"
+        "</main>\n</body>\n</html>\n"
+    )
+
+
+def _html_section(section: Section) -> str:
+    charts = "".join(markup.figure(_picture(chart), chart.title) for chart in section.charts)
+    tables = "".join(markup.table(table.headings, table.rows) for table in section.tables)
+    return markup.section(section.title, section.text, f"<div class=charts>{charts}</div>", tables)
+
+
+def _picture(chart: Chart) -> str:
+    uri = "data:image/png;base64," + base64.b64encode(chart.png()).decode()
+    return f'<img src="{uri}" alt="{escape(chart.title)}">'
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
