@@ -15,10 +15,17 @@ class ImagePlanes:
     """``channels`` float32 planes of one size with a border of zeros, in one flat Warp array.
 
     Pixel (x, y) of channel c lies at ``origin + c * plane + y * pitch + x``. Kernels never write the
-    border, so windows that reach over the image edge read zeros.
+    border, so windows that reach over the image edge read zeros. A smaller image (`resize`) lies at the top
+    left of the same memory: the layout never changes.
+
+    Attributes:
+        width, height: size of the present image [px].
+        max_width, max_height: the size that the memory is for [px].
     """
 
     def __init__(self, width: int, height: int, channels: int, device: str = "cpu") -> None:
+        self.max_width = width
+        self.max_height = height
         self.width = width
         self.height = height
         self.channels = channels
@@ -27,6 +34,25 @@ class ImagePlanes:
         self.plane = self.pitch * rows
         self.origin = PADDING * self.pitch + PADDING
         self.data = wp.zeros(self.plane * channels, dtype=float, device=device)
+
+    def resize(self, width: int, height: int) -> None:
+        """Hold an image of another size; what lay outside of it becomes border.
+
+        Raises:
+            ValueError: it is larger than the memory is for.
+        """
+        if width > self.max_width or height > self.max_height:
+            raise ValueError(
+                f"image of {width}x{height} px in planes of {self.max_width}x{self.max_height} px"
+            )
+        right, bottom = PADDING + self.width, PADDING + self.height
+        if self.channels:
+            planes = self.data.reshape((self.channels, self.plane // self.pitch, self.pitch))
+            if width < self.width:
+                planes[:, PADDING:bottom, PADDING + width : right].zero_()
+            if height < self.height:
+                planes[:, PADDING + height : bottom, PADDING:right].zero_()
+        self.width, self.height = width, height
 
     def assign(self, pixels: np.ndarray) -> None:
         """Fill from pixels, shape (height, width, channels) or (height, width)."""

@@ -44,11 +44,15 @@ class ExportUsd:
 
 def write_scene(gaussians: "Gaussians", reconstruction: Path, path: Path) -> None:
     """Write the scene; what is known about its making goes along as metadata."""
-    from digs_warp.splat.config import DILATION, MAX_ALPHA, MIN_ALPHA
+    from digs_warp.splat.config import DEFAULT_OPTIONS as options
     from usd.writer import write_gaussians
 
     # USD has no place for what the training assumed of its renderer.
-    kernel = {"dilation_px2": DILATION, "min_alpha": MIN_ALPHA, "max_alpha": MAX_ALPHA}
+    kernel = {
+        "dilation_px2": options.dilation,
+        "min_alpha": options.min_alpha,
+        "max_alpha": options.max_alpha,
+    }
     metadata: dict[str, Any] = {"kernel": kernel}
     if (reconstruction / RUN_RECORD).is_file():
         record = read_json(reconstruction / RUN_RECORD, "run record")

@@ -5,7 +5,8 @@
 import warp as wp
 
 from digs_warp.splat.config import TILE_SIZE
-from digs_warp.splat.project import (
+from digs_warp.splat.footprint import ViewParams
+from digs_warp.splat.records import (
     SPLAT_A,
     SPLAT_B,
     SPLAT_HALF_HEIGHT,
@@ -33,18 +34,22 @@ def half_chord(dy: float, half_height: float, tau: float, a: float) -> float:
 @wp.kernel
 def span_kernel(
     first: int,
+    views: wp.array[ViewParams],  # [1]
     splats: wp.array2d[float],  # [n, SPLAT_FIELDS]
     first_tile_rows: wp.array[int],  # [n]
     row_starts: wp.array[int],  # [n + 1] spans of splat g: row_starts[g] .. row_starts[g + 1]
     slack: float,
-    width: int,
     # outputs
     spans: wp.array[int],  # [rows] packed tile columns
     span_starts: wp.array[int],  # [rows] pairs of the splat before this span
     pair_counts: wp.array[int],  # [n]
 ):
-    """Find the tile columns that each splat touches in each of its tile rows."""
+    """Find the drawn tile columns that each splat touches in each of its tile rows."""
     g = first + wp.tid()
+    left_column = views[0].first_column
+    end_column = views[0].end_column
+    left_pixel = float(left_column * _TILE)
+    right_pixel = float(wp.min(end_column * _TILE, views[0].width) - 1)
     pairs = int(0)
     begin = row_starts[g]
     end = row_starts[g + 1]
@@ -69,8 +74,8 @@ def span_kernel(
             right = wp.min(right, half_width) + slack
             left = wp.max(left, -half_width) - slack
             # Pixel centres lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
-            x0 = int(wp.max(wp.ceil(u + left - 0.5), 0.0))
-            x1 = int(wp.min(wp.floor(u + right - 0.5), float(width - 1)))
+            x0 = int(wp.max(wp.ceil(u + left - 0.5), left_pixel))
+            x1 = int(wp.min(wp.floor(u + right - 0.5), right_pixel))
             t0 = x0 // _TILE
             t1 = t0
             if low <= high and x0 <= x1:
@@ -106,15 +111,16 @@ def exclusive_scan_kernel(counts: wp.array[int], count: int, starts: wp.array[in
 @wp.kernel
 def tile_count_kernel(
     count: int,
+    columns: int,
+    tiles: int,
     first_tile_rows: wp.array[int],
     row_starts: wp.array[int],
     spans: wp.array[int],
-    columns: int,
     # outputs
-    tile_counts: wp.array[int],  # [tiles]
+    tile_counts: wp.array[int],  # [tiles of the largest view]
 ):
     """Count the splats of every tile. One thread."""
-    for i in range(tile_counts.shape[0]):
+    for i in range(tiles):
         tile_counts[i] = 0
     for g in range(count):
         begin = row_starts[g]
@@ -137,6 +143,7 @@ def depth_key_kernel(
 @wp.kernel
 def emit_kernel(
     first: int,
+    views: wp.array[ViewParams],
     bands: int,
     count: int,
     order: wp.array[int],  # [n] splats, nearest first
@@ -146,8 +153,6 @@ def emit_kernel(
     span_starts: wp.array[int],
     pair_starts: wp.array[int],
     tile_starts: wp.array[int],
-    columns: int,
-    rows: int,
     # outputs
     cursors: wp.array[int],  # [tiles]
     tile_splats: wp.array[int],  # [pairs] splats by tile, nearest first
@@ -155,8 +160,11 @@ def emit_kernel(
 ):
     """Deal the splats out to the tiles of one band of tile rows."""
     band = first + wp.tid()
-    band_first = rows * band // bands
-    band_end = rows * (band + 1) // bands
+    columns = views[0].columns
+    first_row = views[0].first_row
+    rows = views[0].end_row - first_row
+    band_first = first_row + rows * band // bands
+    band_end = first_row + rows * (band + 1) // bands
     for tile in range(band_first * columns, band_end * columns):
         cursors[tile] = tile_starts[tile]
     for i in range(count):

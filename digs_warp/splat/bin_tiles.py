@@ -28,7 +28,7 @@ from digs_warp.splat.bin_kernels import (
     unpack_kernel,
 )
 from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
-from digs_warp.splat.project import GRADIENT_FIELDS, SPLAT_FIELDS
+from digs_warp.splat.records import COLOR_FIELDS, SPLAT_FIELDS
 
 # Buffers grow by half when a view needs more: a few growths, then none.
 _GROWTH = 1.5
@@ -52,11 +52,19 @@ class TileLists:
     span_starts: wp.array  # [row capacity]
     tile_splats: wp.array  # [pair capacity]
     pair_slots: wp.array  # [pair capacity]
-    pair_gradients: wp.array  # [pair capacity, GRADIENT_FIELDS]
+    pair_gradients: wp.array  # [pair capacity, gradient fields]
 
 
 class TileBinner:
-    """Builds `TileLists` for views of one size; call `bin` after every projection.
+    """Builds `TileLists` for views up to one size; call `bin` after every projection.
+
+    Args:
+        count: number of Gaussians.
+        width, height: size of the largest view [px].
+        views: the view (one `ViewParams`) that the projection reads; call `resize` when its size changes.
+        gradient_fields: length of the gradient record of a pair.
+        threads: CPU threads; 0 means all cores.
+        counting: deal splats out in depth order (CPU); False: sort keys (CUDA).
 
     ``generation`` counts reallocations: launches recorded on the lists are stale when it changes.
     """
@@ -66,20 +74,21 @@ class TileBinner:
         count: int,
         width: int,
         height: int,
-        device: str = "cpu",
+        views: wp.array,
+        gradient_fields: int = COLOR_FIELDS,
         threads: int = 0,
         counting: bool = True,
     ) -> None:
-        self.columns = -(-width // TILE_SIZE)
-        self.rows = -(-height // TILE_SIZE)
-        self.tiles = self.columns * self.rows
+        device = str(views.device)
+        self._views = views
+        self._gradient_fields = gradient_fields
+        self.resize(width, height)
+        self._capacity = self.tiles
         if self.columns >= MAX_TILE_COLUMNS:
             raise DigsError(
                 f"image width {width}: expected below {MAX_TILE_COLUMNS * TILE_SIZE} px"
             )
         self.count = count
-        self.width = width
-        self.height = height
         self.device = device
         self.threads = threads or default_threads()
         self.counting = counting
@@ -89,6 +98,14 @@ class TileBinner:
         self._keys = self._zeros(2 * max(count, 1))
         self._order = self._zeros(2 * max(count, 1))
         self.lists = self._allocate()
+
+    def resize(self, width: int, height: int) -> None:
+        """Take views of another size from now on, up to that of the constructor."""
+        self.width = width
+        self.height = height
+        self.columns = -(-width // TILE_SIZE)
+        self.rows = -(-height // TILE_SIZE)
+        self.tiles = self.columns * self.rows
 
     def bin(self) -> TileLists:
         """Build the lists from ``splats``, ``depths``, ``first_tile_rows`` and ``row_counts``."""
@@ -110,7 +127,8 @@ class TileBinner:
 
     def drawn_box(self) -> tuple[int, int, int, int]:
         """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
-        filled = np.diff(self.lists.tile_starts.numpy()).reshape(self.rows, self.columns) > 0
+        starts = self.lists.tile_starts.numpy()[: self.tiles + 1]
+        filled = np.diff(starts).reshape(self.rows, self.columns) > 0
         ys, xs = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
         if not len(xs):
             return 0, 0, 0, 0
@@ -123,7 +141,8 @@ class TileBinner:
         wp.launch(
             tile_count_kernel,
             dim=1,
-            inputs=[self.count, lists.first_tile_rows, lists.row_starts, lists.spans, self.columns],
+            inputs=[self.count, self.columns, self.tiles]
+            + [lists.first_tile_rows, lists.row_starts, lists.spans],
             outputs=[lists.tile_counts],
             device=self.device,
         )
@@ -171,14 +190,16 @@ class TileBinner:
             row_starts=self._zeros(n + 1),
             pair_counts=self._zeros(n),
             pair_starts=self._zeros(n + 1),
-            tile_counts=self._zeros(self.tiles),
-            tile_starts=self._zeros(self.tiles + 1),
-            cursors=self._zeros(self.tiles),
+            tile_counts=self._zeros(self._capacity),
+            tile_starts=self._zeros(self._capacity + 1),
+            cursors=self._zeros(self._capacity),
             spans=self._zeros(rows),
             span_starts=self._zeros(rows),
             tile_splats=self._zeros(pairs),
             pair_slots=self._zeros(pairs),
-            pair_gradients=wp.zeros((pairs, GRADIENT_FIELDS), dtype=float, device=self.device),
+            pair_gradients=wp.zeros(
+                (pairs, self._gradient_fields), dtype=float, device=self.device
+            ),
         )
         self.lists = lists
         self._record()
@@ -196,7 +217,7 @@ class TileBinner:
         lists.tile_splats = self._zeros(capacity)
         lists.pair_slots = self._zeros(capacity)
         lists.pair_gradients = wp.zeros(
-            (capacity, GRADIENT_FIELDS), dtype=float, device=self.device
+            (capacity, self._gradient_fields), dtype=float, device=self.device
         )
         self._record()
 
@@ -204,12 +225,12 @@ class TileBinner:
         """Record the launches on the present buffers."""
         lists = self.lists
         self.generation += 1
-        bands = min(self.threads, self.rows)
+        bands = self.threads
         spans = [lists.first_tile_rows, lists.row_starts, lists.spans, lists.span_starts]
         self._span_launch = self._launch(
             span_kernel,
             self.count,
-            [lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK, self.width]
+            [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
             + [lists.spans, lists.span_starts, lists.pair_counts],
         )
         self._key_launch = self._launch(
@@ -218,8 +239,8 @@ class TileBinner:
         self._emit_launch = self._launch(
             emit_kernel,
             bands,
-            [bands, self.count, self._order, *spans, lists.pair_starts, lists.tile_starts]
-            + [self.columns, self.rows, lists.cursors, lists.tile_splats, lists.pair_slots],
+            [self._views, bands, self.count, self._order, *spans, lists.pair_starts]
+            + [lists.tile_starts, lists.cursors, lists.tile_splats, lists.pair_slots],
         )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:

@@ -1,39 +1,100 @@
 """Every constant of the splat engine, with its reason, and how its hot kernels are compiled."""
 
 import platform
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
+from digs_warp.checks import DigsError
 from digs_warp.image_planes import ALIGNMENT
+from digs_warp.sh import MAX_DEGREE
 
 # Tiles are 16x16 pixels: one row is one 512-bit vector of float32.
 TILE_SIZE = ALIGNMENT
 TILE_PIXELS = TILE_SIZE * TILE_SIZE
 
-# An alpha below one 8-bit step is not drawn: it bounds the area that a splat touches.
-MIN_ALPHA = 1.0 / 255.0
-
-# The backward pass divides by 1 - alpha; where alpha is capped, its gradient is zero.
-MAX_ALPHA = 0.99
-
-# A pixel whose transmittance would fall below this stops; that splat and all behind it are not drawn.
-MIN_TRANSMITTANCE = 1.0e-4
-
-# Added to the diagonal of the projected covariance [px^2]: no splat is thinner than a pixel. The value
-# of the 3DGS reference; a renderer that uses another one shows our scenes thinner or thicker.
-DILATION = 0.3
-
-# The Jacobian of the projection is evaluated at most this many half-widths outside the image: further
-# out the linearization blows up.
-JACOBIAN_MARGIN = 0.3
-
-# Pixel slack on the half extents of a splat, so that rounding never cuts off a pixel above MIN_ALPHA.
+# Pixel slack on the half extents of a splat, so that rounding never cuts off a pixel above the cut.
 EXTENT_SLACK = 0.01
 
 # A projected variance [px^2] above this is an overflow, not a splat: dropped.
 MAX_VARIANCE = 1.0e12
 
-# Near plane as a share of the distance from the camera to the centre of the scene.
-NEAR_SHARE = 0.05
+# The exponential of the hot loops is a polynomial for exponents down to ln(1/255).
+SMALLEST_MIN_ALPHA = 1.0 / 255.0
+
+# The antialiasing factor sqrt(det / det') is held above this, and so is its derivative, which grows without
+# bound for a splat that degenerates to a line (the floor of the 3DGS reference, sqrt(2.5e-5)).
+MIN_COMPENSATION = 0.005
+
+Outputs = Literal["color", "depth", "normals"]
+
+
+@dataclass(frozen=True)
+class RasterOptions:
+    """How splats are drawn; the defaults are those of the 3DGS reference where it has the constant.
+
+    Attributes:
+        min_alpha: an alpha below this is not drawn, in 1/255 .. 1: one 8-bit step bounds the area that a
+            splat touches.
+        max_alpha: alpha is capped here, in 0 .. 0.999: the backward pass divides by 1 - alpha. Where it is
+            capped, its gradient is zero.
+        min_transmittance: a pixel whose transmittance would fall below this stops; that splat and all behind
+            it are not drawn.
+        dilation: added to the diagonal of the projected covariance [px^2]: no splat is thinner than a pixel.
+            A renderer that uses another value shows our scenes thinner or thicker.
+        antialias: scale the opacity by sqrt(det / det') of the covariance before and after the dilation
+            (Mip-Splatting), so that a splat smaller than a pixel does not gain weight. Scenes trained with it
+            must be drawn with it.
+        jacobian_margin: the Jacobian of the projection is evaluated at most this many half-widths outside
+            of the image: further out the linearization blows up.
+        near_share: near plane as a share of the distance from the camera to the centre of the scene, so that
+            units do not matter.
+        max_sh_degree: bands of the view-dependent colour that are used, 0 to 3.
+        outputs: what a view gives beside colour and transmittance: "color" nothing, "depth" expected and
+            median depth, "normals" these and normals. Each costs time only when asked for.
+    """
+
+    min_alpha: float = SMALLEST_MIN_ALPHA
+    max_alpha: float = 0.99
+    min_transmittance: float = 1.0e-4
+    dilation: float = 0.3
+    antialias: bool = False
+    jacobian_margin: float = 0.3
+    near_share: float = 0.05
+    max_sh_degree: int = MAX_DEGREE
+    outputs: Outputs = "color"
+
+    def __post_init__(self) -> None:
+        """Raise a `DigsError` for a value outside of its range."""
+        ranges = {
+            "min_alpha": (SMALLEST_MIN_ALPHA, 1.0),
+            "max_alpha": (self.min_alpha, 0.999),
+            "min_transmittance": (0.0, 0.5),
+            "dilation": (1.0e-3, 100.0),
+            "jacobian_margin": (0.0, 10.0),
+            "near_share": (0.0, 1.0),
+            "max_sh_degree": (0, MAX_DEGREE),
+        }
+        for name, (low, high) in ranges.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise DigsError(f"raster option {name}: {value}, expected {low:g} to {high:g}")
+        if self.outputs not in ("color", "depth", "normals"):
+            raise DigsError(
+                f"raster option outputs: '{self.outputs}', expected color, depth or normals"
+            )
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether views give depths."""
+        return self.outputs != "color"
+
+    @property
+    def has_normals(self) -> bool:
+        """Whether views give normals."""
+        return self.outputs == "normals"
+
+
+DEFAULT_OPTIONS = RasterOptions()
 
 
 def raster_module_options() -> dict[str, Any]:

@@ -7,23 +7,21 @@ tangents (clamped near the image border), V = R_cw R(q), S = diag(exp(log_scale)
 
     m0[k] = fx/z (V[0,k] - X V[2,k]) S[k]      rows of the 2x3 matrix M = J V S
     m1[k] = fy/z (V[1,k] - Y V[2,k]) S[k]
-    cov   = M M^T + DILATION I = [[a, b], [b, c]],   conic (A, B, C) = (c, -b, a) / det
+    cov   = M M^T + dilation I = [[a, b], [b, c]],   conic (A, B, C) = (c, -b, a) / det
 """
 
 import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
-from digs_warp.splat.config import JACOBIAN_MARGIN
+from digs_warp.splat.config import TILE_SIZE, RasterOptions
 
 wp.set_module_options({"enable_backward": False})
 
-_MARGIN = wp.constant(JACOBIAN_MARGIN)
-
 
 @wp.struct
-class CameraParams:
-    """What the kernels know of a camera; all lengths in pixels or metres."""
+class ViewParams:
+    """What the kernels know of a view: the camera, the tiles to draw, the options; pixels and metres."""
 
     fx: float
     fy: float
@@ -35,18 +33,55 @@ class CameraParams:
     rotation: wp.mat33  # cam_from_world
     translation: wp.vec3
     center_world: wp.vec3
+    # The tiles of the view, and those of them that are drawn: columns first .. end - 1, rows alike.
+    columns: int
+    rows: int
+    first_column: int
+    first_row: int
+    end_column: int
+    end_row: int
+    # Of `digs_warp.splat.config.RasterOptions`.
+    dilation: float
+    jacobian_margin: float
+    min_alpha: float
+    max_alpha: float
+    min_transmittance: float
+    antialias: int
 
 
-def camera_params(camera: Camera, near: float) -> np.ndarray:
-    """Return a one-element structured array for `CameraParams`; ``near`` is the near plane [m]."""
+Window = tuple[int, int, int, int]
+"""Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1)."""
+
+
+def view_params(
+    camera: Camera, near: float, options: RasterOptions, window: Window | None = None
+) -> np.ndarray:
+    """Return a one-element structured array for `ViewParams`.
+
+    Args:
+        camera: the camera.
+        near: Gaussians whose centre is nearer than this [m] are not drawn.
+        options: how splats are drawn.
+        window: only tiles that touch these pixels are drawn; default: all.
+    """
     k = camera.intrinsics
-    record = np.zeros(1, dtype=CameraParams.numpy_dtype())
+    record = np.zeros(1, dtype=ViewParams.numpy_dtype())
     for name in ("fx", "fy", "cx", "cy", "width", "height"):
         record[name] = getattr(k, name)
     record["near"] = near
     record["rotation"] = camera.cam_from_world[:3, :3]
     record["translation"] = camera.cam_from_world[:3, 3]
     record["center_world"] = camera.center_world
+    columns, rows = -(-k.width // TILE_SIZE), -(-k.height // TILE_SIZE)
+    x0, y0, x1, y1 = (0, 0, k.width, k.height) if window is None else window
+    record["columns"], record["rows"] = columns, rows
+    record["first_column"] = np.clip(x0 // TILE_SIZE, 0, columns)
+    record["first_row"] = np.clip(y0 // TILE_SIZE, 0, rows)
+    record["end_column"] = np.clip(-(-x1 // TILE_SIZE), 0, columns)
+    record["end_row"] = np.clip(-(-y1 // TILE_SIZE), 0, rows)
+    for name in ("dilation", "jacobian_margin", "min_alpha", "max_alpha", "min_transmittance"):
+        record[name] = getattr(options, name)
+    record["antialias"] = options.antialias
     return record
 
 
@@ -98,9 +133,11 @@ def rotation_adjoint(quat: wp.vec4, d: wp.mat33) -> wp.vec4:
 
 
 @wp.func
-def clamped_tangent(tangent: float, focal: float, center: float, size: float) -> float:
+def clamped_tangent(
+    tangent: float, focal: float, center: float, size: float, share: float
+) -> float:
     """x/z, kept within the image plus a margin; asymmetric for an off-centre principal point."""
-    margin = _MARGIN * 0.5 * size / focal
+    margin = share * 0.5 * size / focal
     return wp.clamp(tangent, -center / focal - margin, (size - center) / focal + margin)
 
 
@@ -123,15 +160,16 @@ class Footprint:
 
 
 @wp.func
-def footprint_of(cam: CameraParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4) -> Footprint:
+def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4) -> Footprint:
     """Linearize the projection at the centre of a Gaussian that lies before the camera."""
     f = Footprint()
     f.point = cam.rotation * mean + cam.translation
     f.inverse_z = 1.0 / f.point[2]
     f.tangent_x = f.point[0] * f.inverse_z
     f.tangent_y = f.point[1] * f.inverse_z
-    f.limited_x = clamped_tangent(f.tangent_x, cam.fx, cam.cx, float(cam.width))
-    f.limited_y = clamped_tangent(f.tangent_y, cam.fy, cam.cy, float(cam.height))
+    share = cam.jacobian_margin
+    f.limited_x = clamped_tangent(f.tangent_x, cam.fx, cam.cx, float(cam.width), share)
+    f.limited_y = clamped_tangent(f.tangent_y, cam.fy, cam.cy, float(cam.height), share)
     f.zoom_x = cam.fx * f.inverse_z
     f.zoom_y = cam.fy * f.inverse_z
     f.axes = cam.rotation * rotation_of(quat)
@@ -139,3 +177,27 @@ def footprint_of(cam: CameraParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.
     f.m0 = f.zoom_x * wp.cw_mul(f.axes[0] - f.limited_x * f.axes[2], f.sizes)
     f.m1 = f.zoom_y * wp.cw_mul(f.axes[1] - f.limited_y * f.axes[2], f.sizes)
     return f
+
+
+@wp.func
+def shortest_axis(f: Footprint) -> int:
+    """Index of the local axis along which a Gaussian is thinnest."""
+    axis = int(0)
+    if f.sizes[1] < f.sizes[0]:
+        axis = 1
+    if f.sizes[2] < f.sizes[axis]:
+        axis = 2
+    return axis
+
+
+@wp.func
+def facing_sign(f: Footprint, axis: int) -> float:
+    """1 or -1, whichever turns the axis towards the camera."""
+    return wp.where(wp.dot(wp.transpose(f.axes)[axis], f.point) > 0.0, -1.0, 1.0)
+
+
+@wp.func
+def facing_normal(f: Footprint) -> wp.vec3:
+    """Unit vector in the camera along the shortest axis, turned towards the camera."""
+    axis = shortest_axis(f)
+    return facing_sign(f, axis) * wp.transpose(f.axes)[axis]

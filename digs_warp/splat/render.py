@@ -1,6 +1,6 @@
 """Render Gaussians: project -> bin -> rasterize, and back.
 
-Two tiers: `SplatRenderer` holds every buffer for images of one size and allocates nothing per view (the
+Two tiers: `SplatRenderer` holds every buffer for images up to one size and allocates nothing per view (the
 trainer's tier); `render` takes and returns NumPy values.
 """
 
@@ -12,19 +12,29 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
+from digs_warp.checks import check_shape
 from digs_warp.gaussians import Gaussians
 from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import ParallelLaunch, default_threads
+from digs_warp.splat.background import add_background_kernel
 from digs_warp.splat.bin_tiles import TileBinner
-from digs_warp.splat.config import NEAR_SHARE
+from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.footprint import CameraParams, camera_params
-from digs_warp.splat.project import project_backward_kernel, project_kernel
+from digs_warp.splat.footprint import ViewParams, Window, view_params
+from digs_warp.splat.project import project_kernel
+from digs_warp.splat.project_adjoint import (
+    CAMERA_FIELDS,
+    SUM_BLOCK,
+    project_backward_kernel,
+    sum_camera_kernel,
+)
 from digs_warp.splat.rasterize import backward_kernel, forward_kernel
 from digs_warp.splat.rasterize_reference import (
     backward_reference_kernel,
     forward_reference_kernel,
 )
+from digs_warp.splat.records import GradientLayout
+from digs_warp.splat.statistics import SplatStatistics
 
 WHITE = (1.0, 1.0, 1.0)
 
@@ -36,28 +46,59 @@ class RenderOutput:
     Attributes:
         image: sRGB, shape (height, width, 3), float32, not clipped above.
         alpha: coverage in 0..1, shape (height, width), float32.
+        depth: expected planar depth [m], shape (height, width), NaN where nothing is drawn; None unless
+            the options ask for it, as the next two.
+        median_depth: planar depth [m] at which the coverage passes 1/2, NaN where it does not, alike.
+        normals: sum of the weighted unit normals, camera axes, shape (height, width, 3).
     """
 
     image: np.ndarray
     alpha: np.ndarray
+    depth: np.ndarray | None = None
+    median_depth: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
 
-def near_plane(camera: Camera, scene_center: np.ndarray) -> float:
+@dataclass(frozen=True, eq=False)
+class CameraGradient:
+    """dL / d(camera) of one view; the camera moves in its own frame, see `digs_warp.splat.project_adjoint`.
+
+    Attributes:
+        rotation: in the rotation vector w [rad], shape (3,).
+        translation: in the translation t [m], shape (3,): world_from_cam' = world_from_cam exp(w, t).
+        focal: in (fx, fy) [px], shape (2,).
+        center: in (cx, cy) [px], shape (2,).
+    """
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    focal: np.ndarray
+    center: np.ndarray
+
+
+def near_plane(
+    camera: Camera, scene_center: np.ndarray, share: float = DEFAULT_OPTIONS.near_share
+) -> float:
     """Return the near plane [m]: a share of the distance to the scene, so that units do not matter."""
-    return max(1e-6, NEAR_SHARE * float(np.linalg.norm(camera.center_world - scene_center)))
+    return max(1e-6, share * float(np.linalg.norm(camera.center_world - scene_center)))
 
 
 class SplatRenderer:
-    """Renders views of one size of one set of Gaussians, and pulls image gradients back to them.
+    """Renders views of one set of Gaussians, and pulls image gradients back to them.
 
     Args:
-        gaussians: the parameters; their contents may change between calls, the arrays may not.
-        width, height: image size [px].
+        gaussians: the parameters; their contents may change between calls, the arrays only by
+            `set_gaussians`.
+        width, height: size of the largest view [px].
+        options: how splats are drawn, and what a view gives.
+        camera_gradient: whether `backward` also gives the gradient of the camera.
         vectorized: the fast CPU kernels; False: the thread-per-pixel twin. Default: by device.
         threads: CPU threads; 0 means all cores. The result does not depend on it.
 
-    After `forward`, ``image`` and ``transmittance`` hold the view. Put dL/dimage and dL/dtransmittance
-    into ``adj_image`` and ``adj_transmittance``, call `backward`, and find dL/dparameter in ``gradients``.
+    After `forward`, ``image``, ``transmittance``, and where ``options`` ask for them ``depth`` (channels:
+    expected, median; 0 where there is none) and ``normals`` hold the view. Put the gradients of a loss into
+    ``adj_image``, ``adj_transmittance``, ``adj_depth`` (of the expected depth) and ``adj_normals``, call
+    `backward`, and find dL/dparameter in ``gradients``.
     """
 
     def __init__(
@@ -66,28 +107,71 @@ class SplatRenderer:
         width: int,
         height: int,
         *,
+        options: RasterOptions = DEFAULT_OPTIONS,
+        camera_gradient: bool = False,
         vectorized: bool | None = None,
         threads: int = 0,
     ) -> None:
         device = gaussians.device
-        self.gaussians = gaussians
         self.device = device
+        self.options = options
         self.vectorized = device == "cpu" if vectorized is None else vectorized
         # The twin's atomics are plain additions on a CPU: one thread.
         self.threads = (threads or default_threads()) if self.vectorized else 1
-        self.gradients = gaussians.zeros_like()
-        self.image = ImagePlanes(width, height, 3, device)
-        self.transmittance = ImagePlanes(width, height, 1, device)
-        self.adj_image = ImagePlanes(width, height, 3, device)
-        self.adj_transmittance = ImagePlanes(width, height, 1, device)
-        self.binner = TileBinner(
-            len(gaussians), width, height, device, self.threads, counting=self.vectorized
-        )
-        self._camera = wp.zeros(1, dtype=CameraParams, device=device)  # pyright: ignore[reportArgumentType]
+
+        def planes(channels: int, wanted: bool = True) -> ImagePlanes:
+            return ImagePlanes(width, height, channels if wanted else 0, device)
+
+        self.image = planes(3)
+        self.transmittance = planes(1)
+        self.depth = planes(2, options.has_depth)
+        self.normals = planes(3, options.has_normals)
+        self.adj_image = planes(3)
+        self.adj_transmittance = planes(1)
+        self.adj_depth = planes(1, options.has_depth)
+        self.adj_normals = planes(3, options.has_normals)
+        self._all_planes = [self.image, self.transmittance, self.depth, self.normals]
+        self._all_planes += [self.adj_image, self.adj_transmittance]
+        self._all_planes += [self.adj_depth, self.adj_normals]
+        self._views = wp.zeros(1, dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
         self._background = wp.zeros(3, dtype=float, device=device)
-        stops = self.binner.tiles if self.vectorized else self.image.plane
-        self._stops = wp.zeros(stops, dtype=int, device=device)
-        self._degree = -1
+        self._camera_gradient = camera_gradient
+        self._statistics: SplatStatistics | None = None
+        self.set_gaussians(gaussians)
+
+    def set_gaussians(self, gaussians: DeviceGaussians) -> None:
+        """Render other Gaussians from now on, of any number; the planes stay.
+
+        ``gradients`` becomes a new object, and ``statistics`` are switched off.
+        """
+        count = len(gaussians)
+        self.gaussians = gaussians
+        self.gradients = gaussians.zeros_like()
+        self._statistics = None
+        self._normals = wp.zeros(
+            count if self.options.has_normals else 0, dtype=wp.vec3, device=self.device
+        )
+        shares = count if self._camera_gradient else 0
+        self._camera_shares = wp.zeros((shares, CAMERA_FIELDS), dtype=float, device=self.device)
+        blocks = -(-shares // SUM_BLOCK)
+        self._camera_sums = wp.zeros((blocks, CAMERA_FIELDS), dtype=wp.float64, device=self.device)
+        self._make_binner()
+
+    @property
+    def statistics(self) -> SplatStatistics | None:
+        """Statistics that `backward` adds to; None (the default): none, at no cost."""
+        return self._statistics
+
+    @statistics.setter
+    def statistics(self, statistics: SplatStatistics | None) -> None:
+        if statistics is not None and statistics.counts.shape[0] != len(self.gaussians):
+            raise ValueError(
+                f"statistics of {statistics.counts.shape[0]} Gaussians, there are {len(self.gaussians)}"
+            )
+        before = self._layout
+        self._statistics = statistics
+        if self._layout != before:
+            self._make_binner()  # its gradient records have another length
         self._generation = -1
 
     def forward(
@@ -95,27 +179,37 @@ class SplatRenderer:
         camera: Camera,
         *,
         near: float,
-        background: tuple[float, float, float] | np.ndarray = WHITE,
+        background: tuple[float, float, float] | np.ndarray | ImagePlanes = WHITE,
         sh_degree: int | None = None,
+        window: Window | None = None,
     ) -> None:
-        """Render one view into ``image`` and ``transmittance``.
+        """Render one view into ``image``, ``transmittance`` and what else the options ask for.
 
         Args:
-            camera: its image size must be the renderer's.
+            camera: its image is at most as large as the renderer's; all planes take its size.
             near: Gaussians whose centre is nearer than this [m] are not drawn.
-            background: sRGB colour behind the Gaussians.
+            background: sRGB colour behind the Gaussians, or an image of the renderer's size.
             sh_degree: bands of the colour to use; default: all that the Gaussians have.
+            window: only the tiles that touch these pixels are drawn; the others keep what they held, and
+                splats outside get no gradient. Default: the whole image.
+
+        Raises:
+            ValueError: the camera's or the background's image does not fit the renderer.
         """
         k = camera.intrinsics
-        if (k.width, k.height) != (self.image.width, self.image.height):
+        if k.width > self.image.max_width or k.height > self.image.max_height:
             raise ValueError(
                 f"camera of {k.width}x{k.height} px, renderer of "
-                f"{self.image.width}x{self.image.height} px"
+                f"{self.image.max_width}x{self.image.max_height} px"
             )
-        self._camera.assign(camera_params(camera, near))
-        self._background.assign(np.asarray(background, dtype=np.float32))
+        if (k.width, k.height) != (self.image.width, self.image.height):
+            self._resize(k.width, k.height)
+        self._views.assign(view_params(camera, near, self.options, window))
+        behind = background if isinstance(background, ImagePlanes) else None
+        color = np.zeros(3) if isinstance(background, ImagePlanes) else background
+        self._background.assign(np.asarray(color, dtype=np.float32))
         all_bands = round(self.gaussians.sh.shape[1] ** 0.5) - 1
-        degree = all_bands if sh_degree is None else min(sh_degree, all_bands)
+        degree = min(all_bands, self.options.max_sh_degree, 3 if sh_degree is None else sh_degree)
         if degree != self._degree:
             self._record_projection(degree)
         self._project.run()
@@ -126,14 +220,34 @@ class SplatRenderer:
             self._forward.run()
         else:
             self._forward_reference()
+        if behind is not None:
+            self._add_background(behind)
 
     def backward(self) -> None:
-        """Fill ``gradients`` from ``adj_image`` and ``adj_transmittance`` for the last `forward`."""
+        """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""
         if self.vectorized:
             self._backward.run()
         else:
             self._backward_reference()
         self._project_backward.run()
+
+    def camera_gradient(self) -> CameraGradient:
+        """Return the gradient of the camera in the last `backward`; summed in a fixed order.
+
+        Raises:
+            ValueError: the renderer was not made with ``camera_gradient``.
+        """
+        if not self._camera_gradient:
+            raise ValueError("a renderer made without camera_gradient=True has none")
+        total = np.zeros(CAMERA_FIELDS)
+        if len(self.gaussians):
+            self._launch(
+                sum_camera_kernel,
+                self._camera_sums.shape[0],
+                [len(self.gaussians), self._camera_shares, self._camera_sums],
+            ).run()
+            total = self._camera_sums.numpy().sum(axis=0)
+        return CameraGradient(total[:3], total[3:6], total[6:8], total[8:10])
 
     def stages(self) -> dict[str, Callable[[], object]]:
         """Return the stages of the last view by name, each ready to run again: for profiling."""
@@ -145,6 +259,34 @@ class SplatRenderer:
             "gather and project back": self._project_backward.run,
         }
 
+    @property
+    def _layout(self) -> GradientLayout:
+        absolute = self._statistics is not None and self._statistics.has_absolute
+        return GradientLayout.of(self.options.has_depth, self.options.has_normals, absolute)
+
+    def _make_binner(self) -> None:
+        image = self.image
+        self.binner = TileBinner(
+            len(self.gaussians),
+            image.max_width,
+            image.max_height,
+            self._views,
+            self._layout.fields,
+            self.threads,
+            counting=self.vectorized,
+        )
+        stops = self.binner.tiles if self.vectorized else image.plane
+        self._stops = wp.zeros(stops, dtype=int, device=self.device)
+        self._max_tiles = self.binner.tiles
+        self.binner.resize(image.width, image.height)
+        self._degree = -1
+        self._generation = -1
+
+    def _resize(self, width: int, height: int) -> None:
+        for planes in self._all_planes:
+            planes.resize(width, height)
+        self.binner.resize(width, height)
+
     def _record_projection(self, degree: int) -> None:
         """Record the launches that depend on the number of colour bands."""
         self._degree = degree
@@ -153,7 +295,7 @@ class SplatRenderer:
         self._project = self._launch(
             project_kernel,
             len(self.gaussians),
-            [self._camera, *self.gaussians.arrays, degree, *outputs],
+            [self._views, *self.gaussians.arrays, degree, *outputs, self._normals],
         )
         self._generation = -1
 
@@ -161,56 +303,79 @@ class SplatRenderer:
         """Record the launches that hold the binner's growing buffers."""
         self._generation = self.binner.generation
         lists = self.binner.lists
-        g = self.gaussians
+        layout = self._layout
+        statistics = self._statistics or SplatStatistics.zeros(0, self.device)
         self._project_backward = self._launch(
             project_backward_kernel,
-            len(g),
-            [self._camera, g.means, g.log_scales, g.quats, g.sh, self._degree, lists.splats]
+            len(self.gaussians),
+            [self._views, *self.gaussians.arrays, self._degree, lists.splats]
             + [lists.pair_starts, lists.pair_slots, lists.pair_gradients]
-            + list(self.gradients.arrays),
+            + [layout.depth, layout.normal, layout.absolute]
+            + [*self.gradients.arrays, self._camera_shares, *statistics.arrays],
         )
         if not self.vectorized:
             return
-        image = self.image
-        layout = [image.pitch, image.plane, image.origin]
-        tiles = [lists.splats, lists.tile_starts, lists.tile_splats]
+        outputs = self.options.has_depth, self.options.has_normals
         self._forward = self._launch(
-            forward_kernel,
-            self.binner.tiles,
-            [self.binner.columns, image.width, image.height, *layout, *tiles, self._background]
-            + [image.data, self.transmittance.data, self._stops],
+            forward_kernel(*outputs),
+            self._max_tiles,
+            [*self._raster_inputs(), self._background, *self._raster_outputs()],
         )
         self._backward = self._launch(
-            backward_kernel,
-            self.binner.tiles,
-            [self.binner.columns, *layout, *tiles, image.data, self.transmittance.data, self._stops]
-            + [self.adj_image.data, self.adj_transmittance.data, lists.pair_gradients],
+            backward_kernel(*outputs, layout.absolute >= 0),
+            self._max_tiles,
+            [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
+            + [lists.pair_gradients],
         )
 
-    def _reference_inputs(self) -> list:
+    def _raster_inputs(self) -> list[Any]:
         lists, image = self.binner.lists, self.image
-        layout = [self.binner.columns, image.pitch, image.plane, image.origin]
-        return [*layout, lists.splats, lists.tile_starts, lists.tile_splats]
+        layout = [image.pitch, image.plane, image.origin]
+        splats = [lists.splats, lists.depths, self._normals]
+        return [self._views, *layout, *splats, lists.tile_starts, lists.tile_splats]
+
+    def _raster_outputs(self) -> list[wp.array]:
+        planes = self.image, self.transmittance, self.depth, self.normals
+        return [*(p.data for p in planes), self._stops]
+
+    def _adjoints(self) -> list[wp.array]:
+        planes = self.adj_image, self.adj_transmittance, self.adj_depth, self.adj_normals
+        return [p.data for p in planes]
 
     def _forward_reference(self) -> None:
         wp.launch(
             forward_reference_kernel,
             dim=(self.image.height, self.image.width),
-            inputs=[*self._reference_inputs(), self._background],
-            outputs=[self.image.data, self.transmittance.data, self._stops],
+            inputs=[*self._raster_inputs(), self._background],
+            outputs=self._raster_outputs(),
             device=self.device,
         )
 
     def _backward_reference(self) -> None:
+        layout = self._layout
         self.binner.lists.pair_gradients.zero_()
         wp.launch(
             backward_reference_kernel,
             dim=(self.image.height, self.image.width),
-            inputs=[*self._reference_inputs(), self.image.data, self.transmittance.data]
-            + [self._stops, self.adj_image.data, self.adj_transmittance.data],
+            inputs=[*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
+            + [layout.depth, layout.normal, layout.absolute],
             outputs=[self.binner.lists.pair_gradients],
             device=self.device,
         )
+
+    def _add_background(self, behind: ImagePlanes) -> None:
+        image = self.image
+        if (behind.pitch, behind.plane, behind.channels) != (image.pitch, image.plane, 3):
+            raise ValueError(
+                f"background of {behind.max_width}x{behind.max_height} px with {behind.channels} "
+                f"channels, renderer of {image.max_width}x{image.max_height} px and 3 channels"
+            )
+        layout = [image.pitch, image.plane, image.origin]
+        self._launch(
+            add_background_kernel,
+            image.max_height,
+            [self._views, *layout, self.transmittance.data, behind.data, image.data],
+        ).run()
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
         return ParallelLaunch(kernel, dim, inputs, self.device, self.threads)
@@ -220,19 +385,39 @@ def render(
     gaussians: Gaussians,
     camera: Camera,
     *,
-    background: tuple[float, float, float] = WHITE,
+    background: tuple[float, float, float] | np.ndarray = WHITE,
     near: float | None = None,
+    options: RasterOptions = DEFAULT_OPTIONS,
     device: str = "cpu",
 ) -> RenderOutput:
     """Render one view; allocates its buffers, so use `SplatRenderer` for many.
 
-    ``near`` defaults to a share of the distance to the middle of the Gaussians.
+    Args:
+        gaussians: what to draw.
+        camera: from where.
+        background: sRGB colour, shape (3,), or image, shape (height, width, 3), behind the Gaussians.
+        near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
+        options: how splats are drawn, and whether depth and normals are wanted.
+        device: Warp device.
     """
     if near is None:
         center = gaussians.means.mean(axis=0) if len(gaussians) else np.zeros(3)
-        near = near_plane(camera, center)
+        near = near_plane(camera, center, options.near_share)
     k = camera.intrinsics
-    renderer = SplatRenderer(DeviceGaussians.from_numpy(gaussians, device), k.width, k.height)
-    renderer.forward(camera, near=near, background=background)
+    renderer = SplatRenderer(
+        DeviceGaussians.from_numpy(gaussians, device), k.width, k.height, options=options
+    )
+    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
+    if behind.ndim == 3:
+        check_shape("background", behind, (k.height, k.width, 3))
+        planes = ImagePlanes(k.width, k.height, 3, device)
+        planes.assign(behind)
+        behind = planes
+    renderer.forward(camera, near=near, background=behind)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
-    return RenderOutput(renderer.image.to_numpy(), alpha)
+    depth = median = None
+    if options.has_depth:
+        depths = np.where(renderer.depth.to_numpy() > 0, renderer.depth.to_numpy(), np.nan)
+        depth, median = depths[..., 0], depths[..., 1]
+    normals = renderer.normals.to_numpy() if options.has_normals else None
+    return RenderOutput(renderer.image.to_numpy(), alpha, depth, median, normals)

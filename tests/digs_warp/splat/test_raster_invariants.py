@@ -10,7 +10,6 @@ from reference.splat_twin import Parameters, render_twin
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import FIELDS, Gaussians
-from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 
@@ -113,12 +112,12 @@ def test_buffers_grow_and_results_do_not_change() -> None:
     np.testing.assert_array_equal(rendered(wide, threads=1).image.to_numpy(), first)
 
 
-def test_a_renderer_refuses_a_camera_of_another_size() -> None:
+def test_a_renderer_refuses_a_larger_camera() -> None:
     renderer = SplatRenderer(DeviceGaussians.from_numpy(MANY), *SIZE)
-    with pytest.raises(ValueError, match=r"41x37 px.*200x150 px"):
-        renderer.forward(camera(), near=NEAR)
+    with pytest.raises(ValueError, match=r"201x37 px.*200x150 px"):
+        renderer.forward(camera(201, 37), near=NEAR)
 
 
 def test_an_absurdly_wide_image_is_refused() -> None:
     with pytest.raises(DigsError, match="width"):
-        TileBinner(1, 16 * (1 << 15), 1)
+        SplatRenderer(DeviceGaussians.from_numpy(random_gaussians(1, seed=0)), 16 * (1 << 15), 1)

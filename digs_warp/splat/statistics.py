@@ -1,0 +1,50 @@
+"""What density control wants to know of each Gaussian, summed over the views since the last reset."""
+
+from dataclasses import dataclass
+
+import warp as wp
+
+
+@dataclass(frozen=True, eq=False)
+class SplatStatistics:
+    """Sums over the backward passes of a renderer whose ``statistics`` this is.
+
+    Attributes:
+        gradient_sums: norm of dL/d(centre on the image), in units of half the image size (normalized device
+            coordinates, as 3DGS sums it), shape (n,).
+        absolute_sums: the same of the sums over pixels of the absolute values (AbsGS), shape (n,); empty
+            when not wanted.
+        counts: in how many views the Gaussian was drawn, shape (n,).
+        max_radii: largest radius on the image [px], three standard deviations of the longer axis, (n,).
+    """
+
+    gradient_sums: wp.array
+    absolute_sums: wp.array
+    counts: wp.array
+    max_radii: wp.array
+
+    @staticmethod
+    def zeros(count: int, device: str = "cpu", *, absolute: bool = False) -> "SplatStatistics":
+        """Return statistics of no view for ``count`` Gaussians."""
+
+        def empty(length: int) -> wp.array:
+            return wp.zeros(length, dtype=float, device=device)
+
+        return SplatStatistics(
+            empty(count), empty(count if absolute else 0), empty(count), empty(count)
+        )
+
+    @property
+    def has_absolute(self) -> bool:
+        """Whether absolute gradients are summed, too: the backward pass then takes longer."""
+        return self.absolute_sums.shape[0] > 0
+
+    @property
+    def arrays(self) -> tuple[wp.array, wp.array, wp.array, wp.array]:
+        """All four, in the order of the fields."""
+        return self.gradient_sums, self.absolute_sums, self.counts, self.max_radii
+
+    def reset(self) -> None:
+        """Forget all views."""
+        for array in self.arrays:
+            array.zero_()
