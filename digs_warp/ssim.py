@@ -19,6 +19,9 @@ and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
 
     W * dSSIM/dm_x + 2 x (W * dSSIM/de_xx) + y (W * dSSIM/de_xy)
 
+Where pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
+are blurred.
+
 One thread works on a block of 16 rows by 64 columns of one channel. Only blocks that touch a region of
 interest are computed: elsewhere image and target are the same background, SSIM is 1 and its gradient 0.
 """
@@ -56,7 +59,7 @@ _HALO_ROWS = wp.constant(BLOCK_ROWS + 2 * REACH)
 # One image line with its halo, and the block's lines after the horizontal pass, one after the other.
 _LINE = wp.constant(BLOCK_COLUMNS + 2 * REACH)
 _LINES_5 = wp.constant(5 * (BLOCK_COLUMNS + 2 * REACH))
-_LINES_3 = wp.constant(3 * (BLOCK_COLUMNS + 2 * REACH))
+_LINES_4 = wp.constant(4 * (BLOCK_COLUMNS + 2 * REACH))
 # index & _NOT_NEGATIVE is the index, and tells LLVM that it is no negative one, which Warp would have to
 # wrap: only then are the reads of image lines vectorized.
 _NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
@@ -84,9 +87,11 @@ def similarity_kernel(
     region: wp.array[int],  # [4] x0, y0, x1, y1: pixels whose loss counts
     image: wp.array[float],  # 3 padded planes
     target: wp.array[float],  # 3 padded planes
+    weighted: int,  # whether pixels count as much as ``weights`` say; otherwise all count 1
+    weights: wp.array[float],  # 1 padded plane
     # outputs
-    maps: wp.array[float],  # 9 padded planes: dSSIM / d(m_x, e_xx, e_xy) of each channel
-    sums: wp.array2d[float],  # [blocks, 2] sums of |x - y| and of 1 - SSIM
+    maps: wp.array[float],  # 9 padded planes: weight * dSSIM / d(m_x, e_xx, e_xy) of each channel
+    sums: wp.array2d[float],  # [blocks, 2] weighted sums of |x - y| and of 1 - SSIM
 ):
     """Compare one block of one channel."""
     block = first + wp.tid()
@@ -161,14 +166,22 @@ def similarity_kernel(
             line[2 * _LINE + col] = g_xy
             line[3 * _LINE + col] = 1.0 - ssim
         pixel = (base + row * pitch) & _NOT_NEGATIVE
+        # The fifth line is free now: it takes the weights of the row.
+        for one in range(_COLUMNS):
+            line[4 * _LINE + one] = 1.0
+        if weighted != 0:
+            weight_row = (origin + (top + row) * pitch + left) & _NOT_NEGATIVE
+            for w in range(wp.min(_COLUMNS, width - left)):
+                line[4 * _LINE + w] = weights[weight_row + w]
         row_l1 = float(0.0)
         row_dssim = float(0.0)
         for out in range(wp.min(_COLUMNS, width - left)):
-            maps[pixel + out] = line[out]
-            maps[pixel + 3 * plane + out] = line[_LINE + out]
-            maps[pixel + 6 * plane + out] = line[2 * _LINE + out]
-            row_dssim += line[3 * _LINE + out]
-            row_l1 += wp.abs(image[pixel + out] - target[pixel + out])
+            weight = line[4 * _LINE + out]
+            maps[pixel + out] = weight * line[out]
+            maps[pixel + 3 * plane + out] = weight * line[_LINE + out]
+            maps[pixel + 6 * plane + out] = weight * line[2 * _LINE + out]
+            row_dssim += weight * line[3 * _LINE + out]
+            row_l1 += weight * wp.abs(image[pixel + out] - target[pixel + out])
         total_l1 += row_l1
         total_dssim += row_dssim
     sums[block, 0] = total_l1
@@ -188,13 +201,15 @@ def similarity_gradient_kernel(
     region: wp.array[int],  # [4] x0, y0, x1, y1: pixels whose gradient is wanted
     image: wp.array[float],
     target: wp.array[float],
+    weighted: int,
+    weights: wp.array[float],
     maps: wp.array[float],
     l1_weight: float,
     dssim_weight: float,
     # outputs
     adj_image: wp.array[float],  # 3 padded planes
 ):
-    """Write d(l1_weight sum |x - y| + dssim_weight sum (1 - SSIM)) / dx of one block of one channel."""
+    """Write d(l1_weight sum w |x - y| + dssim_weight sum w (1 - SSIM)) / dx of one block of one channel."""
     block = first + wp.tid()
     channel = block // (blocks_x * blocks_y)
     left = (block % blocks_x) * _COLUMNS
@@ -203,8 +218,10 @@ def similarity_gradient_kernel(
         return
     if top >= region[3] or top + _ROWS <= region[1]:
         return
-    line = wp.zeros(shape=(_LINES_3,), dtype=float)
+    line = wp.zeros(shape=(_LINES_4,), dtype=float)
     blur = wp.zeros(shape=(_MAPS_3,), dtype=float)
+    for one in range(_COLUMNS):
+        line[3 * _LINE + one] = 1.0
     base = origin + channel * plane + top * pitch + left
     for halo_row in range(_HALO_ROWS):
         source = (base + (halo_row - _REACH) * pitch - _REACH) & _NOT_NEGATIVE
@@ -237,11 +254,15 @@ def similarity_gradient_kernel(
                     blur[p + 5 * _COLUMNS + cv],
                 )
         pixel = (base + row * pitch) & _NOT_NEGATIVE
+        if weighted != 0:
+            weight_row = (origin + (top + row) * pitch + left) & _NOT_NEGATIVE
+            for w in range(wp.min(_COLUMNS, width - left)):
+                line[3 * _LINE + w] = weights[weight_row + w]
         for col in range(_COLUMNS):
             x = image[pixel + col]
             y = target[pixel + col]
             d_ssim = line[col] + 2.0 * x * line[_LINE + col] + y * line[2 * _LINE + col]
             sign = wp.where(x > y, 1.0, wp.where(x < y, -1.0, 0.0))
-            line[col] = l1_weight * sign - dssim_weight * d_ssim
+            line[col] = l1_weight * line[3 * _LINE + col] * sign - dssim_weight * d_ssim
         for out in range(wp.min(_COLUMNS, width - left)):
             adj_image[pixel + out] = line[out]

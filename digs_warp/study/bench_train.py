@@ -19,7 +19,7 @@ from digs_warp.study.bench_raster import best_time
 from digs_warp.study.results import Result
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
-from digs_warp.train.views import load_views
+from digs_warp.train.view_store import open_views
 
 SIZES = ((640, 360), (960, 540), (1600, 900))
 FRAMES = 6
@@ -58,9 +58,9 @@ def _record(width: int, height: int, folder: Path) -> Capture:
 
 def _prepare(capture: Capture) -> Trainer:
     points = initial_points(capture.frames, InitConfig())
-    trainer = Trainer(
-        seed_gaussians(points, sh_degree=1), load_views(capture.frames), TrainConfig()
-    )
+    config = TrainConfig()
+    views = open_views(capture.frames, config)
+    trainer = Trainer(seed_gaussians(points, sh_degree=1), views, config)
     for _ in range(WARM_UP_STEPS):
         trainer.step()
     return trainer
@@ -78,6 +78,6 @@ def _stages(trainer: Trainer) -> dict[str, float]:
     """Return the best time [ms] of every stage of the last step."""
     stages: dict[str, Callable[[], object]] = trainer.renderer.stages()
     order = ("project", "bin", "forward", "loss", "backward", "gather and project back", "adam")
-    stages["loss"] = trainer.repeat_loss
+    stages["loss"] = trainer.compare_again
     stages["adam"] = trainer.optimizer.update
     return {name: best_time(stages[name], REPEATS) for name in order}

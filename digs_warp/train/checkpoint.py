@@ -1,57 +1,96 @@
-"""Save and restore a training run: parameters, moments, step and time, in one ``.npz``.
+"""Save and restore a training run in one ``.npz``: parameters, moments, counters, and the strategy's sums.
 
-The order of views and the backgrounds follow from (seed, step) alone, so this is all the state there is:
-a resumed run continues bit for bit.
+The order of views, the backgrounds and every draw of a strategy follow from (seed, step), so this is all the
+state there is: a resumed run continues bit for bit.
 """
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 from zipfile import BadZipFile
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS
+from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.log import write_arrays
+from digs_warp.train.trainer import Trainer, non_finite_rows
 
-if TYPE_CHECKING:
-    from digs_warp.train.trainer import Trainer
+_CONTROL = "control_"
 
 
-def save_checkpoint(path: Path, trainer: "Trainer") -> None:
-    """Write the state of a run; the file appears only when complete."""
+def save_checkpoint(path: Path, trainer: Trainer) -> bool:
+    """Write the state of a run; the file appears only when complete.
+
+    Returns:
+        Whether it was written. A state with values that are not finite is not: the last good one stays.
+    """
     adam = trainer.optimizer
-    state = {"step": np.array(adam.step), "seconds": np.array(trainer.seconds)}
+    state = {
+        "step": np.array(adam.step),
+        "seconds": np.array(trainer.seconds),
+        "identity": np.array(json.dumps(trainer.identity())),
+    }
     groups = {"value": trainer.gaussians, "first": adam.moments_1, "second": adam.moments_2}
     for group, arrays in groups.items():
         for name, array in zip(FIELDS, arrays.arrays, strict=True):
             state[f"{group}_{name}"] = array.numpy()
+    if any(len(non_finite_rows(state[f"value_{name}"])) for name in FIELDS):
+        return False
+    for name, array in trainer.control.state().items():
+        state[_CONTROL + name] = array
     write_arrays(path, state)
+    return True
 
 
-def load_checkpoint(path: Path, trainer: "Trainer") -> None:
+def checkpoint_step(path: Path) -> int:
+    """Return the steps that the run saved in ``path`` has taken, 0 when there is no such file.
+
+    Raises:
+        DigsError: the file is broken.
+    """
+    return int(_read(path)["step"]) if path.is_file() else 0
+
+
+def load_checkpoint(path: Path, trainer: Trainer) -> None:
     """Continue the run saved in ``path``.
 
     Raises:
-        DigsError: the file is broken, or belongs to a run with other Gaussians.
+        DigsError: the file is broken, or belongs to another run.
     """
-    adam = trainer.optimizer
-    groups = {"value": trainer.gaussians, "first": adam.moments_1, "second": adam.moments_2}
+    saved = _read(path)
+    try:
+        before, now = json.loads(str(saved["identity"])), trainer.identity()
+        different = [name for name, value in now.items() if before.get(name) != value]
+        if different:
+            raise DigsError(
+                f"checkpoint '{path}': {', '.join(different)} differ: it belongs to another run. "
+                "Start with --overwrite."
+            )
+        value, first, second = (
+            Gaussians(*(saved[f"{group}_{name}"] for name in FIELDS))
+            for group in ("value", "first", "second")
+        )
+        control = {
+            name.removeprefix(_CONTROL): array
+            for name, array in saved.items()
+            if name.startswith(_CONTROL)
+        }
+        trainer.control.restore(control)
+        trainer.restore(value, (first, second), int(saved["step"]))
+        trainer.seconds = float(saved["seconds"])
+    except (KeyError, json.JSONDecodeError) as error:
+        raise _unreadable(path, error) from error
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as state:
-            loaded = {name: state[name] for name in state.files}
-        for group, arrays in groups.items():
-            for name, array in zip(FIELDS, arrays.arrays, strict=True):
-                saved = loaded[f"{group}_{name}"]
-                if saved.shape != array.numpy().shape:
-                    raise DigsError(
-                        f"checkpoint '{path}': {name} of shape {saved.shape}, expected "
-                        f"{array.numpy().shape}; it belongs to another run. Start with --overwrite."
-                    )
-                array.assign(saved)
-        adam.step = int(loaded["step"])
-        trainer.seconds = float(loaded["seconds"])
-    except (BadZipFile, KeyError, EOFError, OSError) as error:
-        raise DigsError(
-            f"checkpoint '{path}': cannot be read ({error}); delete it to train from the start"
-        ) from error
+            return {name: state[name] for name in state.files}
+    except (BadZipFile, KeyError, EOFError, OSError, ValueError) as error:
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> DigsError:
+    return DigsError(
+        f"checkpoint '{path}': cannot be read ({error}); delete it to train from the start"
+    )

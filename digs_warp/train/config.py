@@ -1,10 +1,14 @@
 """Settings of the training. Imports nothing heavy: the command line reads its help from here."""
 
+import math
+import re
 from dataclasses import dataclass
 from typing import Literal
 
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.sh import MAX_DEGREE
+
+_SECONDS_OF = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,7 +16,14 @@ class TrainConfig:
     """How the Gaussians are optimized; rates are those of the 3DGS reference."""
 
     iterations: int = 1000
-    """Training steps; each looks at one view."""
+    """Training steps; each looks at one view. Rates and schedules are laid out over all of them."""
+
+    time_budget: str = ""
+    """Stop after this much training time, for example 60s, 10m or 1h; empty: no limit."""
+
+    target_psnr: float = 0.0
+    """Stop as soon as the held-out views reach this PSNR [dB]; 0: never. They are then measured every 100
+    iterations."""
 
     sh_degree: int = 1
     """View-dependent colour: spherical-harmonics degree, 0 (none) to 3."""
@@ -20,8 +31,25 @@ class TrainConfig:
     background: Literal["random", "white", "black"] = "random"
     """Colour behind the object while training; random also punishes stray Gaussians of any colour."""
 
+    mask_role: Literal["object", "ignore"] = "object"
+    """What masks mean. object: outside is nothing, and Gaussians there are wrong; ignore: outside is unknown
+    and not compared."""
+
     dssim_weight: float = 0.2
     """Share lambda of D-SSIM in the loss; the rest is L1."""
+
+    coverage_weight: float = 0.0
+    """Weight of the difference between coverage and mask: keeps the outside of the object empty with a fixed
+    background, too."""
+
+    depth_weight: float = 0.0
+    """Weight of the difference between rendered and measured depth: untextured surfaces stay in place."""
+
+    opacity_weight: float = -1.0
+    """Weight of the mean opacity: fades what no view needs. -1: 0.01 with the strategy mcmc, else 0."""
+
+    scale_weight: float = -1.0
+    """Weight of the mean scale, in units of the scene's extent. -1: 0.01 with the strategy mcmc, else 0."""
 
     means_rate: float = 1.6e-4
     """Learning rate of the centres, in units of the scene's extent; falls to 1 % along the run."""
@@ -38,11 +66,28 @@ class TrainConfig:
     colors_rate: float = 2.5e-3
     """Learning rate of the base colour; higher bands learn at a twentieth of it."""
 
+    half_size_until: float = 0.0
+    """Share of the run that trains on images of half the size: these steps cost less."""
+
+    strategy: Literal["fixed", "default", "absgrad", "mcmc"] = "fixed"
+    """How the number of Gaussians changes. fixed: not at all, best for a dense start from depth; default:
+    clone, split, prune and reset of 3DGS; absgrad: the same with absolute gradients, fewer Gaussians for the
+    same quality; mcmc: noise and relocation up to --max-splats, best from a poor start."""
+
+    max_splats: int = 1_000_000
+    """The strategies never grow beyond this many Gaussians."""
+
+    splat_memory: float = 0.0
+    """The strategies never grow beyond this much memory [MiB] for Gaussians and optimizer; 0: no limit."""
+
+    image_memory: float = 2048.0
+    """Photographs held in memory [MiB]; those of a longer recording are read again in the background."""
+
     evaluate_at: tuple[int, ...] = (100, 300, 500, 1000, 3000, 7000, 12000)
     """Iterations at which held-out views are measured, besides the first and the last."""
 
     seed: int = 0
-    """Decides the order of the views and the random backgrounds."""
+    """Decides the order of the views, the random backgrounds, and every draw of a strategy."""
 
     device: str = "cpu"
     """Warp device: cpu or cuda."""
@@ -52,7 +97,54 @@ class TrainConfig:
             raise DigsError(f"iterations: {self.iterations}, expected 0 or more")
         if self.sh_degree not in range(MAX_DEGREE + 1):
             raise DigsError(f"sh-degree: {self.sh_degree}, expected 0 to {MAX_DEGREE}")
-        if not 0.0 <= self.dssim_weight <= 1.0:
-            raise DigsError(f"dssim-weight: {self.dssim_weight}, expected 0 to 1")
+        for name in ("dssim_weight", "half_size_until"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise DigsError(f"{_flag(name)}: {getattr(self, name)}, expected 0 to 1")
+        for name in ("coverage_weight", "depth_weight", "splat_memory", "target_psnr"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise DigsError(f"{_flag(name)}: {getattr(self, name)}, expected 0 or more")
+        for name in ("opacity_weight", "scale_weight"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and (value >= 0 or value == -1)):
+                raise DigsError(f"{_flag(name)}: {value}, expected 0 or more, or -1")
         for name in ("means", "scales", "quats", "opacities", "colors"):
             check_positive(f"{name}-rate", getattr(self, f"{name}_rate"))
+        if self.max_splats < 1:
+            raise DigsError(f"max-splats: {self.max_splats}, expected 1 or more")
+        check_positive("image-memory", self.image_memory)
+        if self.mask_role == "ignore" and self.coverage_weight > 0:
+            raise DigsError(
+                "coverage-weight: pulls the outside of the masks to empty, but --mask-role ignore says that "
+                "nothing is known there; leave one of the two out"
+            )
+        seconds_of(self.time_budget)
+
+    @property
+    def time_budget_seconds(self) -> float:
+        """The time budget [s]; infinite without one."""
+        return seconds_of(self.time_budget)
+
+    def regularizer_weights(self) -> tuple[float, float]:
+        """Return the weights of mean opacity and mean scale, -1 resolved."""
+        # 0.01 each: the values of 3dgs-mcmc and gsplat.
+        usual = 0.01 if self.strategy == "mcmc" else 0.0
+        opacity, scale = self.opacity_weight, self.scale_weight
+        return (usual if opacity < 0 else opacity), (usual if scale < 0 else scale)
+
+
+def seconds_of(duration: str) -> float:
+    """Return the seconds of a text such as 90, 90s, 1.5m or 2h; infinity for an empty one.
+
+    Raises:
+        DigsError: the text is something else, or no time above zero.
+    """
+    if not duration:
+        return math.inf
+    found = re.fullmatch(r"(\d+\.?\d*)([smh]?)", duration.strip())
+    if found is None or float(found[1]) == 0:
+        raise DigsError(f"time-budget: '{duration}', expected a time such as 60s, 10m or 1h")
+    return float(found[1]) * _SECONDS_OF[found[2] or "s"]
+
+
+def _flag(name: str) -> str:
+    return name.replace("_", "-")

@@ -1,7 +1,9 @@
 """How a training run goes along: a line of training.jsonl every few iterations."""
 
 import json
+import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +25,15 @@ class Course:
 
     Attributes:
         seconds: time spent in `record` so far: measuring the course is no training.
+        psnr: what the held-out views reached last [dB], minus infinity before they are measured.
     """
 
-    def __init__(self, path: Path, trainer: Trainer, test_views: list[TestView]) -> None:
+    def __init__(self, path: Path, trainer: Trainer, test_views: Sequence[TestView]) -> None:
         self.seconds = 0.0
+        self.psnr = -math.inf
         self._path = path
         self._trainer = trainer
         self._test_views = test_views
-        self._quality = ""
         self._lines = self._lines_before(trainer.optimizer.step)
 
     def record(self, measure: bool) -> str:
@@ -51,11 +54,17 @@ class Course:
         if measure and self._test_views:
             images = render_views(trainer.gaussians, self._test_views)
             line |= mean_score(score_views(images, self._test_views))
-            self._quality = f", held out {line['psnr']:.1f} dB"
+            self.psnr = line["psnr"]
         self._lines.append(json.dumps(line))
         write_atomically(self._path, ("\n".join(self._lines) + "\n").encode())
         self.seconds += time.perf_counter() - start
-        return f"loss {line['loss']:.4f}{self._quality}" if step else ""
+        return self._in_words(line["loss"])
+
+    def _in_words(self, loss: float | None) -> str:
+        words = [] if loss is None else [f"loss {loss:.4f}"]
+        if self.psnr > -math.inf:
+            words.append(f"held out {self.psnr:.1f} dB")
+        return ", ".join(words)
 
     def _lines_before(self, step: int) -> list[str]:
         """The lines of an interrupted run up to the checkpoint it goes on from."""

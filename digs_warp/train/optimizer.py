@@ -113,9 +113,13 @@ class Adam:
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colours."""
         c = self.config
-        progress = min(1.0, self.step / max(1, c.iterations))
-        means = c.means_rate * self.extent * FINAL_MEANS_SHARE**progress
+        means = self.means_rate() * self.extent
         return [means, c.scales_rate, c.quats_rate, c.opacities_rate, c.colors_rate]
+
+    def means_rate(self) -> float:
+        """Return the present rate of the centres, in units of the scene's extent."""
+        progress = min(1.0, self.step / max(1, self.config.iterations))
+        return self.config.means_rate * FINAL_MEANS_SHARE**progress
 
     def update(self) -> None:
         """Take one step along the present gradients."""

@@ -1,17 +1,19 @@
 """A training run in a folder: steps, course, checkpoints, and the Gaussians at the end."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from digs_warp.capture import Frame
 from digs_warp.gaussians import Gaussians
 from digs_warp.log import RunLog, progress
-from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
+from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import LOG_EVERY, Course
 from digs_warp.train.evaluate import TestView
+from digs_warp.train.interruption import deferred_interrupt
 from digs_warp.train.trainer import Trainer
-from digs_warp.train.views import load_views
+from digs_warp.train.view_store import open_views
 
 # What a run leaves in its folder (docs/reconstruction-format.md).
 GAUSSIANS = "gaussians.npz"
@@ -24,11 +26,14 @@ MIN_OPACITY = 0.01
 # Seconds of training between two checkpoints: what an interruption costs at most.
 CHECKPOINT_SECONDS = 30.0
 
+# With a target quality the held-out views are measured this often.
+TARGET_EVERY = 100
+
 
 def train_gaussians(
     seeds: Gaussians,
-    frames: list[Frame],
-    test_views: list[TestView],
+    frames: Sequence[Frame],
+    test_views: Sequence[TestView],
     config: TrainConfig,
     folder: Path,
     log: RunLog,
@@ -47,48 +52,79 @@ def train_gaussians(
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
-        KeyboardInterrupt: passed on after a checkpoint is saved.
+        KeyboardInterrupt: after Ctrl-C, once the present step is finished and a checkpoint saved.
     """
+    checkpoint = folder / CHECKPOINT
     with log.stage("load views"):
-        views = load_views(frames, config.device)
-    with log.stage("prepare kernels"):
-        trainer = Trainer(seeds, views, config)
-    if resume and (folder / CHECKPOINT).is_file():
-        load_checkpoint(folder / CHECKPOINT, trainer)
-    course = Course(folder / TRAINING, trainer, test_views)
+        first_step = checkpoint_step(checkpoint) if resume else 0
+        views = open_views(frames, config, first_step)
     try:
-        with log.stage("train"):
-            _run_steps(trainer, course, folder)
-    except KeyboardInterrupt:
-        save_checkpoint(folder / CHECKPOINT, trainer)
-        raise
+        with log.stage("prepare kernels"):
+            trainer = Trainer(seeds, views, config)
+        if first_step:
+            load_checkpoint(checkpoint, trainer)
+        course = Course(folder / TRAINING, trainer, test_views)
+        try:
+            with log.stage("train"):
+                stopped = _run_steps(trainer, course, checkpoint)
+        finally:
+            log.seconds["train"] -= course.seconds
+            log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
     finally:
-        log.seconds["train"] -= course.seconds
-        log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
+        views.close()
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
     gaussians.save(folder / GAUSSIANS)
-    (folder / CHECKPOINT).unlink(missing_ok=True)
-    log.results |= {"gaussians": len(gaussians), "iterations": config.iterations}
-    log.results["training_seconds"] = round(trainer.seconds, 3)
+    checkpoint.unlink(missing_ok=True)
+    log.results |= {"gaussians": len(gaussians), "iterations": trainer.optimizer.step}
+    log.results |= {"stopped by": stopped, "training_seconds": round(trainer.seconds, 3)}
     return gaussians
 
 
-def _run_steps(trainer: Trainer, course: Course, folder: Path) -> None:
-    total = trainer.config.iterations
+def _run_steps(trainer: Trainer, course: Course, checkpoint: Path) -> str:
+    """Take the steps that are left; return what ended the run."""
+    config = trainer.config
     saved = time.monotonic()
-    with progress(total, "Training", initial=trainer.optimizer.step) as bar:
+    with (
+        deferred_interrupt() as interruption,
+        progress(config.iterations, "Training", initial=trainer.optimizer.step) as bar,
+    ):
         if trainer.optimizer.step == 0:
-            course.record(measure=True)
-        while trainer.optimizer.step < total:
+            bar.set_postfix_str(course.record(measure=True), refresh=False)
+        while not (stop := _reason_to_stop(trainer, course)):
             trainer.step()
             step = trainer.optimizer.step
-            measure = step == total or step in trainer.config.evaluate_at
+            measure = _measures(trainer)
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
+            if interruption.asked:
+                save_checkpoint(checkpoint, trainer)
+                raise KeyboardInterrupt
             if time.monotonic() - saved > CHECKPOINT_SECONDS:
-                save_checkpoint(folder / CHECKPOINT, trainer)
+                save_checkpoint(checkpoint, trainer)
                 saved = time.monotonic()
             bar.update()
+    return stop
+
+
+def _measures(trainer: Trainer) -> bool:
+    """Whether held-out views are measured after the step just taken."""
+    config, step = trainer.config, trainer.optimizer.step
+    last = step == config.iterations or trainer.seconds >= config.time_budget_seconds
+    return (
+        last or step in config.evaluate_at or (config.target_psnr > 0 and step % TARGET_EVERY == 0)
+    )
+
+
+def _reason_to_stop(trainer: Trainer, course: Course) -> str:
+    """Return why the run is over; empty while it is not."""
+    config = trainer.config
+    if trainer.optimizer.step >= config.iterations:
+        return "iterations"
+    if 0 < config.target_psnr <= course.psnr:
+        return "target psnr"
+    if trainer.seconds >= config.time_budget_seconds:
+        return "time budget"
+    return ""
 
 
 def _without_transparent(gaussians: Gaussians) -> Gaussians:

@@ -1,17 +1,22 @@
 """The training loop: render a view, compare, pull the gradient back, step (paper section 3.4)."""
 
 import time
-from collections.abc import Sequence
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
-from digs_warp.losses import PhotometricLoss
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.losses.regularizers import Regularizer
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer, near_plane
 from digs_warp.train.config import TrainConfig
+from digs_warp.train.density.control import density_control
+from digs_warp.train.density.refinement import Refinement
+from digs_warp.train.draws import BACKGROUND
+from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
+from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 
 # A run spends this share of its steps before each further band of the view-dependent colour joins in: the
@@ -22,31 +27,47 @@ SH_WARM_UP_SHARE = 0.1
 class Trainer:
     """Optimizes Gaussians against views. Everything random follows from (seed, step).
 
+    Args:
+        gaussians: the start, at least one.
+        views: what to train on; may differ in size.
+        config: settings.
+
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
+        optimizer: counts the steps and holds the moments.
+        control: the strategy that changes the number of Gaussians.
         seconds: time spent in `step` so far.
     """
 
-    def __init__(self, gaussians: Gaussians, views: Sequence[View], config: TrainConfig) -> None:
+    def __init__(self, gaussians: Gaussians, views: ViewStore, config: TrainConfig) -> None:
         if len(gaussians) == 0:
             raise DigsError("no Gaussians to train; the initialization found no points")
-        k = views[0].camera.intrinsics
         self.views = views
         self.config = config
-        self.gaussians = DeviceGaussians.from_numpy(gaussians, config.device)
-        self.renderer = SplatRenderer(self.gaussians, k.width, k.height)
-        self.loss = PhotometricLoss(
-            self.renderer.image, self.renderer.adj_image, config.dssim_weight
-        )
-        extent = scene_extent([view.camera for view in views])
-        self.optimizer = Adam(self.gaussians, self.renderer.gradients, config, extent)
         self.seconds = 0.0
+        self.gaussians = DeviceGaussians.from_numpy(gaussians, config.device)
+        self._start_count = len(gaussians)
+        sizes = [camera.intrinsics for camera in views.cameras]
+        self.renderer = SplatRenderer(
+            self.gaussians,
+            max(k.width for k in sizes),
+            max(k.height for k in sizes),
+            options=RasterOptions(outputs="depth" if config.depth_weight > 0 else "color"),
+        )
+        self.objective = Objective(self.renderer, config)
+        self._extent = scene_extent(views.cameras)
         self._center = gaussians.means.mean(axis=0)
+        self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
+        self._build_optimizer(step=0)
 
     def step(self) -> None:
-        """Look at one view and take one step."""
+        """Look at one view and take one step.
+
+        Raises:
+            DigsError: the loss or a parameter is not finite; the message says which, and where.
+        """
         start = time.perf_counter()
-        view = self.views[self._view_index()]
+        view = self._view()
         background = self._background()
         self.renderer.forward(
             view.camera,
@@ -54,45 +75,113 @@ class Trainer:
             background=background,
             sh_degree=self._sh_degree(),
         )
-        self._compare(view, background)
+        self.objective.compare(view, background)
         self.renderer.backward()
+        if self._regularizer is not None:
+            self._regularizer.run()
+        means_rate = self.optimizer.means_rate()
         self.optimizer.update()
+        self._require_finite(view)
+        refinement = self.control.after_update(self.gaussians, self.optimizer.step, means_rate)
+        if refinement is not None:
+            self.adopt(refinement)
         self.seconds += time.perf_counter() - start
 
-    def repeat_loss(self) -> None:
-        """Compute the loss of the next view against the image of the last step: for profiling."""
-        self._compare(self.views[self._view_index()], self._background())
+    def adopt(self, refinement: Refinement) -> None:
+        """Go on with another population; moments follow the Gaussians they belong to."""
+        before = (self.optimizer.moments_1.to_numpy(), self.optimizer.moments_2.to_numpy())
+        self._replace(refinement.gaussians, self.optimizer.step)
+        after = (self.optimizer.moments_1, self.optimizer.moments_2)
+        for old, new in zip(before, after, strict=True):
+            for name, array in zip(FIELDS, new.arrays, strict=True):
+                array.assign(refinement.moments(name, getattr(old, name)))
 
-    def _compare(self, view: View, background: np.ndarray) -> None:
-        """Compute loss and image gradient."""
-        self.loss.set_target(view.pixels, background)
-        self.loss.run(view.content, self.renderer.binner.drawn_box())
+    def restore(
+        self, gaussians: Gaussians, moments: tuple[Gaussians, Gaussians], step: int
+    ) -> None:
+        """Go on from a saved state: parameters, both moments, and steps taken."""
+        self._replace(gaussians, step)
+        restored = (self.optimizer.moments_1, self.optimizer.moments_2)
+        for saved, new in zip(moments, restored, strict=True):
+            for name, array in zip(FIELDS, new.arrays, strict=True):
+                array.assign(getattr(saved, name))
+
+    def identity(self) -> dict[str, object]:
+        """Return what a checkpoint must have in common with the run that goes on from it."""
+        return {
+            "gaussians at the start": self._start_count,
+            "colour coefficients": self.gaussians.sh.shape[1],
+            "strategy": self.config.strategy,
+            "views": self.views.names,
+        }
+
+    def compare_again(self) -> None:
+        """Compute the loss of the next view against the image of the last step: for profiling."""
+        self.objective.compare(self._view(), self._background())
 
     def loss_value(self) -> float:
-        """Return the loss of the last step.
+        """Return the loss of the last step."""
+        return self.objective.value()
 
-        Raises:
-            DigsError: it is not finite.
-        """
-        value = self.loss.value()[0]
-        if not np.isfinite(value):
-            raise DigsError(
-                f"training diverged: the loss is {value} at iteration {self.optimizer.step}. "
-                "Start again with smaller rates; the last checkpoint holds the state before."
+    def _replace(self, gaussians: Gaussians, step: int) -> None:
+        self.gaussians = DeviceGaussians.from_numpy(gaussians, self.config.device)
+        self.renderer.set_gaussians(self.gaussians)
+        self._build_optimizer(step)
+
+    def _build_optimizer(self, step: int) -> None:
+        """Make what is bound to the arrays of the present population; moments are zero."""
+        self.renderer.statistics = self.control.statistics
+        gradients = self.renderer.gradients
+        self.optimizer = Adam(self.gaussians, gradients, self.config, self._extent)
+        self.optimizer.step = step
+        opacity_weight, scale_weight = self.config.regularizer_weights()
+        self._regularizer = None
+        if opacity_weight > 0 or scale_weight > 0:
+            self._regularizer = Regularizer(
+                self.gaussians.log_scales,
+                self.gaussians.opacity_logits,
+                gradients.log_scales,
+                gradients.opacity_logits,
+                opacity_weight=opacity_weight,
+                scale_weight=scale_weight,
+                extent=self._extent,
             )
-        return value
 
-    def _view_index(self) -> int:
-        """Return the view of this step: every epoch is a new shuffle."""
-        epoch, position = divmod(self.optimizer.step, len(self.views))
-        order = np.random.default_rng([self.config.seed, 0, epoch]).permutation(len(self.views))
-        return int(order[position])
+    def _require_finite(self, view: View) -> None:
+        """Raise when the loss or a parameter is not finite; the renderer would only skip such a Gaussian."""
+        loss = self.loss_value()
+        # NaN and infinity survive a sum: one pass over each array.
+        sums = [array.numpy().sum() for array in self.gaussians.arrays]
+        if np.isfinite(loss) and np.isfinite(sums).all():
+            return
+        broken = [
+            f"{name} of {len(rows):,} Gaussians (the first is {rows[0]})"
+            for name, array in zip(FIELDS, self.gaussians.arrays, strict=True)
+            if len(rows := non_finite_rows(array.numpy()))
+        ]
+        raise DigsError(
+            f"training diverged at iteration {self.optimizer.step}, view '{view.name}': loss {loss}, not "
+            f"finite: {', '.join(broken) or 'the loss alone'}. Start again with smaller rates "
+            "(--overwrite); checkpoint.npz, if there is one, holds the last good state."
+        )
+
+    def _view(self) -> View:
+        view = self.views.view(self.optimizer.step)
+        small = self.optimizer.step < self.config.half_size_until * self.config.iterations
+        return view.half if small and view.half is not None else view
 
     def _background(self) -> np.ndarray:
         if self.config.background == "random":
-            return np.random.default_rng([self.config.seed, 1, self.optimizer.step]).uniform(size=3)
+            stream = [self.config.seed, BACKGROUND, self.optimizer.step]
+            return np.random.default_rng(stream).uniform(size=3)
         return np.full(3, 1.0 if self.config.background == "white" else 0.0)
 
     def _sh_degree(self) -> int:
         wait = max(1.0, SH_WARM_UP_SHARE * self.config.iterations)
         return min(self.config.sh_degree, int(self.optimizer.step / wait))
+
+
+def non_finite_rows(values: np.ndarray) -> np.ndarray:
+    """Return the rows of ``values`` (n, ...) that hold NaN or infinity."""
+    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    return np.flatnonzero(~finite)

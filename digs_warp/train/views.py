@@ -1,49 +1,113 @@
-"""The photographs that training compares with: packed once, kept on the device."""
+"""The photographs that training compares with: cropped to their mask's box and packed, on the device."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
 
-from digs_warp.camera import Camera
+from digs_warp.camera import Camera, Intrinsics
 from digs_warp.capture import Frame
-from digs_warp.checks import DigsError
-from digs_warp.log import progress
-from digs_warp.losses import Box, mask_box, pack_view
+from digs_warp.losses.depth import DepthTarget, depth_weights
+from digs_warp.losses.regions import Box, mask_box
+from digs_warp.losses.target import pack_view
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One photograph: camera, pixels (packed by `pack_view`), and the box of its mask."""
+    """One photograph.
+
+    Attributes:
+        name: that of its frame.
+        camera: of the whole image.
+        pixels: the planes of `pack_view` inside ``box``.
+        box: the box of its mask; outside there is only background. Empty without foreground.
+        depth: what the depth camera measured inside ``box``; None when it is not asked for.
+        half: the same view at half the size; None when it is not asked for.
+    """
 
     name: str
     camera: Camera
     pixels: wp.array
-    content: Box
+    box: Box
+    depth: DepthTarget | None = None
+    half: "View | None" = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the whole image [px]."""
+        k = self.camera.intrinsics
+        return k.width, k.height
+
+    @property
+    def bytes(self) -> int:
+        """Memory that the view holds."""
+        held = self.pixels.size
+        if self.depth is not None:
+            held += 5 * self.depth.depth.size
+        return held + (self.half.bytes if self.half is not None else 0)
 
 
-def load_views(frames: Sequence[Frame], device: str = "cpu") -> list[View]:
-    """Read the images and masks of ``frames``; a frame without a mask counts as all object.
+def load_view(
+    frame: Frame, device: str = "cpu", *, with_depth: bool = False, with_half: bool = False
+) -> View:
+    """Read one frame; without a mask all of it counts as object.
+
+    Args:
+        frame: the frame.
+        device: Warp device of the arrays.
+        with_depth: also read the depth, and the confidence where there is one.
+        with_half: also prepare the view at half the size.
 
     Raises:
-        DigsError: there is no frame, or the frames differ in size.
+        CaptureError: a file is missing, broken or of another size than the index says.
     """
-    if not frames:
-        raise DigsError("no training views; the capture needs at least two frames")
-    sizes = sorted({(f.camera.intrinsics.width, f.camera.intrinsics.height) for f in frames})
-    if len(sizes) > 1:
-        raise DigsError(f"frames of different sizes {sizes}; export them at one size")
-    views = []
-    with progress(len(frames), "Loading views", "view") as bar:
-        for frame in frames:
-            image = frame.load_image()
-            has_mask = frame.has("mask_path")
-            mask = frame.load_mask() if has_mask else np.full(image.shape[:2], 255, np.uint8)
-            pixels = wp.array(pack_view(image, mask), dtype=wp.uint8, device=device)
-            views.append(View(frame.name, frame.camera, pixels, mask_box(mask)))
-            bar.update()
-    return views
+    image = frame.load_image()
+    has_mask = frame.has("mask_path")
+    mask = frame.load_mask() if has_mask else np.full(image.shape[:2], 255, np.uint8)
+    view = packed_view(frame.name, frame.camera, image, mask, device)
+    if with_depth:
+        confidence = frame.load_confidence() if frame.has("confidence_file_path") else None
+        depth = frame.load_depth()
+        weights = depth_weights(image, mask, depth, confidence)
+        view = replace(view, depth=_pack_depth(depth, weights, view.box, device))
+    if with_half:
+        k = frame.camera.intrinsics
+        if k.width > 1 and k.height > 1:
+            camera = Camera(halved(k), frame.camera.world_from_cam)
+            view = replace(
+                view, half=packed_view(frame.name, camera, *half_size(image, mask), device)
+            )
+    return view
+
+
+def packed_view(
+    name: str, camera: Camera, image: np.ndarray, mask: np.ndarray, device: str = "cpu"
+) -> View:
+    """Return a view of ``image`` (height, width, 3) and ``mask`` (height, width), both uint8."""
+    box = mask_box(mask)
+    inside = (slice(box[1], box[3]), slice(box[0], box[2]))
+    pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
+    return View(name, camera, pixels, box)
+
+
+def halved(k: Intrinsics) -> Intrinsics:
+    """Return the camera whose pixels are 2x2 blocks of another's; an odd last row or column is left out."""
+    return Intrinsics(k.width // 2, k.height // 2, k.fx / 2, k.fy / 2, k.cx / 2, k.cy / 2)
+
+
+def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return image and mask at half the size: means of 2x2 blocks, colours weighted by the mask."""
+    height, width = mask.shape[0] // 2, mask.shape[1] // 2
+    share = mask[: 2 * height, : 2 * width, None].astype(np.float32)
+    color = image[: 2 * height, : 2 * width].astype(np.float32)
+
+    def block_sums(values: np.ndarray) -> np.ndarray:
+        return values.reshape(height, 2, width, 2, -1).sum(axis=(1, 3))
+
+    total = block_sums(share)
+    mixed = np.where(total > 0, block_sums(color * share) / np.maximum(total, 1e-6), 0.0)
+    return np.rint(mixed).astype(np.uint8), np.rint(total[..., 0] / 4.0).astype(np.uint8)
 
 
 def scene_extent(cameras: Sequence[Camera]) -> float:
@@ -54,3 +118,14 @@ def scene_extent(cameras: Sequence[Camera]) -> float:
     centers = np.stack([camera.center_world for camera in cameras])
     spread = float(np.linalg.norm(centers - centers.mean(axis=0), axis=1).max())
     return 1.1 * spread if spread > 0 else 1.0
+
+
+def _pack_depth(depth: np.ndarray, weights: np.ndarray, box: Box, device: str) -> DepthTarget:
+    inside = (slice(box[1], box[3]), slice(box[0], box[2]))
+    measured = np.nan_to_num(depth[inside]).astype(np.float32).reshape(-1)
+    shares = weights[inside].reshape(-1)
+    return DepthTarget(
+        wp.array(measured, dtype=float, device=device),
+        wp.array(shares, dtype=wp.uint8, device=device),
+        float(shares.sum(dtype=np.float64)) / 255.0,
+    )

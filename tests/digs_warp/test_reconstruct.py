@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -76,7 +77,7 @@ def test_an_interrupted_run_resumes_to_the_same_bits(
 
     def step_until_interrupted(trainer: Trainer) -> None:
         if trainer.optimizer.step == 37:
-            raise KeyboardInterrupt
+            signal.raise_signal(signal.SIGINT)  # Ctrl-C in the middle of a step
         step(trainer)
 
     with monkeypatch.context() as patched:

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-import warp as wp
 
 from digs_warp.image_planes import ImagePlanes
-from digs_warp.losses import PhotometricLoss, mask_box, pack_view, union
+from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.metrics import MAX_PSNR, psnr, ssim, ssim_map
 from digs_warp.ssim import window_weights
 
@@ -36,13 +35,22 @@ def run_loss(
     image: np.ndarray, target: np.ndarray, weight: float = 0.2, threads: int = 0
 ) -> tuple[tuple[float, float, float], np.ndarray]:
     height, width = image.shape[:2]
-    planes, adj = ImagePlanes(width, height, 3), ImagePlanes(width, height, 3)
-    planes.assign(image)
-    loss = PhotometricLoss(planes, adj, weight, threads)
-    loss.target.assign(target)
+    _, adj, loss = compared(image, target, weight, threads)
     everything = (0, 0, width, height)
-    loss.run(everything, everything)
+    loss.run((width, height), everything, everything)
     return loss.value(), adj.to_numpy()
+
+
+def compared(
+    image: np.ndarray, target: np.ndarray, weight: float = 0.2, threads: int = 0
+) -> tuple[ImagePlanes, ImagePlanes, PhotometricLoss]:
+    """Planes of the image and of its gradient, and the loss between image and target."""
+    height, width = image.shape[:2]
+    planes, goal, adj = (ImagePlanes(width, height, 3) for _ in range(3))
+    planes.assign(image)
+    goal.assign(target)
+    loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj, weight, threads)
+    return planes, adj, loss
 
 
 def test_the_metric_is_the_definition_of_ssim() -> None:
@@ -117,11 +125,8 @@ def test_the_region_of_interest_changes_nothing() -> None:
         image[inside] = rng.uniform(size=image[inside].shape)
         target[inside] = rng.uniform(size=target[inside].shape)
         (whole, *_), whole_gradient = run_loss(image, target)
-        planes, adj = ImagePlanes(width, height, 3), ImagePlanes(width, height, 3)
-        planes.assign(image)
-        loss = PhotometricLoss(planes, adj)
-        loss.target.assign(target)
-        loss.run(box, box)
+        _, adj, loss = compared(image, target)
+        loss.run((width, height), box, box)
         assert loss.value()[0] == pytest.approx(whole, rel=1e-6)
         np.testing.assert_allclose(
             adj.to_numpy()[inside], whole_gradient[inside], rtol=1e-5, atol=1e-10
@@ -131,15 +136,15 @@ def test_the_region_of_interest_changes_nothing() -> None:
 def test_a_region_from_the_view_before_leaves_no_trace() -> None:
     width, height = 150, 70
     image, target = noisy_pair(width, height)
-    planes, adj = ImagePlanes(width, height, 3), ImagePlanes(width, height, 3)
+    planes, adj, goal = (ImagePlanes(width, height, 3) for _ in range(3))
     planes.assign(image)
-    loss = PhotometricLoss(planes, adj)
-    loss.target.assign(target)
-    loss.run((0, 0, width, height), (0, 0, width, height))
+    goal.assign(target)
+    loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj)
+    loss.run((width, height), (0, 0, width, height), (0, 0, width, height))
     flat = np.full((height, width, 3), 0.2, np.float32)
     planes.assign(flat)
-    loss.target.assign(flat)
-    loss.run((100, 50, 110, 60), (100, 50, 110, 60))
+    goal.assign(flat)
+    loss.run((width, height), (100, 50, 110, 60), (100, 50, 110, 60))
     assert loss.value()[0] == pytest.approx(0.0, abs=1e-7)
     assert np.abs(adj.to_numpy()[50:60, 100:110]).max() < 1e-9
 
@@ -149,29 +154,6 @@ def test_same_bits_for_any_number_of_threads() -> None:
     one, more = run_loss(image, target, threads=1), run_loss(image, target, threads=3)
     assert one[0] == more[0]
     np.testing.assert_array_equal(one[1], more[1])
-
-
-def test_the_target_is_composited_over_the_background() -> None:
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 256, (9, 21, 3), dtype=np.uint8)
-    mask = rng.integers(0, 256, (9, 21), dtype=np.uint8)
-    background = np.array([0.1, 0.6, 0.9])
-    planes = ImagePlanes(21, 9, 3)
-    loss = PhotometricLoss(planes, ImagePlanes(21, 9, 3))
-    loss.set_target(wp.array(pack_view(image, mask), dtype=wp.uint8, device="cpu"), background)
-    share = mask[..., None] / 255.0
-    np.testing.assert_allclose(
-        loss.target.to_numpy(), image / 255.0 * share + background * (1 - share), atol=1e-6
-    )
-
-
-def test_boxes() -> None:
-    mask = np.zeros((10, 12), dtype=np.uint8)
-    assert mask_box(mask) == (0, 0, 0, 0)
-    mask[3, 4] = mask[7, 9] = 1
-    assert mask_box(mask) == (4, 3, 10, 8)
-    assert union((0, 0, 0, 0), (4, 3, 10, 8)) == (4, 3, 10, 8)
-    assert union((1, 5, 5, 9), (4, 3, 10, 8)) == (1, 3, 10, 9)
 
 
 def test_planes_keep_pixels_and_their_border_stays_zero() -> None:

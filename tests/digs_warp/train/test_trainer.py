@@ -13,7 +13,8 @@ from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
-from digs_warp.train.views import load_views, scene_extent
+from digs_warp.train.view_store import open_views, view_index
+from digs_warp.train.views import scene_extent
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def grey_start() -> Gaussians:
 
 
 def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
-    trainer = Trainer(grey_start(), load_views(capture.frames), config)
+    trainer = Trainer(grey_start(), open_views(capture.frames, config), config)
     for _ in range(steps):
         trainer.step()
     return trainer
@@ -71,7 +72,8 @@ def test_a_resumed_run_continues_bit_for_bit(capture: Capture, tmp_path: Path) -
 def test_a_checkpoint_of_other_gaussians_is_refused(capture: Capture, tmp_path: Path) -> None:
     trainer = trained(capture, TrainConfig(iterations=5), 1)
     save_checkpoint(tmp_path / "checkpoint.npz", trainer)
-    other = Trainer(ball(count=10), load_views(capture.frames), TrainConfig(iterations=5))
+    config = TrainConfig(iterations=5)
+    other = Trainer(ball(count=10), open_views(capture.frames, config), config)
     with pytest.raises(DigsError, match=r"checkpoint\.npz.*another run"):
         load_checkpoint(tmp_path / "checkpoint.npz", other)
 
@@ -93,36 +95,37 @@ def test_the_background_supervises_the_outside(capture: Capture) -> None:
     left = {}
     for background in ("white", "random"):
         config = TrainConfig(iterations=120, sh_degree=0, background=background)
-        trainer = Trainer(Gaussians(*both), load_views(capture.frames), config)
+        trainer = Trainer(Gaussians(*both), open_views(capture.frames, config), config)
         for _ in range(120):
             trainer.step()
         left[background] = float(np.median(trainer.gaussians.to_numpy().opacities[-60:]))
     assert left["random"] < 0.5 < left["white"]
 
 
-def test_every_view_is_seen_once_an_epoch(capture: Capture) -> None:
-    trainer = trained(capture, TrainConfig(iterations=16), 0)
-    seen = []
-    for step in range(16):
-        trainer.optimizer.step = step
-        seen.append(trainer._view_index())
+def test_every_view_is_seen_once_an_epoch() -> None:
+    seen = [view_index(0, 8, step) for step in range(16)]
     assert sorted(seen[:8]) == sorted(seen[8:]) == list(range(8))
 
 
 def test_a_loss_that_is_not_finite_stops_the_run(capture: Capture) -> None:
+    """The message says which parameter, which Gaussian, which view and which iteration."""
     trainer = trained(capture, TrainConfig(iterations=5), 1)
-    trainer.loss._sums.fill_(float("nan"))
-    with pytest.raises(DigsError, match="iteration 1"):
-        trainer.loss_value()
+    spoiled = trainer.gaussians.sh.numpy()
+    spoiled[7] = np.nan
+    trainer.gaussians.sh.assign(spoiled)
+    view = capture.frames[view_index(0, len(capture), 1)].name
+    found = rf"iteration 2, view '{view}'.*sh of 1 Gaussians \(the first is 7\)"
+    with pytest.raises(DigsError, match=found):
+        trainer.step()
 
 
 def test_no_gaussians_and_no_views_are_refused(capture: Capture) -> None:
-    views = load_views(capture.frames)
+    config = TrainConfig()
     nothing = Gaussians(*(getattr(ball(), name)[:0] for name in FIELDS))
     with pytest.raises(DigsError, match="no Gaussians"):
-        Trainer(nothing, views, TrainConfig())
+        Trainer(nothing, open_views(capture.frames, config), config)
     with pytest.raises(DigsError, match="no training views"):
-        load_views([])
+        open_views([], config)
 
 
 def test_the_extent_is_that_of_the_reference(capture: Capture) -> None:

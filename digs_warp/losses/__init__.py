@@ -1,0 +1,1 @@
+"""The terms of the training loss (paper section 3.4, and what objects and depth sensors add)."""

@@ -1,0 +1,92 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Alpha supervision: what the Gaussians cover is pulled to the mask, inside and outside of the object.
+
+    L = (1 / pixels) sum |alpha - mask|,   alpha = 1 - transmittance
+
+A random background does the same on average; this term does it in every step and with any background.
+"""
+
+import numpy as np
+import warp as wp
+
+from digs_warp.image_planes import ImagePlanes
+from digs_warp.losses.regions import Box, union
+from digs_warp.parallel import ParallelLaunch
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+_SLOPE = 5  # position of the slope in the inputs of the kernel
+
+
+@wp.kernel
+def coverage_kernel(
+    row: int,
+    pitch: int,
+    origin: int,
+    region: wp.array[int],  # [4] x0, y0, x1, y1
+    transmittance: wp.array[float],  # 1 padded plane
+    mask: wp.array[float],  # 1 padded plane
+    slope: float,  # weight / pixels
+    # outputs
+    adj_transmittance: wp.array[float],  # 1 padded plane
+    sums: wp.array[float],  # [height] sum of |alpha - mask| over a row
+):
+    """Compare one row and write its gradient."""
+    y = row + wp.tid()
+    total = float(0.0)
+    if y >= region[1] and y < region[3]:
+        start = (origin + y * pitch + region[0]) & _NOT_NEGATIVE
+        for x in range(region[2] - region[0]):
+            excess = 1.0 - transmittance[start + x] - mask[start + x]
+            total += wp.abs(excess)
+            adj_transmittance[start + x] = wp.where(
+                excess > 0.0, -slope, wp.where(excess < 0.0, slope, 0.0)
+            )
+    sums[y] = total
+
+
+class CoverageLoss:
+    """weight * mean |alpha - mask|, and its gradient in the transmittance.
+
+    Args:
+        transmittance: what the renderer left of the background, one plane.
+        mask: the mask of the present view in 0..1, same layout.
+        adj_transmittance: where dL/dtransmittance goes, same layout.
+        weight: factor of the term.
+        threads: CPU threads; 0 means all cores.
+    """
+
+    def __init__(
+        self,
+        transmittance: ImagePlanes,
+        mask: ImagePlanes,
+        adj_transmittance: ImagePlanes,
+        weight: float,
+        threads: int = 0,
+    ) -> None:
+        device = str(transmittance.data.device)
+        self.weight = weight
+        self._scale = 0.0
+        self._region = wp.zeros(4, dtype=int, device=device)
+        self._sums = wp.zeros(transmittance.max_height, dtype=float, device=device)
+        layout = [transmittance.pitch, transmittance.origin, self._region]
+        self._launch = ParallelLaunch(
+            coverage_kernel,
+            transmittance.max_height,
+            [*layout, transmittance.data, mask.data, 0.0, adj_transmittance.data, self._sums],
+            device,
+            threads,
+        )
+
+    def run(self, size: tuple[int, int], content: Box, drawn: Box) -> None:
+        """Compute the term and its gradient; arguments as in `PhotometricLoss.run`."""
+        self._scale = self.weight / (size[0] * size[1])
+        self._region.assign(np.array(union(content, drawn), dtype=np.int32))
+        self._launch.set_param(_SLOPE, self._scale)
+        self._launch.run()
+
+    def value(self) -> float:
+        """Return the term of the last `run`, its weight included; waits for the device."""
+        return self._scale * float(self._sums.numpy().sum(dtype=np.float64))

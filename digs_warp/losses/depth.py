@@ -1,0 +1,164 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Depth supervision: the expected depth of a view is pulled to what the depth camera measured.
+
+Legend: z rendered depth, d measured depth [m], I the photograph, c the sensor's confidence in 0..1.
+
+    L = sum w log(1 + |z - d| / s) / sum w,   s = ERROR_SHARE d
+    w = c exp(-|grad I|) where the depth is known and the object covers the pixel, else 0
+
+The logarithm forgives outliers and the factor exp(-|grad I|) distrusts image edges, where stereo depth
+bleeds from one surface to the other (the edge-aware log-L1 of DN-Splatter, Turkulainen et al. 2024). That
+paper takes |z - d| in units of the scene, where rooms measure metres; a relative error serves an object of
+any size.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from digs_warp.image_planes import ImagePlanes
+from digs_warp.losses.regions import Box
+from digs_warp.parallel import ParallelLaunch
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+
+# Relative error at which the logarithm begins to forgive: about that of a stereo camera close to an object.
+ERROR_SHARE = 0.01
+# The rendered depth of a pixel that is covered less belongs to the rim: a mean of near and far.
+MIN_COVERAGE = 0.5
+
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+_ERROR_SHARE = wp.constant(ERROR_SHARE)
+_MAX_TRANSMITTANCE = wp.constant(1.0 - MIN_COVERAGE)
+# Positions in the inputs of the kernel of what changes from step to step.
+_DEPTH, _WEIGHTS, _SLOPE = 4, 5, 7
+
+
+@wp.kernel
+def depth_kernel(
+    row: int,
+    pitch: int,
+    origin: int,
+    regions: wp.array2d[int],  # [2, 4] the box of the measured depth, and what of the image to fill
+    transmittance: wp.array[float],  # 1 padded plane
+    measured: wp.array[float],  # [size of the box] [m]
+    weights: wp.array[wp.uint8],  # [size of the box] w * 255
+    depth: wp.array[float],  # 1 padded plane [m]
+    slope: float,  # weight of the term / sum w
+    # outputs
+    adj_depth: wp.array[float],  # 1 padded plane
+    sums: wp.array[float],  # [height] sum of w log(...) over a row
+):
+    """Compare one row and write its gradient."""
+    y = row + wp.tid()
+    total = float(0.0)
+    if y >= regions[1, 1] and y < regions[1, 3]:
+        start = (origin + y * pitch + regions[1, 0]) & _NOT_NEGATIVE
+        for z in range(regions[1, 2] - regions[1, 0]):
+            adj_depth[start + z] = 0.0
+    if y >= regions[0, 1] and y < regions[0, 3]:
+        count = regions[0, 2] - regions[0, 0]
+        here = (origin + y * pitch + regions[0, 0]) & _NOT_NEGATIVE
+        there = ((y - regions[0, 1]) * count) & _NOT_NEGATIVE
+        for x in range(count):
+            weight = float(weights[there + x]) * (1.0 / 255.0)
+            if weight > 0.0 and transmittance[here + x] <= _MAX_TRANSMITTANCE:
+                error = depth[here + x] - measured[there + x]
+                scale = _ERROR_SHARE * measured[there + x]
+                total += weight * wp.log(1.0 + wp.abs(error) / scale)
+                adj_depth[here + x] = slope * weight * wp.sign(error) / (scale + wp.abs(error))
+    sums[y] = total
+
+
+@dataclass(frozen=True, eq=False)
+class DepthTarget:
+    """Measured depth inside a view's box: flat arrays on the device.
+
+    Attributes:
+        depth: [m], float32; its value means nothing where the weight is 0.
+        weights: w * 255, uint8.
+        total: the sum of w.
+    """
+
+    depth: wp.array
+    weights: wp.array
+    total: float
+
+
+def depth_weights(
+    image: np.ndarray, mask: np.ndarray, depth: np.ndarray, confidence: np.ndarray | None
+) -> np.ndarray:
+    """Return w * 255, shape (height, width), uint8.
+
+    Args:
+        image: sRGB, (height, width, 3), uint8.
+        mask: 0..255, (height, width); a pixel of the object has 128 or more.
+        depth: [m], NaN where unknown.
+        confidence: 0..1, (height, width); None: all alike.
+    """
+    values = image.astype(np.float32) / 255.0
+    across = np.abs(np.diff(values, axis=1, append=values[:, -1:])).mean(axis=2)
+    down = np.abs(np.diff(values, axis=0, append=values[-1:])).mean(axis=2)
+    weights = np.exp(-np.hypot(across, down))
+    if confidence is not None:
+        weights = weights * confidence
+    weights[~(np.isfinite(depth) & (depth > 0) & (mask >= 128))] = 0.0
+    return np.rint(255.0 * weights).astype(np.uint8)
+
+
+class DepthLoss:
+    """The depth term and its gradient in the expected depth.
+
+    Args:
+        depth, transmittance: what the renderer drew, one plane each.
+        adj_depth: where dL/ddepth goes, same layout.
+        weight: factor of the term.
+        threads: CPU threads; 0 means all cores.
+    """
+
+    def __init__(
+        self,
+        depth: ImagePlanes,
+        transmittance: ImagePlanes,
+        adj_depth: ImagePlanes,
+        weight: float,
+        threads: int = 0,
+    ) -> None:
+        device = str(depth.data.device)
+        self.weight = weight
+        self._scale = 0.0
+        self._regions = wp.zeros((2, 4), dtype=int, device=device)
+        self._sums = wp.zeros(depth.max_height, dtype=float, device=device)
+        empty = [
+            wp.zeros(1, dtype=float, device=device),
+            wp.zeros(1, dtype=wp.uint8, device=device),
+        ]
+        self._launch = ParallelLaunch(
+            depth_kernel,
+            depth.max_height,
+            [depth.pitch, depth.origin, self._regions, transmittance.data, *empty]
+            + [depth.data, 0.0, adj_depth.data, self._sums],
+            device,
+            threads,
+        )
+
+    def run(self, target: DepthTarget, box: Box, drawn: Box) -> None:
+        """Compute the term and its gradient.
+
+        Args:
+            target: what was measured inside ``box``.
+            box: where it lies in the image.
+            drawn: the box inside which the gradient is wanted (where splats are).
+        """
+        self._scale = self.weight / target.total if target.total > 0 else 0.0
+        self._regions.assign(np.array([box, drawn], dtype=np.int32))
+        self._launch.set_param(_DEPTH, target.depth)
+        self._launch.set_param(_WEIGHTS, target.weights)
+        self._launch.set_param(_SLOPE, self._scale)
+        self._launch.run()
+
+    def value(self) -> float:
+        """Return the term of the last `run`, its weight included; waits for the device."""
+        return self._scale * float(self._sums.numpy().sum(dtype=np.float64))

@@ -1,0 +1,132 @@
+"""The photometric loss of the paper (section 3.4): L = (1 - lambda) L1 + lambda D-SSIM, over a background.
+
+L1 and D-SSIM = 1 - SSIM are means over all pixels and channels; where pixels have weights, each pixel's
+term is multiplied by its weight before the mean over all is taken. The target is composited over the
+background of the step, so that the mask supervises the outside of the object, too: a Gaussian that covers
+background is wrong wherever the background shows through differently.
+"""
+
+import numpy as np
+import warp as wp
+
+from digs_warp.image_planes import ImagePlanes
+from digs_warp.losses.regions import Box, grown, union
+from digs_warp.parallel import ParallelLaunch
+from digs_warp.ssim import (
+    BLOCK_COLUMNS,
+    BLOCK_ROWS,
+    REACH,
+    similarity_gradient_kernel,
+    similarity_kernel,
+)
+
+# lambda of the 3DGS reference.
+DSSIM_WEIGHT = 0.2
+
+# Positions of the arguments that change from step to step in the inputs of both kernels ...
+_WIDTH, _HEIGHT, _WEIGHTED = 2, 3, 10
+# ... and of the gradient kernel alone.
+_L1_WEIGHT, _DSSIM_WEIGHT = 13, 14
+
+
+class PhotometricLoss:
+    """L1 + D-SSIM between a rendered image and a target, with its gradient.
+
+    Args:
+        image: the rendered planes (3 channels), values in 0..1.
+        target: planes of the same layout; zero outside of the present size.
+        weights: one plane of the same layout, read by `run` where it is told to.
+        adj_image: where the gradient dL/dimage goes, same layout as ``image``.
+        dssim_weight: lambda, in 0..1.
+        threads: CPU threads; 0 means all cores.
+    """
+
+    def __init__(
+        self,
+        image: ImagePlanes,
+        target: ImagePlanes,
+        weights: ImagePlanes,
+        adj_image: ImagePlanes,
+        dssim_weight: float = DSSIM_WEIGHT,
+        threads: int = 0,
+    ) -> None:
+        device = str(image.data.device)
+        width, height = image.max_width, image.max_height
+        self.dssim_weight = dssim_weight
+        self._maps = ImagePlanes(width, height, 9, device)
+        self._loss_region = wp.zeros(4, dtype=int, device=device)
+        self._gradient_region = wp.zeros(4, dtype=int, device=device)
+        blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
+        blocks = 3 * blocks_x * blocks_y
+        self._sums = wp.zeros((blocks, 2), dtype=float, device=device)
+        shape = [blocks_x, blocks_y, width, height, image.pitch, image.plane, image.origin]
+        read = [image.data, target.data, 0, weights.data]
+        self._similarity = ParallelLaunch(
+            similarity_kernel,
+            blocks,
+            [*shape, self._loss_region, *read, self._maps.data, self._sums],
+            device,
+            threads,
+        )
+        self._gradient = ParallelLaunch(
+            similarity_gradient_kernel,
+            blocks,
+            [*shape, self._gradient_region, *read, self._maps.data, 0.0, 0.0, adj_image.data],
+            device,
+            threads,
+        )
+        self._resize(width, height)
+
+    def run(self, size: tuple[int, int], content: Box, drawn: Box, weighted: bool = False) -> None:
+        """Compute the loss and its gradient.
+
+        Args:
+            size: width and height of the present view [px], up to those of the planes.
+            content: a box outside of which image and target both show the background.
+            drawn: the box inside which the gradient is wanted (where splats are).
+            weighted: whether pixels count as much as ``weights`` say.
+        """
+        if size != (self._maps.width, self._maps.height):
+            self._resize(*size)
+        for launch in (self._similarity, self._gradient):
+            launch.set_param(_WEIGHTED, int(weighted))
+        # SSIM differs from 1 up to one window around the content, and the gradient reads one more.
+        region = grown(union(content, drawn), 2 * REACH, *size)
+        self._loss_region.assign(np.array(region, dtype=np.int32))
+        self._gradient_region.assign(np.array(drawn, dtype=np.int32))
+        self._similarity.run()
+        self._gradient.run()
+
+    def value(self) -> tuple[float, float, float]:
+        """Return (loss, L1, D-SSIM) of the last `run`; waits for the device."""
+        l1, dssim = self._sums.numpy().sum(axis=0, dtype=np.float64) / self._count
+        return (
+            float((1 - self.dssim_weight) * l1 + self.dssim_weight * dssim),
+            float(l1),
+            float(dssim),
+        )
+
+    def _resize(self, width: int, height: int) -> None:
+        # Windows read past the edge of a view: nothing of a larger one may be left there.
+        self._maps.resize(width, height)
+        self._count = 3 * width * height
+        for launch in (self._similarity, self._gradient):
+            launch.set_param(_WIDTH, width)
+            launch.set_param(_HEIGHT, height)
+        self._gradient.set_param(_L1_WEIGHT, (1.0 - self.dssim_weight) / self._count)
+        self._gradient.set_param(_DSSIM_WEIGHT, self.dssim_weight / self._count)
+
+
+def read_region(content: Box, drawn: Box, size: tuple[int, int]) -> Box:
+    """Return the pixels of the target that `PhotometricLoss.run` reads.
+
+    The loss works on whole blocks; a block reads one window further on every side.
+    """
+    x0, y0, x1, y1 = grown(union(content, drawn), 2 * REACH, *size)
+    blocks = (
+        x0 // BLOCK_COLUMNS * BLOCK_COLUMNS,
+        y0 // BLOCK_ROWS * BLOCK_ROWS,
+        -(-x1 // BLOCK_COLUMNS) * BLOCK_COLUMNS,
+        -(-y1 // BLOCK_ROWS) * BLOCK_ROWS,
+    )
+    return grown(blocks, REACH, *size)

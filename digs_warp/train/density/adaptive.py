@@ -1,0 +1,134 @@
+"""Adaptive density control of 3D Gaussian splatting (Kerbl et al. 2023, section 5).
+
+A Gaussian whose projection is pulled about by the views is too coarse for what it has to show: a small one
+is cloned, a large one split in two. What became transparent is pruned; from time to time all opacities are
+reset to a low value, so that only what the views need comes back. With absolute gradients (AbsGS, Ye et al.
+2024) pulls of opposite directions within one splat no longer cancel: blurred regions are found with fewer
+splats.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from digs_warp.gaussians import Gaussians
+from digs_warp.train.density.refinement import Refinement, joined, rotation_matrices
+
+# Values of the 3DGS reference. Steps count from 1.
+REFINE_EVERY = 100
+REFINE_FROM = 500
+RESET_EVERY = 3000
+# The reference refines for the first 15,000 of its 30,000 steps.
+REFINE_UNTIL_SHARE = 0.5
+# Runs shorter than the reference's start refining after this share of their steps.
+REFINE_FROM_SHARE = 0.1
+
+# Mean norm of dL/d(centre) in units of half the image: above, a Gaussian is refined.
+GRADIENT_LIMIT = 2e-4
+# The same for sums of absolute values, which are larger (AbsGS; the value that gsplat advises).
+ABSOLUTE_GRADIENT_LIMIT = 8e-4
+# Largest scale as a share of the scene's extent: up to here a Gaussian is cloned, above it is split.
+SMALL_SHARE = 0.01
+# Above this share a Gaussian is a veil and removed, once opacities were reset a first time.
+LARGE_SHARE = 0.1
+# A split gives so many children, each smaller than its parent by SPLIT_SHRINK.
+CHILDREN = 2
+SPLIT_SHRINK = 0.8 * CHILDREN
+# Below this opacity a Gaussian is removed; a reset leaves at most RESET_OPACITY.
+MIN_OPACITY = 0.005
+RESET_OPACITY = 0.01
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """When a run of ``iterations`` steps refines and resets; refines up to ``until_share`` of them."""
+
+    iterations: int
+    until_share: float = REFINE_UNTIL_SHARE
+
+    def refines(self, step: int) -> bool:
+        """Whether density changes after ``step`` (1, 2, ...)."""
+        start = min(REFINE_FROM, REFINE_FROM_SHARE * self.iterations)
+        return step % REFINE_EVERY == 0 and start < step <= self.until_share * self.iterations
+
+    def resets(self, step: int) -> bool:
+        """Whether opacities are pushed down after ``step``."""
+        return step % RESET_EVERY == 0 and step <= self.until_share * self.iterations
+
+
+def refine(
+    gaussians: Gaussians,
+    gradients: np.ndarray,
+    *,
+    limit: float,
+    extent: float,
+    max_splats: int,
+    remove_large: bool,
+    random: np.random.Generator,
+) -> Refinement:
+    """Clone and split where gradients are large, then remove what is transparent or huge.
+
+    Args:
+        gaussians: the population, n.
+        gradients: mean norm of the gradient of each projected centre, shape (n,), 0 where never seen.
+        limit: gradients from here on call for more Gaussians.
+        extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
+        max_splats: the population never grows beyond; the largest gradients come first.
+        remove_large: also remove what is larger than LARGE_SHARE of the extent.
+        random: draws the places of a split's children; row i of the draws belongs to Gaussian i.
+
+    Returns:
+        Survivors in their old order, then clones, then the children of splits.
+    """
+    count = len(gaussians)
+    largest = gaussians.scales.max(axis=1)
+    chosen = _largest(gradients, gradients >= limit, max_splats - count)
+    clones = np.flatnonzero(chosen & (largest <= SMALL_SHARE * extent))
+    splits = np.flatnonzero(chosen & (largest > SMALL_SHARE * extent))
+    stays = np.ones(count, dtype=bool)
+    stays[splits] = False
+    survivors = np.flatnonzero(stays)
+    children = [split_child(gaussians, splits, random) for _ in range(CHILDREN)]
+    grown = joined([gaussians.select(survivors), gaussians.select(clones), *children])
+    sources = np.concatenate([survivors, clones, *[splits] * CHILDREN])
+    keep = grown.opacities >= MIN_OPACITY
+    if remove_large:
+        keep &= grown.scales.max(axis=1) <= LARGE_SHARE * extent
+    if not keep.any():  # an empty scene could never come back
+        keep = grown.opacities == grown.opacities.max()
+    old = np.arange(len(grown)) < len(survivors)
+    return Refinement(grown.select(keep), sources[keep], old[keep])
+
+
+def split_child(
+    gaussians: Gaussians, parents: np.ndarray, random: np.random.Generator
+) -> Gaussians:
+    """Return one child of each parent, drawn from the parent's own distribution and smaller."""
+    draws = random.standard_normal((len(gaussians), 3))[parents]
+    chosen = gaussians.select(parents)
+    offsets = np.einsum("nij,nj->ni", rotation_matrices(chosen.quats), chosen.scales * draws)
+    return replace(
+        chosen,
+        means=chosen.means + offsets,
+        log_scales=chosen.log_scales - np.log(SPLIT_SHRINK),
+    )
+
+
+def with_low_opacities(refinement: Refinement) -> Refinement:
+    """Push all opacities down to at most RESET_OPACITY; their moments start anew."""
+    g = refinement.gaussians
+    logits = np.minimum(g.opacity_logits, np.log(RESET_OPACITY / (1.0 - RESET_OPACITY)))
+    return replace(
+        refinement,
+        gaussians=replace(g, opacity_logits=logits),
+        restarted=("opacity_logits",),
+    )
+
+
+def _largest(values: np.ndarray, candidates: np.ndarray, room: int) -> np.ndarray:
+    """Return the ``room`` candidates with the largest values as a mask; the first of equals wins."""
+    order = np.flatnonzero(candidates)
+    order = order[np.argsort(-values[order], kind="stable")][: max(room, 0)]
+    chosen = np.zeros(len(values), dtype=bool)
+    chosen[order] = True
+    return chosen

@@ -1,0 +1,36 @@
+"""How many Gaussians a run may hold: a cap given as a number or as memory."""
+
+from digs_warp.checks import DigsError
+from digs_warp.sh import coefficient_count
+
+# Floats per Gaussian apart from colour: centre, scales, rotation, opacity.
+_SHAPE_FLOATS = 3 + 3 + 4 + 1
+# Parameters are held as values, gradients and two moments.
+_COPIES = 4
+# The renderer's lists: 12 floats and eight numbers per splat, and about three (tile, splat) pairs of nine
+# gradients and two numbers each, with the room they grow into.
+_LIST_BYTES = 4 * (12 + 8) + 4 * 3 * (9 + 2) * 3 // 2
+
+_MEGABYTE = 2**20
+
+
+def bytes_per_splat(sh_degree: int) -> int:
+    """Return the memory that one Gaussian takes while it is trained, images aside."""
+    floats = _SHAPE_FLOATS + 3 * coefficient_count(sh_degree)
+    return 4 * _COPIES * floats + _LIST_BYTES
+
+
+def splat_cap(max_splats: int, memory_budget: float, sh_degree: int) -> int:
+    """Return the smaller of a cap and of what fits into ``memory_budget`` [MiB]; 0 means no budget."""
+    if memory_budget == 0:
+        return max_splats
+    return min(max_splats, int(memory_budget * _MEGABYTE) // bytes_per_splat(sh_degree))
+
+
+def check_start(count: int, cap: int) -> None:
+    """Raise a `DigsError` when a run starts with more Gaussians than it may hold."""
+    if count > cap:
+        raise DigsError(
+            f"training: starts with {count:,} Gaussians, {cap:,} allowed by --max-splats and "
+            "--splat-memory; raise them, or start with fewer points (a larger --voxel-size)"
+        )

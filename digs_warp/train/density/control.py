@@ -1,0 +1,187 @@
+"""The strategies behind one interface, made from the settings by `density_control`."""
+
+from typing import Protocol
+
+import numpy as np
+import warp as wp
+
+from digs_warp.parallel import launch_parallel
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.statistics import SplatStatistics
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.density import adaptive
+from digs_warp.train.density.budget import check_start, splat_cap
+from digs_warp.train.density.noise import NOISE, noise_kernel
+from digs_warp.train.density.refinement import Refinement, unchanged
+from digs_warp.train.density.relocation import RELOCATE_UNTIL_SHARE, relocate
+from digs_warp.train.draws import EXPLORE, RELOCATE, SPLIT
+
+
+class DensityControl(Protocol):
+    """How the population changes along a run."""
+
+    statistics: SplatStatistics | None
+    """What the renderer has to sum up in every backward pass; None for nothing."""
+
+    def after_update(
+        self, gaussians: DeviceGaussians, step: int, means_rate: float
+    ) -> Refinement | None:
+        """Look at the population after an optimizer step.
+
+        Args:
+            gaussians: may be changed in place.
+            step: steps taken so far: 1, 2, ...
+            means_rate: the centres' present rate, in units of the scene's extent.
+
+        Returns:
+            The population to go on with, None for the same.
+        """
+        ...
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return what a checkpoint has to hold."""
+        ...
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from a `state`."""
+        ...
+
+
+class Fixed:
+    """Keeps the population as it is: a dense start needs no more."""
+
+    statistics: SplatStatistics | None = None
+
+    def after_update(
+        self, gaussians: DeviceGaussians, step: int, means_rate: float
+    ) -> Refinement | None:
+        """Change nothing."""
+        return None
+
+    def state(self) -> dict[str, np.ndarray]:
+        """There is none."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """There is nothing to restore."""
+
+
+class Adaptive:
+    """Clone, split, prune and reset; see `digs_warp.train.density.adaptive`."""
+
+    def __init__(
+        self, count: int, config: TrainConfig, extent: float, max_splats: int, absolute: bool
+    ) -> None:
+        self.statistics: SplatStatistics | None = None
+        self._absolute = absolute
+        self._config = config
+        self._extent = extent
+        self._max_splats = max_splats
+        self._schedule = adaptive.Schedule(config.iterations)
+        self._start_sums(count)
+
+    def after_update(
+        self, gaussians: DeviceGaussians, step: int, means_rate: float
+    ) -> Refinement | None:
+        """Refine, then reset, when it is time."""
+        refined = self._refined(gaussians, step) if self._schedule.refines(step) else None
+        if self._schedule.resets(step):
+            refined = adaptive.with_low_opacities(refined or unchanged(gaussians.to_numpy()))
+        return refined
+
+    def _refined(self, gaussians: DeviceGaussians, step: int) -> Refinement:
+        refinement = adaptive.refine(
+            gaussians.to_numpy(),
+            self._mean_gradients(),
+            limit=adaptive.ABSOLUTE_GRADIENT_LIMIT if self._absolute else adaptive.GRADIENT_LIMIT,
+            extent=self._extent,
+            max_splats=self._max_splats,
+            remove_large=step > adaptive.RESET_EVERY,
+            random=np.random.default_rng([self._config.seed, SPLIT, step]),
+        )
+        self._start_sums(len(refinement.gaussians))
+        return refinement
+
+    def _start_sums(self, count: int) -> None:
+        self.statistics = SplatStatistics.zeros(count, self._config.device, absolute=self._absolute)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return the sums since the last refinement."""
+        return {name: array.numpy() for name, array in self._sums().items()}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from the sums in ``state``."""
+        self._start_sums(len(state["counts"]))
+        for name, array in self._sums().items():
+            array.assign(state[name])
+
+    def _sums(self) -> dict[str, wp.array]:
+        statistics = self.statistics
+        assert statistics is not None
+        sums = statistics.absolute_sums if self._absolute else statistics.gradient_sums
+        return {"sums": sums, "counts": statistics.counts}
+
+    def _mean_gradients(self) -> np.ndarray:
+        values = {name: array.numpy() for name, array in self._sums().items()}
+        return values["sums"] / np.maximum(values["counts"], 1)
+
+
+class MonteCarlo:
+    """Explore with noise, move the dead, grow to the cap; see `digs_warp.train.density.relocation`."""
+
+    statistics: SplatStatistics | None = None
+
+    def __init__(self, config: TrainConfig, extent: float, max_splats: int) -> None:
+        self._config = config
+        self._extent = extent
+        self._max_splats = max_splats
+        self._schedule = adaptive.Schedule(config.iterations, RELOCATE_UNTIL_SHARE)
+
+    def after_update(
+        self, gaussians: DeviceGaussians, step: int, means_rate: float
+    ) -> Refinement | None:
+        """Add noise; relocate when it is time."""
+        self._explore(gaussians, step, means_rate)
+        if not self._schedule.refines(step):
+            return None
+        random = np.random.default_rng([self._config.seed, RELOCATE, step])
+        return relocate(gaussians.to_numpy(), self._max_splats, random)
+
+    def _explore(self, gaussians: DeviceGaussians, step: int, means_rate: float) -> None:
+        random = np.random.default_rng([self._config.seed, EXPLORE, step])
+        draws = random.standard_normal((len(gaussians), 3), dtype=np.float32)
+        factor = np.array([NOISE * means_rate / self._extent], dtype=np.float32)
+        device = gaussians.device
+        inputs = [
+            gaussians.log_scales,
+            gaussians.quats,
+            gaussians.opacity_logits,
+            wp.array(draws, dtype=wp.vec3, device=device),
+            wp.array(factor, dtype=float, device=device),
+            gaussians.means,
+        ]
+        launch_parallel(noise_kernel, len(gaussians), inputs, device)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """There is none: draws follow from (seed, step)."""
+        return {}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """There is nothing to restore."""
+
+
+def density_control(
+    count: int, sh_degree: int, config: TrainConfig, extent: float
+) -> DensityControl:
+    """Return the strategy that ``config`` names, for a run that starts with ``count`` Gaussians.
+
+    Raises:
+        DigsError: there are more than the cap allows.
+    """
+    cap = splat_cap(config.max_splats, config.splat_memory, sh_degree)
+    if config.strategy == "fixed":
+        return Fixed()
+    check_start(count, cap)
+    if config.strategy == "mcmc":
+        return MonteCarlo(config, extent, cap)
+    return Adaptive(count, config, extent, cap, absolute=config.strategy == "absgrad")

@@ -1,0 +1,46 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""The noise of Markov-chain Monte Carlo training (Kheradmand et al. 2024, equation 8): it explores.
+
+Every step moves each centre by
+
+    E * NOISE * rate * sigmoid(-STEEPNESS (o - DEAD_OPACITY)) * (Sigma / E^2) eta,   eta ~ N(0, I)
+
+with opacity o, covariance Sigma, the centres' rate before it is scaled by the extent E. Only what is nearly
+transparent moves far, along its own axes. Lengths are taken in units of E, the scale at which the
+reference's factor was found: the noise does not depend on the unit of the scene.
+"""
+
+import warp as wp
+
+from digs_warp.splat.footprint import rotation_of
+from digs_warp.splat.project import sigmoid
+from digs_warp.train.density.relocation import DEAD_OPACITY
+
+wp.set_module_options({"enable_backward": False})
+
+NOISE = 5e5
+STEEPNESS = 100.0
+
+_STEEPNESS = wp.constant(STEEPNESS)
+_DEAD_OPACITY = wp.constant(DEAD_OPACITY)
+
+
+@wp.kernel
+def noise_kernel(
+    first: int,
+    log_scales: wp.array[wp.vec3],  # [n]
+    quats: wp.array[wp.vec4],  # [n]
+    opacity_logits: wp.array[float],  # [n]
+    draws: wp.array[wp.vec3],  # [n] eta
+    factors: wp.array[float],  # [1] NOISE * rate / E
+    # outputs
+    means: wp.array[wp.vec3],  # [n]
+):
+    """Move one centre."""
+    g = first + wp.tid()
+    rotation = rotation_of(quats[g])
+    scale = wp.vec3(wp.exp(log_scales[g][0]), wp.exp(log_scales[g][1]), wp.exp(log_scales[g][2]))
+    local = wp.cw_mul(wp.cw_mul(scale, scale), wp.transpose(rotation) * draws[g])
+    share = sigmoid(-_STEEPNESS * (sigmoid(opacity_logits[g]) - _DEAD_OPACITY))
+    means[g] = means[g] + factors[0] * share * (rotation * local)

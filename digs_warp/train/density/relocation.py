@@ -1,0 +1,90 @@
+"""Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al. 2024): relocation and its formula.
+
+Legend: o, s opacity and scales of one Gaussian; N the number of copies that replace it in one place.
+Copies of
+
+    o' = 1 - (1 - o)^(1/N)
+    s' = s o / sum_{i=1..N} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)
+
+look together as the one did (the paper's equation 9). Summed over i first, C(i-1, k) becomes C(N, k+1).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import comb, logit
+
+from digs_warp.gaussians import Gaussians
+from digs_warp.train.density.refinement import Refinement
+
+# Below this opacity a Gaussian is dead: it moves to where it helps.
+DEAD_OPACITY = 0.005
+# The population grows by this share at each refinement, up to its cap.
+GROWTH = 0.05
+# The reference refines up to step 25,000 of its 30,000.
+RELOCATE_UNTIL_SHARE = 25.0 / 30.0
+# Copies in one place, as in gsplat: the binomials of more would cost all digits.
+MAX_COPIES = 51
+
+# Opacities of copies stay within these bounds, so that logits stay finite.
+_MAX_OPACITY = 1.0 - 1e-6
+
+_TERMS = np.arange(MAX_COPIES)
+_BINOMIALS = np.asarray(comb(np.arange(MAX_COPIES + 1)[:, None], _TERMS[None] + 1))
+
+
+def shared_by_copies(
+    opacities: np.ndarray, scales: np.ndarray, copies: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return opacity (n,) and scales (n, 3) of each of ``copies`` equal Gaussians that replace one.
+
+    Args:
+        opacities: above 0, up to 1, shape (n,).
+        scales: standard deviations [m], shape (n, 3).
+        copies: 1 to MAX_COPIES, shape (n,), int; more count as MAX_COPIES.
+    """
+    copies = np.minimum(copies, MAX_COPIES)
+    opacities = np.clip(opacities.astype(np.float64), DEAD_OPACITY, _MAX_OPACITY)
+    each = -np.expm1(np.log1p(-opacities) / copies)
+    signs = np.where(_TERMS % 2 == 0, 1.0, -1.0) / np.sqrt(_TERMS + 1.0)
+    powers = each[:, None] ** (_TERMS + 1)
+    brightness = (_BINOMIALS[copies] * signs * powers).sum(axis=1)
+    return np.clip(each, DEAD_OPACITY, _MAX_OPACITY), scales * (opacities / brightness)[:, None]
+
+
+def relocate(
+    gaussians: Gaussians, max_splats: int, random: np.random.Generator
+) -> Refinement | None:
+    """Move the dead to living Gaussians and add new ones there, drawn in proportion to opacity.
+
+    Args:
+        gaussians: the population, n.
+        max_splats: cap of the population.
+        random: row i of the draws belongs to Gaussian i, old or new.
+
+    Returns:
+        The n old ones in their order, then the new ones; None when nothing lives or nothing changes.
+    """
+    count = len(gaussians)
+    opacities = gaussians.opacities.astype(np.float64)
+    alive = opacities > DEAD_OPACITY
+    newcomers = max(min(max_splats, int(count * (1.0 + GROWTH))) - count, 0)
+    if not alive.any() or (alive.all() and not newcomers):
+        return None
+    steps = np.cumsum(np.where(alive, opacities, 0.0))
+    draws = random.random(count + newcomers)
+    hosts = np.searchsorted(steps, draws * steps[-1], side="right")
+    # Rounding may carry the last draw past the end, or onto a dead one behind it.
+    hosts = np.minimum(hosts, np.flatnonzero(alive)[-1])
+    moving = np.concatenate([~alive, np.ones(newcomers, dtype=bool)])
+    sources = np.where(moving, hosts, np.arange(count + newcomers))
+    copies = np.bincount(sources, minlength=count)
+    shared = np.flatnonzero(copies > 1)
+    logits, log_scales = gaussians.opacity_logits.copy(), gaussians.log_scales.copy()
+    each, scales = shared_by_copies(
+        opacities[shared], gaussians.scales[shared].astype(np.float64), copies[shared]
+    )
+    logits[shared], log_scales[shared] = logit(each), np.log(scales)
+    moved = replace(gaussians, log_scales=log_scales, opacity_logits=logits).select(sources)
+    # Where a Gaussian changed, its moments describe another one.
+    return Refinement(moved, sources, copies[sources] == 1)

@@ -1,0 +1,136 @@
+"""The views of a run, read ahead in the background: a long recording needs no more memory than a short one.
+
+The order of the views follows from (seed, step), so the store knows what comes next. It holds the views of
+the next steps, as many as fit, and reads the following one while the trainer works. When all fit, each is
+read once.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.capture import Frame
+from digs_warp.checks import DigsError
+from digs_warp.log import progress
+from digs_warp.parallel import default_threads
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.draws import VIEW_ORDER
+from digs_warp.train.views import View, load_view
+
+_MEGABYTE = 2**20
+
+# The fewest views held: one in use, one ready, one on its way.
+MIN_HELD = 3
+
+
+def open_views(frames: Sequence[Frame], config: TrainConfig, first_step: int = 0) -> "ViewStore":
+    """Return the views of a run as its settings want them.
+
+    Args:
+        frames: the training frames; may differ in size.
+        config: seed, device, memory, and what of a frame is needed.
+        first_step: the step that the run starts with.
+
+    Raises:
+        DigsError: there is no frame, or one of the first cannot be read.
+    """
+    load = partial(
+        load_view,
+        device=config.device,
+        with_depth=config.depth_weight > 0,
+        with_half=config.half_size_until > 0,
+    )
+    order = partial(view_index, config.seed, len(frames))
+    return ViewStore(frames, order, load, config.image_memory, first_step)
+
+
+def view_index(seed: int, count: int, step: int) -> int:
+    """Return which of ``count`` views ``step`` looks at: every epoch is a new shuffle."""
+    epoch, position = divmod(step, count)
+    return int(np.random.default_rng([seed, VIEW_ORDER, epoch]).permutation(count)[position])
+
+
+class ViewStore:
+    """Hands out views by step.
+
+    Args:
+        frames: the training frames, at least one.
+        index_of: the frame that a step (0, 1, ...) looks at.
+        load: reads a frame.
+        memory: room for views [MiB]; at least `MIN_HELD` are held.
+        first_step: the step that `view` is asked for first.
+
+    Raises:
+        DigsError: there is no frame.
+    """
+
+    def __init__(
+        self,
+        frames: Sequence[Frame],
+        index_of: Callable[[int], int],
+        load: Callable[[Frame], View],
+        memory: float,
+        first_step: int = 0,
+    ) -> None:
+        if not frames:
+            raise DigsError("no training views; the capture needs at least two frames")
+        self._frames = frames
+        self._index_of = index_of
+        self._load = load
+        self._held: dict[int, Future[View]] = {}
+        self._readers = ThreadPoolExecutor(default_threads(), thread_name_prefix="views")
+        self.capacity = self._fill(first_step, memory)
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """The cameras of all views."""
+        return [frame.camera for frame in self._frames]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all views."""
+        return [frame.name for frame in self._frames]
+
+    def view(self, step: int) -> View:
+        """Return the view of ``step``; steps are asked for in order."""
+        if self.capacity < len(self._frames):
+            self._move_on(step)
+        return self._request(self._index_of(step)).result()
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._readers.shutdown(wait=True, cancel_futures=True)
+
+    def _fill(self, first_step: int, memory: float) -> int:
+        """Read the views of the first steps until the room is used up; return how many fit."""
+        steps = range(first_step, first_step + 2 * len(self._frames))
+        order = list(dict.fromkeys(self._index_of(step) for step in steps))
+        room = memory * _MEGABYTE
+        with progress(len(order), "Loading views", "view") as bar:
+            for count, index in enumerate(order, start=1):
+                for soon in order[count - 1 : count + default_threads()]:
+                    self._request(soon)
+                room -= self._request(index).result().bytes
+                bar.update()
+                if room < 0 and count >= MIN_HELD:
+                    return count
+        return len(order)
+
+    def _move_on(self, step: int) -> None:
+        """Forget what the next steps do not need, ask for what they do."""
+        coming = [self._index_of(s) for s in range(step, step + self.capacity)]
+        for index in set(self._held) - set(coming):
+            del self._held[index]
+        for index in coming:
+            self._request(index)
+
+    def _request(self, index: int) -> "Future[View]":
+        if index not in self._held:
+            self._held[index] = self._readers.submit(self._load, self._frames[index])
+        return self._held[index]

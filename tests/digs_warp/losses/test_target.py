@@ -1,0 +1,84 @@
+"""What a view is compared with: composited over the background, from the crop of its mask."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from digs_warp.losses.photometric import read_region
+from digs_warp.losses.regions import Box, grown, mask_box, union
+from digs_warp.losses.target import Target, pack_view
+
+BACKGROUND = np.array([0.1, 0.6, 0.9])
+
+
+def composed(
+    image: np.ndarray, mask: np.ndarray, region: Box, keep_color: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    height, width = mask.shape
+    box = mask_box(mask)
+    inside = (slice(box[1], box[3]), slice(box[0], box[2]))
+    target = Target(width, height)
+    pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device="cpu")
+    target.compose(pixels, box, BACKGROUND, region, (width, height), keep_color)
+    return target.image.to_numpy(), target.mask.to_numpy()[..., 0]
+
+
+def photograph(empty_border: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (19, 31, 3), dtype=np.uint8)
+    mask = rng.integers(0, 256, (19, 31), dtype=np.uint8)
+    mask[:empty_border] = mask[:, :empty_border] = 0
+    return image, mask
+
+
+@pytest.mark.parametrize("border", [0, 7, 40])
+def test_the_target_is_composited_over_the_background(border: int) -> None:
+    image, mask = photograph(border)
+    target, share = composed(image, mask, (0, 0, 31, 19))
+    expected = mask[..., None] / 255.0
+    np.testing.assert_allclose(share, expected[..., 0], atol=1e-6)
+    np.testing.assert_allclose(
+        target, image / 255.0 * expected + BACKGROUND * (1 - expected), atol=1e-6
+    )
+
+
+def test_only_the_region_is_filled() -> None:
+    image, mask = photograph(3)
+    whole, _ = composed(image, mask, (0, 0, 31, 19))
+    part, _ = composed(image, mask, (5, 2, 20, 11))
+    np.testing.assert_array_equal(part[2:11, 5:20], whole[2:11, 5:20])
+    assert np.count_nonzero(part) == np.count_nonzero(part[2:11, 5:20])
+
+
+def test_the_photograph_as_it_is() -> None:
+    image, mask = photograph(0)
+    target, share = composed(image, mask, (0, 0, 31, 19), keep_color=True)
+    np.testing.assert_allclose(target, image / 255.0, atol=1e-6)
+    np.testing.assert_allclose(share, mask / 255.0, atol=1e-6)
+
+
+def test_a_smaller_view_finds_nothing_of_a_larger_one() -> None:
+    target = Target(40, 30)
+    image = np.full((30, 40, 3), 200, np.uint8)
+    pixels = wp.array(pack_view(image, image[..., 0]), dtype=wp.uint8, device="cpu")
+    target.compose(pixels, (0, 0, 40, 30), BACKGROUND, (0, 0, 40, 30), (40, 30))
+    small = wp.array(pack_view(image[:9, :8], image[:9, :8, 0]), dtype=wp.uint8, device="cpu")
+    target.compose(small, (0, 0, 8, 9), BACKGROUND, (0, 0, 8, 9), (8, 9))
+    assert np.count_nonzero(target.image.to_numpy()) == 8 * 9 * 3
+    assert np.count_nonzero(target.mask.to_numpy()) == 8 * 9
+
+
+def test_boxes() -> None:
+    mask = np.zeros((10, 12), dtype=np.uint8)
+    assert mask_box(mask) == (0, 0, 0, 0)
+    mask[3, 4] = mask[7, 9] = 1
+    assert mask_box(mask) == (4, 3, 10, 8)
+    assert union((0, 0, 0, 0), (4, 3, 10, 8)) == (4, 3, 10, 8)
+    assert union((1, 5, 5, 9), (4, 3, 10, 8)) == (1, 3, 10, 9)
+    assert grown((4, 3, 10, 8), 3, 12, 20) == (1, 0, 12, 11)
+    assert grown((5, 5, 5, 9), 3, 12, 20) == (0, 0, 0, 0)
+
+
+def test_the_region_that_is_read_covers_whole_blocks_and_a_window() -> None:
+    assert read_region((100, 40, 110, 50), (0, 0, 0, 0), (1000, 1000)) == (59, 11, 133, 69)
+    assert read_region((0, 0, 0, 0), (0, 0, 0, 0), (1000, 1000)) == (0, 0, 0, 0)
