@@ -21,7 +21,7 @@ FLOORS = {
     "digs_warp.triangle_mesh": 1,
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 2),
     **dict.fromkeys(("digs_warp.losses", "digs_warp.metrics", "digs_warp.interchange"), 2),
-    "digs_warp.surface_metrics": 2,
+    **dict.fromkeys(("digs_warp.surface_metrics", "digs_warp.flip", "digs_warp.lpips"), 2),
     **dict.fromkeys(("sim", "usd"), 2),
     **dict.fromkeys(("digs_warp.train", "digs_warp.surface", "digs_warp.film"), 3),
     **dict.fromkeys(("digs_warp.reconstruct", "digs_warp.report"), 4),
