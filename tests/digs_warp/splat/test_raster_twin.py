@@ -1,4 +1,4 @@
-"""The kernels against the float64 twin: images and gradients, random scenes and hard cases."""
+"""The kernels against the float64 twin: all outputs and all gradients, random scenes and hard cases."""
 
 from dataclasses import dataclass, fields
 from functools import cache
@@ -6,10 +6,20 @@ from functools import cache
 import numpy as np
 import pytest
 from reference.splat_scenes import BACKGROUND, SplatScene, hard_cases, random_scene
-from reference.splat_twin import Parameters, TwinImage, render_twin, twin_gradients
+from reference.splat_twin import (
+    Adjoints,
+    Parameters,
+    TwinGradients,
+    TwinImage,
+    render_twin,
+    twin_gradients,
+)
 
+from digs_warp.camera import Camera
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
+from digs_warp.splat.statistics import SplatStatistics
 
 # The polynomial for exp is good to 2e-6 relative, float32 sums to about 1e-7 a step.
 IMAGE_TOLERANCE = 5e-6
@@ -28,6 +38,13 @@ STIFF = (
 
 HARD = hard_cases()
 RANDOM = [random_scene(seed) for seed in range(4)]
+COLOR = RasterOptions()
+ALL = RasterOptions(outputs="normals")
+ANTIALIASED = RasterOptions(outputs="normals", antialias=True)
+UNUSUAL = RasterOptions(
+    min_alpha=0.02, max_alpha=0.9, min_transmittance=0.01, dilation=0.1, jacobian_margin=0.1
+)
+KERNELS = pytest.mark.parametrize("vectorized", [True, False], ids=["vectorized", "per pixel"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,64 +52,123 @@ class Expected:
     """What the twin says of a scene, for random image gradients."""
 
     twin: TwinImage
-    adj_image: np.ndarray
-    adj_transmittance: np.ndarray
-    gradients: Parameters
+    adjoints: Adjoints
+    gradients: TwinGradients
+
+
+def random_adjoints(camera: Camera, where: np.ndarray) -> Adjoints:
+    """Gradients of all outputs, zero outside of ``where``."""
+    k = camera.intrinsics
+    rng = np.random.default_rng(0)
+    size = (k.height, k.width)
+    return Adjoints(
+        rng.normal(size=(*size, 3)) * where[..., None],
+        rng.normal(size=size) * where,
+        rng.normal(size=size) * where,
+        rng.normal(size=(*size, 3)) * where[..., None],
+    )
 
 
 @cache
-def expected_of(scene: SplatScene) -> Expected:
-    k = scene.camera.intrinsics
+def expected_of(scene: SplatScene, options: RasterOptions) -> Expected:
     p = Parameters.of(scene.gaussians)
-    twin = render_twin(p, scene.camera, scene.near, BACKGROUND)
-    clear = ~twin.ambiguous
-    rng = np.random.default_rng(0)
-    adj_image = rng.normal(size=(k.height, k.width, 3)) * clear[..., None]
-    adj_transmittance = rng.normal(size=(k.height, k.width)) * clear
-    gradients = twin_gradients(
-        p, scene.camera, scene.near, BACKGROUND, adj_image, adj_transmittance
-    )
-    return Expected(twin, adj_image, adj_transmittance, gradients)
+    twin = render_twin(p, scene.camera, scene.near, BACKGROUND, options)
+    adjoints = random_adjoints(scene.camera, ~twin.ambiguous)
+    if not options.has_depth:
+        adjoints.depth[:] = 0
+    if not options.has_normals:
+        adjoints.normals[:] = 0
+    gradients = twin_gradients(p, scene.camera, twin, BACKGROUND, adjoints, options)
+    return Expected(twin, adjoints, gradients)
 
 
-def check_against_twin(scene: SplatScene, vectorized: bool, stiff: bool = False) -> None:
-    expected = expected_of(scene)
-    twin, k = expected.twin, scene.camera.intrinsics
-    clear = ~twin.ambiguous
-
+def renderer_of(scene: SplatScene, adjoints: Adjoints, **options) -> SplatRenderer:
+    """A renderer that has drawn the scene and pulled the adjoints back."""
+    k = scene.camera.intrinsics
     renderer = SplatRenderer(
-        DeviceGaussians.from_numpy(scene.gaussians), k.width, k.height, vectorized=vectorized
+        DeviceGaussians.from_numpy(scene.gaussians),
+        k.width,
+        k.height,
+        camera_gradient=True,
+        **options,
     )
+    renderer.statistics = SplatStatistics.zeros(len(scene.gaussians), absolute=True)
     renderer.forward(scene.camera, near=scene.near, background=BACKGROUND)
-    renderer.adj_image.assign(expected.adj_image)
-    renderer.adj_transmittance.assign(expected.adj_transmittance)
+    renderer.adj_image.assign(adjoints.image)
+    renderer.adj_transmittance.assign(adjoints.transmittance)
+    if renderer.options.has_depth:
+        renderer.adj_depth.assign(adjoints.depth)
+    if renderer.options.has_normals:
+        renderer.adj_normals.assign(adjoints.normals)
     renderer.backward()
+    return renderer
+
+
+def check_close(found: np.ndarray, wanted: np.ndarray, tolerance: float, name: str) -> None:
+    """Equal to ``tolerance`` of the largest value."""
+    assert np.isfinite(found).all(), name
+    limit = tolerance * max(np.abs(wanted).max(initial=0), 1e-2)
+    np.testing.assert_allclose(
+        found.reshape(wanted.shape), wanted, rtol=0, atol=limit, err_msg=name
+    )
+
+
+def check_against_twin(
+    scene: SplatScene, vectorized: bool, options: RasterOptions = COLOR, stiff: bool = False
+) -> None:
+    expected = expected_of(scene, options)
+    twin, clear = expected.twin, ~expected.twin.ambiguous
+    renderer = renderer_of(scene, expected.adjoints, options=options, vectorized=vectorized)
 
     # A decision within rounding of its threshold may go either way: few pixels, left out.
     assert twin.ambiguous.mean() <= 0.05
-    scale = STIFF_TOLERANCE / IMAGE_TOLERANCE if stiff else 1.0
-    difference = np.abs(renderer.image.to_numpy() - twin.image).max(axis=-1)[clear]
-    assert difference.max(initial=0) < IMAGE_TOLERANCE * scale
-    transmittance = renderer.transmittance.to_numpy()[..., 0]
-    np.testing.assert_allclose(
-        transmittance[clear], twin.transmittance[clear], atol=IMAGE_TOLERANCE * scale
-    )
+    tolerance = STIFF_TOLERANCE if stiff else IMAGE_TOLERANCE
+    pairs = [(renderer.image, twin.image), (renderer.transmittance, twin.transmittance)]
+    if options.has_depth:
+        pairs.append((renderer.depth, np.stack([twin.depth, twin.median_depth], axis=-1)))
+    if options.has_normals:
+        pairs.append((renderer.normals, twin.normals))
+    for planes, wanted in pairs:
+        found = planes.to_numpy().reshape(wanted.shape)
+        np.testing.assert_allclose(found[clear], wanted[clear], rtol=0, atol=tolerance)
+
     tolerance = STIFF_TOLERANCE if stiff else GRADIENT_TOLERANCE
+    wanted = expected.gradients
     for field, array in zip(fields(Parameters), renderer.gradients.arrays, strict=True):
-        wanted = getattr(expected.gradients, field.name)
-        found = array.numpy().reshape(wanted.shape)
-        assert np.isfinite(found).all(), field.name
-        limit = tolerance * max(np.abs(wanted).max(initial=0), 1e-2)
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=limit, err_msg=field.name)
+        check_close(array.numpy(), getattr(wanted.parameters, field.name), tolerance, field.name)
+    camera = renderer.camera_gradient()
+    check_close(camera.rotation, wanted.camera[:3], tolerance, "rotation")
+    check_close(camera.translation, wanted.camera[3:6], tolerance, "translation")
+    check_close(camera.focal, wanted.camera[6:8], tolerance, "focal lengths")
+    check_close(camera.center, wanted.camera[8:], tolerance, "principal point")
+
+    k, statistics = scene.camera.intrinsics, renderer.statistics
+    assert statistics is not None
+    half = 0.5 * np.array([k.width, k.height])
+    sums = np.linalg.norm(wanted.centers * half, axis=1)
+    absolute = np.linalg.norm(wanted.absolute_centers * half, axis=1)
+    check_close(statistics.gradient_sums.numpy(), sums, tolerance, "gradient sums")
+    check_close(statistics.absolute_sums.numpy(), absolute, tolerance, "absolute sums")
 
 
-@pytest.mark.parametrize("vectorized", [True, False], ids=["vectorized", "per pixel"])
+@KERNELS
 @pytest.mark.parametrize("seed", range(4))
 def test_random_scenes_equal_the_twin(seed: int, vectorized: bool) -> None:
     check_against_twin(RANDOM[seed], vectorized)
 
 
-@pytest.mark.parametrize("vectorized", [True, False], ids=["vectorized", "per pixel"])
+@KERNELS
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(
+    "options", [ALL, ANTIALIASED, UNUSUAL], ids=["all", "antialias", "unusual"]
+)
+def test_all_outputs_and_options_equal_the_twin(
+    options: RasterOptions, seed: int, vectorized: bool
+) -> None:
+    check_against_twin(RANDOM[seed], vectorized, options)
+
+
+@KERNELS
 @pytest.mark.parametrize("name", HARD)
 def test_hard_cases_equal_the_twin(name: str, vectorized: bool) -> None:
     check_against_twin(HARD[name], vectorized, stiff=name in STIFF)
