@@ -23,21 +23,30 @@ def coherent_normal(
         cell: distance of the lattice points [px], >= 1.
 
     Returns:
-        Values of mean 0 and variance 1, shape (n,), float64.
+        Values of mean 0 and variance 1, shape (n,), float32.
     """
     height, width = shape
     # Two points past the last full cell: one for the remainder, one for the random offset.
-    lattice = rng.standard_normal((int(height / cell) + 3, int(width / cell) + 3))
+    across = int(width / cell) + 3
+    lattice = rng.standard_normal((int(height / cell) + 3) * across, dtype=np.float32)
     offset = rng.random(2)  # else the lattice would stand still from frame to frame
-    y, x = rows / cell + offset[0], columns / cell + offset[1]
-    top, left = y.astype(np.intp), x.astype(np.intp)
-    down, right = y - top, x - left
-    field = (1 - down) * (1 - right) * lattice[top, left]
-    field += (1 - down) * right * lattice[top, left + 1]
-    field += down * (1 - right) * lattice[top + 1, left]
-    field += down * right * lattice[top + 1, left + 1]
-    norm = np.hypot(1 - down, down) * np.hypot(1 - right, right)
-    return field / norm
+    # Per row and per column first: there are far fewer of them than pixels.
+    top, upper, lower = (table[rows] for table in _weights(height, cell, offset[0]))
+    left, near, far = (table[columns] for table in _weights(width, cell, offset[1]))
+    corner = top * across + left
+    above = near * lattice[corner] + far * lattice[corner + 1]
+    corner += across
+    below = near * lattice[corner] + far * lattice[corner + 1]
+    return upper * above + lower * below
+
+
+def _weights(size: int, cell: float, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the lattice point before each of ``size`` pixels, and the weights of it and the next one."""
+    place = np.arange(size) / cell + offset
+    before = place.astype(np.intp)
+    share = place - before
+    norm = np.hypot(1 - share, share)
+    return before, ((1 - share) / norm).astype(np.float32), (share / norm).astype(np.float32)
 
 
 def coherent_uniform(

@@ -1,6 +1,6 @@
 """What an effect sees of a frame (`FrameTruth`) and what it works on (`Sensed`)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -11,6 +11,7 @@ from sim.rig import StereoRig
 from sim.scene import Material
 from sim.sensor.cause import Cause
 from sim.sensor.filters import gray_of
+from sim.sensor.right_eye import hidden_from_right
 from sim.sensor.slopes import surface_slope
 from sim.sensor.texture import gradient_rms, noise_of, texture_distance
 
@@ -100,6 +101,15 @@ class FrameTruth:
         return self.gradient / np.float32(noise_of(self.rig.image_noise))
 
     @cached_property
+    def hidden(self) -> np.ndarray:
+        """Which pixels something opaque hides from the right eye, (height, width), bool."""
+        clear = np.array([*(material.is_transparent for material in self.materials), False])
+        opaque = self.disparity
+        if clear.any():
+            opaque = np.where(clear[self.material_ids], np.float32(np.nan), opaque)
+        return hidden_from_right(self.disparity, opaque, self.rays.right_visibility)
+
+    @cached_property
     def texture_distance(self) -> np.ndarray:
         """Distance to the nearest matchable pixel [px], (height, width), float32, inf: none."""
         return texture_distance(self.texture_snr)
@@ -113,11 +123,14 @@ class Sensed:
         disparity: [px], (height, width), float32; NaN where the sensor reports nothing.
         cause: `Cause` of each pixel, (height, width), uint8.
         confidence: 0 to 1, (height, width), float32.
+        owned: whether nobody else looks at the arrays: then the methods below write to them instead of
+            copying three images for every effect.
     """
 
     disparity: np.ndarray
     cause: np.ndarray
     confidence: np.ndarray
+    owned: bool = False
 
     @staticmethod
     def of(truth: FrameTruth) -> "Sensed":
@@ -126,6 +139,10 @@ class Sensed:
         cause = np.full(shape, Cause.OK, dtype=np.uint8)
         return Sensed(truth.disparity, cause, np.ones(shape, dtype=np.float32))
 
+    def own(self) -> "Sensed":
+        """Return a copy whose arrays belong to nobody else."""
+        return Sensed(self.disparity.copy(), self.cause.copy(), self.confidence.copy(), owned=True)
+
     @property
     def known(self) -> np.ndarray:
         """Where the sensor reports a value, (height, width), bool."""
@@ -133,7 +150,10 @@ class Sensed:
 
     def shifted(self, error: np.ndarray | float) -> "Sensed":
         """Return the frame with ``error`` [px] added to the disparity; labels and holes stay."""
-        return Sensed(self.disparity + np.float32(error), self.cause, self.confidence)
+        if not self.owned:
+            return replace(self, disparity=self.disparity + np.float32(error))
+        np.add(self.disparity, error, out=self.disparity, casting="same_kind")
+        return self
 
     def with_holes(self, where: np.ndarray, cause: Cause) -> "Sensed":
         """Return the frame without values at ``where`` (bool); what is a hole keeps its label."""
@@ -148,18 +168,28 @@ class Sensed:
     ) -> "Sensed":
         """Return the frame with other values at ``where`` (bool), labelled; arrays are full frames."""
         at = np.flatnonzero(where)
+        return self.with_pixels(at, _taken(disparity, at), cause, _taken(confidence, at))
+
+    def with_pixels(
+        self,
+        at: np.ndarray,
+        disparity: np.ndarray | float,
+        cause: Cause,
+        confidence: np.ndarray | float,
+    ) -> "Sensed":
+        """Return the frame with other values at the flat indices ``at``, (n,), labelled.
+
+        The same as `with_values` for few pixels: values are scalars or of shape (n,).
+        """
         if len(at) == 0:
             return self
-        return Sensed(
-            _replaced(self.disparity, at, disparity),
-            _replaced(self.cause, at, cause),
-            _replaced(self.confidence, at, confidence),
-        )
+        changed = self if self.owned else replace(self.own(), owned=False)
+        changed.disparity.reshape(-1)[at] = disparity
+        changed.cause.reshape(-1)[at] = cause
+        changed.confidence.reshape(-1)[at] = confidence
+        return changed
 
 
-def _replaced(array: np.ndarray, at: np.ndarray, values: np.ndarray | float) -> np.ndarray:
-    """Return a copy with other values at the flat indices ``at``."""
-    result = array.copy()
-    full = isinstance(values, np.ndarray) and values.ndim == 2
-    result.reshape(-1)[at] = np.ravel(values)[at] if full else values
-    return result
+def _taken(values: np.ndarray | float, at: np.ndarray) -> np.ndarray | float:
+    """Return a full frame's values at the flat indices ``at``; a scalar stays."""
+    return values.reshape(-1)[at] if isinstance(values, np.ndarray) else values

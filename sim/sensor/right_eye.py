@@ -4,24 +4,28 @@ Safe is only one direction: a closed surface that both eyes see covers what land
 nearer lands somewhere proves nothing: sides of things that the left eye does not see hide as well.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
-from sim.sensor.frame import FrameTruth
 from sim.sensor.landings import HIDDEN, UNSURE, classify
-from sim.sensor.materials import is_transparent, pixels_of
 
 
-def hidden_from_right(truth: FrameTruth) -> np.ndarray:
+def hidden_from_right(
+    disparity: np.ndarray, opaque: np.ndarray, right_visibility: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
     """Return which pixels something opaque hides from the right eye, (height, width), bool.
 
     Points that land outside the right image are left out: that is the invalid band, not occlusion.
+
+    Args:
+        disparity: [px], (height, width), NaN where there is nothing.
+        opaque: the same without what can be seen through.
+        right_visibility: tells by rays whether the right eye sees the pixels it is given, both
+            (height, width), bool; see `sim.sensor.frame.FrameRays`.
     """
-    opaque = truth.disparity
-    transparent = pixels_of(truth, is_transparent)
-    if transparent is not None:
-        opaque = np.where(transparent, np.float32(np.nan), opaque)
-    state = classify(truth.disparity, opaque)
+    state = classify(disparity, opaque)
     hidden, unsure = state == HIDDEN, state == UNSURE
     if unsure.any():
-        hidden |= unsure & ~truth.rays.right_visibility(unsure)
+        hidden |= unsure & ~right_visibility(unsure)
     return hidden

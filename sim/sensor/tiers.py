@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Literal
 
@@ -10,6 +11,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from sim.sensor.cause import Cause
 from sim.sensor.effects import EFFECTS
+from sim.sensor.effects.occlusion import Occlusion
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.law import sense_depth
@@ -58,9 +60,14 @@ def sense_effects(
 ) -> Sensed:
     """Return the frame after the named effects, in their physical order; see `sense`."""
     wanted = set(names)
-    sensed = Sensed.of(truth)
-    for effect in EFFECTS:
-        if effect.name in wanted:
+    effects = [effect for effect in EFFECTS if effect.name in wanted]
+    sensed = Sensed.of(truth).own()
+    with ThreadPoolExecutor(1, thread_name_prefix="look-ahead") as ahead:
+        # The longest single piece of work needs nothing of the effects before it.
+        hidden = ahead.submit(lambda: truth.hidden) if Occlusion.name in wanted else None
+        for effect in effects:
+            if hidden is not None and effect.name == Occlusion.name:
+                hidden.result()
             rng = effect_rng(seed, truth.number, effect.name)
             sensed = effect.apply(sensed, truth, rng, strength)
     return sensed

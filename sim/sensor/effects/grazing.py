@@ -86,16 +86,17 @@ def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed
 
     Args:
         sensed: before.
-        failed: what is not matched, (height, width), bool.
+        failed: what is not matched, (height, width), bool; the filled pixels are taken off it.
         hopeless: surface on which most pixels fail, (height, width), bool.
     """
     rows, columns = pixels_where(failed & hopeless & sensed.known)
-    disparity = sensed.disparity.copy()
-    disparity[rows, columns] = _rim_values(sensed.disparity, hopeless, rows, columns)
-    filled = np.zeros(failed.shape, dtype=bool)
-    filled[rows, columns] = ~np.isnan(disparity[rows, columns])
-    sensed = sensed.with_values(filled, disparity, Cause.GRAZING, confidence=0.5)
-    return sensed.with_holes(failed & ~filled, Cause.GRAZING)
+    values = _rim_values(sensed.disparity, hopeless, rows, columns)
+    found = ~np.isnan(values)
+    rows, columns, values = rows[found], columns[found], values[found]
+    failed[rows, columns] = False
+    at = rows * failed.shape[1] + columns
+    filled = sensed.with_pixels(at, values, Cause.GRAZING, confidence=0.5)
+    return filled.with_holes(failed, Cause.GRAZING)
 
 
 def _rim_values(

@@ -1,6 +1,6 @@
 """Motion blur: an image smeared along the rows is matched less precisely, and at last wrongly."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -77,7 +77,7 @@ class MotionBlur:
         disparity[rows, columns] += error.astype(np.float32)
         where = np.zeros(shape, dtype=bool)
         where[rows[missed], columns[missed]] = True
-        return Sensed(disparity, sensed.cause, sensed.confidence).with_values(
+        return replace(sensed, disparity=disparity).with_values(
             where, disparity, Cause.MOTION, confidence=0.3
         )
 

@@ -11,7 +11,6 @@ from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.right_eye import hidden_from_right
 from sim.sensor.steps import Runs, find_runs
 
 # Hidden share below which nobody would see the effect.
@@ -72,7 +71,7 @@ class Occlusion:
         if strength <= 0:
             return sensed
         shape = truth.depth.shape
-        runs = find_runs(hidden_from_right(truth))
+        runs = find_runs(truth.hidden)
         rows, columns, run = runs.pixels()
 
         touched = rng.random(len(rows)) < strength
@@ -81,15 +80,11 @@ class Occlusion:
         lost = coherent_uniform(rng, shape, rows, columns, COHERENCE) < share
         guess = _guess(sensed.disparity, runs, rows, columns, run, rng)
         guess[lost] = np.nan
-        changed = touched & (guess != sensed.disparity[rows, columns])
-
-        disparity = sensed.disparity.copy()
-        disparity[rows[changed], columns[changed]] = guess[changed]
-        where = np.zeros(shape, dtype=bool)
-        where[rows[changed], columns[changed]] = True
+        at = rows * shape[1] + columns
+        changed = touched & (guess != sensed.disparity.reshape(-1)[at])
         # Wrong, and the sensor does not know.
-        confidence = np.where(np.isnan(disparity), np.float32(0.0), np.float32(0.8))
-        return sensed.with_values(where, disparity, Cause.OCCLUDED, confidence)
+        confidence = np.where(np.isnan(guess), np.float32(0.0), np.float32(0.8))
+        return sensed.with_pixels(at[changed], guess[changed], Cause.OCCLUDED, confidence[changed])
 
 
 def hole_share(run_length: np.ndarray, distance: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The quantum: disparity is reported in steps of a fraction of a pixel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -38,4 +38,4 @@ class Quantum:
             return sensed
         steps = np.rint(sensed.disparity / step)
         steps *= step
-        return Sensed(steps, sensed.cause, sensed.confidence)
+        return replace(sensed, disparity=steps)

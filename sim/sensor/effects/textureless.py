@@ -11,7 +11,6 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import TEXTURE_REACH, SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import patchy_uniform
-from sim.sensor.pixels import pixels_where
 
 # Semi-global matching of plain discs in good texture: a radius of 20 px is filled and right; 40, 80, 120
 # px fail over 6, 34 and 53 % of the area. Failure at a distance t from the last window with texture, of
@@ -52,23 +51,26 @@ class Textureless:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Make holes and wrong values; ``strength`` divides the reach of smoothness."""
-        stretch = np.abs(truth.slope) * np.float32(strength * SLOPE_GAIN) + np.float32(strength)
-        beyond = truth.texture_distance * stretch - np.float32(TEXTURE_REACH)
-        rows, columns = pixels_where((beyond > 0) & sensed.known)
-        if len(rows) == 0:
+        # In place: every further image in memory costs as much as the arithmetic.
+        beyond = np.abs(truth.slope)
+        beyond *= np.float32(strength * SLOPE_GAIN)
+        beyond += np.float32(strength)
+        beyond *= truth.texture_distance
+        at = np.flatnonzero((beyond > TEXTURE_REACH) & sensed.known)
+        if len(at) == 0:
             return sensed
         shape = truth.depth.shape
-        draw = patchy_uniform(rng, shape, PATCH)[rows, columns]
-        failed = draw < -np.expm1(-beyond[rows, columns] / DECAY)
+        excess = beyond.reshape(-1)[at] - np.float32(TEXTURE_REACH)
+        draw = patchy_uniform(rng, shape, PATCH).reshape(-1)[at]
+        failed = draw < -np.expm1(excess / np.float32(-DECAY))
         # Another draw, so that the fate does not depend on how likely the failure was.
-        rows, columns, draw = rows[failed], columns[failed], draw[failed]
-        fate = patchy_uniform(rng, shape, PATCH)[rows, columns]
-        sign = np.where(fate > 0.5 * (1 + HOLE_SHARE), 1, -1)
-        error = np.where(fate < HOLE_SHARE, np.nan, sign * (1 + WRONG_ERROR * draw))
-
-        where = np.zeros(shape, dtype=bool)
-        where[rows, columns] = True
-        disparity = sensed.disparity.copy()
-        disparity[rows, columns] += error
-        confidence = np.where(np.isnan(disparity), 0.0, 0.5)
-        return sensed.with_values(where, disparity, Cause.TEXTURELESS, confidence)
+        at, draw = at[failed], draw[failed]
+        fate = patchy_uniform(rng, shape, PATCH).reshape(-1)[at]
+        lost, farther = fate < HOLE_SHARE, fate > 0.5 * (1 + HOLE_SHARE)
+        error = np.where(farther, np.float32(1), np.float32(-1)) * (
+            1 + np.float32(WRONG_ERROR) * draw
+        )
+        value = sensed.disparity.reshape(-1)[at] + error
+        value[lost] = np.nan
+        confidence = np.where(lost, np.float32(0.0), np.float32(0.5))
+        return sensed.with_pixels(at, value, Cause.TEXTURELESS, confidence)

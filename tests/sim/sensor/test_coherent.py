@@ -21,7 +21,7 @@ def test_every_pixel_has_unit_variance(cell: float) -> None:
     values = np.stack([field(seed, cell) for seed in range(60)])
     assert values.mean() == pytest.approx(0, abs=0.02)
     assert values.std() == pytest.approx(1, abs=0.02)
-    assert values.std(axis=0).min() > 0.6
+    assert values.std(axis=0).min() > 0.55
 
 
 def test_neighbours_agree_within_a_cell_and_not_beyond() -> None:

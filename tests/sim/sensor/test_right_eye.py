@@ -9,7 +9,6 @@ from reference.stereo_frames import CountedRays, make_frame
 
 from sim.scene import Material
 from sim.sensor.landings import HIDDEN, UNSURE, classify
-from sim.sensor.right_eye import hidden_from_right
 
 SHAPE = (240, 320)
 
@@ -34,7 +33,7 @@ def step(near: float = 40.0, far: float = 10.0) -> np.ndarray:
 
 def test_the_strip_left_of_a_near_square_is_hidden_without_rays() -> None:
     truth = replace(make_frame(step()), rays=NoRays(SHAPE))
-    hidden = hidden_from_right(truth)
+    hidden = truth.hidden
     assert (hidden.sum(axis=1)[80:160] >= 30 - 3).all() and (hidden.sum(axis=1) <= 30).all()
     assert hidden[80:160, 72:98].all() and not hidden[:80].any()
     assert isinstance(truth.rays, NoRays) and truth.rays.count < 4 * 80
@@ -59,7 +58,7 @@ def test_what_stands_behind_glass_is_not_hidden_for_sure() -> None:
     truth = replace(
         truth, material_ids=ids, materials=(*truth.materials, glass), rays=NoRays(SHAPE)
     )
-    assert not hidden_from_right(truth).any()
+    assert not truth.hidden.any()
 
 
 def test_narrow_images_are_left_to_rays() -> None:

@@ -13,7 +13,7 @@ from sim.sensor.effects import EFFECTS
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.frame import FrameTruth, Motion, Sensed
 from sim.sensor.law import sense_depth
-from sim.sensor.tiers import depth_of, sense, sense_effects
+from sim.sensor.tiers import depth_of, effect_rng, sense, sense_effects
 
 NAMES = [effect.name for effect in EFFECTS]
 
@@ -110,6 +110,16 @@ def test_no_effect_writes_to_the_truth_or_to_what_it_is_given(name: str) -> None
     for key, value in before.items():
         np.testing.assert_array_equal(getattr(truth, key), value)
     assert_same(given, Sensed.of(truth))
+
+
+def test_effects_that_write_in_place_give_the_same_bytes_as_those_that_copy() -> None:
+    truth = rich_frame()
+    copied = Sensed.of(truth)
+    for effect in EFFECTS:
+        rng = effect_rng(3, truth.number, effect.name)
+        copied = effect.apply(copied, truth, rng)
+    assert not copied.owned
+    assert_same(sense_effects(truth, NAMES, seed=3), copied)
 
 
 def test_random_effects_change_with_seed_and_frame() -> None:
