@@ -1,0 +1,79 @@
+"""Settings of structure from motion, apart from their code: the command line loads only these."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+
+
+@dataclass(frozen=True, kw_only=True)
+class SfmConfig:
+    """Where camera poses and sparse points come from."""
+
+    poses: Literal["sfm", "capture", "perturbed"] = "sfm"
+    """Poses: 'sfm' estimates them from the images; 'capture' takes those of the recording and only
+    triangulates points; 'perturbed' does the same after moving every camera by a random error."""
+
+    feature_size: int = 1600
+    """Longest side [px] of the image in which features are sought; larger images are reduced to it.
+    Smaller is faster, and poses get less exact."""
+
+    features: int = 3000
+    """Most features per image, the largest ones first; more cost matching time."""
+
+    double_size: bool = False
+    """Also seek features in the image enlarged twice: finds more and smaller ones, for four times the
+    time. Worth it for small or blurred images."""
+
+    pairing: Literal["auto", "sequential", "exhaustive"] = "auto"
+    """Which images are compared: 'sequential' with those before and after (a video) and with the ones
+    that look most alike (loops); 'exhaustive' with all others, for unordered images. 'auto' is exhaustive
+    up to 40 images."""
+
+    overlap: int = 10
+    """How many images before and after each one are compared; for sequential pairing."""
+
+    loop_images: int = 5
+    """How many images that look most alike are compared on top; closes loops. 0: none."""
+
+    mapper: Literal["incremental", "global"] = "incremental"
+    """How cameras are placed: one after the other, or all at once."""
+
+    refine_focal: bool = False
+    """Take the focal lengths of the recording for a guess and estimate them, too."""
+
+    min_registered: float = 0.9
+    """Share of the images that have to be placed in one model; with fewer the run stops and says why.
+    Lower it to go on with the largest model, with a warning."""
+
+    rotation_error_deg: float = 0.5
+    """For 'perturbed': standard deviation of the rotation about each axis [degree]."""
+
+    translation_error: float = 0.005
+    """For 'perturbed': standard deviation of the camera's position along each axis [m]."""
+
+    seed: int = 0
+    """Seed of everything random: matching, mapping, and the error of 'perturbed'."""
+
+    def __post_init__(self) -> None:
+        if self.feature_size < 32:
+            raise DigsError(f"sfm.feature_size: {self.feature_size}, expected at least 32 px")
+        if self.features < 50:
+            raise DigsError(f"sfm.features: {self.features}, expected at least 50")
+        if self.overlap < 1 or self.loop_images < 0:
+            raise DigsError(
+                f"sfm.overlap: {self.overlap}, sfm.loop_images: {self.loop_images}; expected at least 1 and 0"
+            )
+        if not 0 < self.min_registered <= 1:
+            raise DigsError(
+                f"sfm.min_registered: {self.min_registered}, expected above 0 and at most 1"
+            )
+        errors = (self.rotation_error_deg, self.translation_error)
+        if not np.isfinite(errors).all() or min(errors) < 0:
+            raise DigsError(
+                f"sfm.rotation_error_deg, sfm.translation_error: {errors}, expected finite, >= 0"
+            )
+        if self.seed < 0:
+            raise DigsError(f"sfm.seed: {self.seed}, expected 0 or above")

@@ -1,0 +1,136 @@
+"""How good a sparse model is, without knowing the truth, and which ones cannot be used at all."""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.sfm_model import SfmModel
+
+logger = logging.getLogger(__name__)
+
+# The camera has to move by this share of its distance to what it sees. Below, nearly all of the image
+# motion is the camera's turning, which tells nothing about depth.
+LEAST_MOTION = 0.01
+
+# Second against first extent of the path of the cameras, from where on it counts as a straight line.
+STRAIGHT = 0.01
+
+
+@dataclass(frozen=True)
+class SfmQuality:
+    """What tells a good model from a bad one.
+
+    Attributes:
+        images: number of images that were given.
+        registered: number of images that the model places.
+        models: number of models that the images fell into; one is good.
+        points: number of sparse points.
+        observations_per_image: mean number of points that a placed image sees.
+        track_length: mean number of images that see a point.
+        reprojection_error_px: mean distance [px] between where points are and where they were measured.
+        ray_angle_deg: median over the points of the widest angle [degree] at which two of its cameras see
+            it; a few degrees are needed for exact depth.
+    """
+
+    images: int
+    registered: int
+    models: int
+    points: int
+    observations_per_image: float
+    track_length: float
+    reprojection_error_px: float
+    ray_angle_deg: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.registered} of {self.images} images in {self.models} "
+            f"{'model' if self.models == 1 else 'models'}, {self.points:,} points seen in "
+            f"{self.track_length:.1f} images, {self.reprojection_error_px:.2f} px, "
+            f"rays meet at {self.ray_angle_deg:.0f} degrees"
+        )
+
+
+def measure_quality(model: SfmModel, images: int, models: int) -> SfmQuality:
+    """Return the quality of ``model``, one of ``models`` that ``images`` images gave."""
+    count, points = len(model.observations), len(model.points)
+    lengths = np.bincount(model.observations.points, minlength=points)
+    errors = model.reprojection_errors
+    return SfmQuality(
+        images=images,
+        registered=len(model.names),
+        models=models,
+        points=points,
+        observations_per_image=count / max(1, len(model.names)),
+        track_length=count / max(1, points),
+        reprojection_error_px=float(np.average(errors, weights=lengths)) if points else 0.0,
+        ray_angle_deg=float(np.median(ray_angles_deg(model))) if points else 0.0,
+    )
+
+
+def ray_angles_deg(model: SfmModel) -> np.ndarray:
+    """Return, per point, twice the widest angle [degree] between a viewing ray and the mean one, (n,).
+
+    For two views that is the angle at which their rays meet; for more it bounds the widest one from below.
+    """
+    seen = model.observations
+    centers = np.array([camera.center_world for camera in model.cameras])
+    rays = centers[seen.cameras] - model.points.points_world[seen.points]
+    rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-30)
+    count = len(model.points)
+    sums = np.stack(
+        [np.bincount(seen.points, weights=rays[:, axis], minlength=count) for axis in range(3)],
+        axis=1,
+    )
+    means = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-30)
+    cosines = np.clip((rays * means[seen.points]).sum(axis=1), -1.0, 1.0)
+    widest = np.ones(count)
+    np.minimum.at(widest, seen.points, cosines)
+    return np.degrees(2.0 * np.arccos(widest))
+
+
+def check_completeness(quality: SfmQuality, min_registered: float) -> None:
+    """Refuse a model that holds too few of the images; warn of one that holds not all.
+
+    Raises:
+        DigsError: with how many images it holds and what to try.
+    """
+    if quality.registered < min_registered * quality.images:
+        raise DigsError(
+            f"structure from motion: the largest of {quality.models} models holds {quality.registered} of "
+            f"{quality.images} images, expected at least {min_registered:.0%}. The images do not hang "
+            "together: record a textured surround all round and more frames, or try --pairing "
+            "exhaustive, more --features, a larger --feature-size; --min-registered "
+            f"{quality.registered / quality.images:.2f} goes on with this model"
+        )
+    if quality.registered < quality.images:
+        logger.warning(
+            "structure from motion: only the largest model is used: %d of %d images; the others are left out",
+            *(quality.registered, quality.images),
+        )
+
+
+def check_motion(model: SfmModel) -> None:
+    """Refuse cameras that turned on the spot or moved along a straight line.
+
+    Raises:
+        DigsError: with the extents of the path and what to record instead.
+    """
+    centers = np.array([camera.center_world for camera in model.cameras])
+    extents = np.linalg.svd(centers - centers.mean(axis=0), compute_uv=False) / np.sqrt(
+        len(centers)
+    )
+    seen = model.observations
+    offsets = centers[seen.cameras] - model.points.points_world[seen.points]
+    distance = float(np.median(np.linalg.norm(offsets, axis=1))) if len(seen) else 0.0
+    if extents[0] < LEAST_MOTION * distance:
+        raise DigsError(
+            f"structure from motion: the cameras moved by {extents[0] / distance:.2%} of their distance to "
+            "what they see: they turned on the spot, which tells nothing about depth. Walk round the object"
+        )
+    if extents[1] < STRAIGHT * extents[0]:
+        raise DigsError(
+            "structure from motion: the cameras lie on a straight line, "
+            "expected a walk round the object; one line of sight leaves the turn about it undetermined"
+        )

@@ -1,0 +1,122 @@
+"""The folder in which COLMAP works: which of its parts still belong to these images and settings.
+
+    database.db   features and matches, as COLMAP keeps them
+    model/        the sparse model, COLMAP's binary files; COLMAP's own viewer opens it
+    stages.json   the key of each stage: a hash of everything that decides its result
+
+A stage whose key is unchanged is not done again; one that was cut off goes on with what is missing.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from digs_warp.capture import Frame
+from digs_warp.checks import DigsError
+from digs_warp.log import read_json, to_json, write_atomically
+from digs_warp.sfm.config import SfmConfig
+
+DATABASE = "database.db"
+MODEL = "model"
+STAGES = "stages.json"
+
+
+@dataclass(frozen=True)
+class StageKeys:
+    """A hash per stage; each covers the stages before it."""
+
+    features: str
+    matches: str
+    model: str
+
+
+def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:
+    """Return what decides the result of each stage, as hashes; reads every image file once."""
+    images = [
+        [frame.name, hashlib.sha256(frame.files["file_path"].read_bytes()).hexdigest()]
+        for frame in frames
+    ]
+    cameras = [frame.camera.intrinsics for frame in frames]
+    features = _key(
+        version("pycolmap"), images, cameras,
+        config.feature_size, config.features, config.double_size,
+    )  # fmt: skip
+    matches = _key(
+        features, config.pairing, config.overlap, config.loop_images, config.seed,
+    )  # fmt: skip
+    poses: list[Any] = [config.poses]
+    if config.poses == "sfm":
+        poses += [config.mapper, config.refine_focal, config.min_registered]
+    else:
+        poses += [frame.camera.world_from_cam for frame in frames]
+    if config.poses == "perturbed":
+        poses += [config.rotation_error_deg, config.translation_error]
+    return StageKeys(features, matches, _key(matches, poses))
+
+
+def _key(*values: Any) -> str:
+    return hashlib.sha256(to_json(list(values)).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The folder, and the keys that its parts should have."""
+
+    folder: Path
+    keys: StageKeys
+
+    @property
+    def database(self) -> Path:
+        """COLMAP's database."""
+        return self.folder / DATABASE
+
+    @property
+    def model(self) -> Path:
+        """The folder of the chosen model."""
+        return self.folder / MODEL
+
+    def prepare(self) -> None:
+        """Delete what belongs to other images or settings; keep the rest."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        found = self._read()
+        if found.get("features") != self.keys.features:
+            for path in self.folder.glob(f"{DATABASE}*"):  # SQLite keeps a log beside the database
+                path.unlink()
+        elif found.get("matches") != self.keys.matches and self.database.is_file():
+            self._forget_matches()
+        if found.get("model") != self.keys.model:
+            shutil.rmtree(self.model, ignore_errors=True)
+            found = {}
+        # The database fills up step by step, so its stages are named before they are complete.
+        self._write(found | {"features": self.keys.features, "matches": self.keys.matches})
+
+    def finished_model(self) -> dict[str, Any] | None:
+        """Return what was noted about the model when it was finished, or None: there is none yet."""
+        found = self._read()
+        done = found.get("model") == self.keys.model and self.model.is_dir()
+        return found.get("notes", {}) if done else None
+
+    def finish_model(self, notes: dict[str, Any]) -> None:
+        """Note that the model is complete, with what is worth knowing about how it came about."""
+        self._write(self._read() | {"model": self.keys.model, "notes": notes})
+
+    def _forget_matches(self) -> None:
+        from digs_warp.imports import import_pycolmap
+
+        with import_pycolmap().Database.open(self.database) as database:
+            database.clear_matches()
+            database.clear_two_view_geometries()
+
+    def _read(self) -> dict[str, Any]:
+        try:
+            return read_json(self.folder / STAGES, "structure from motion, stages")
+        except DigsError:  # none yet, or broken off: everything is done anew
+            return {}
+
+    def _write(self, content: dict[str, Any]) -> None:
+        write_atomically(self.folder / STAGES, json.dumps(content, indent=2).encode())
