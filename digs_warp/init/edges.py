@@ -13,21 +13,16 @@ across it remain.
 """
 
 import numpy as np
+import warp as wp
+
+from digs_warp.init.edge_kernel import TILE_HEIGHT, TILE_WIDTH, laplacian_kernel
 
 # Rows of the 5x5 Sobel second derivative and its smoothing: this is OpenCV's Laplacian of size 5.
 _SECOND_DERIVATIVE = np.array([1.0, 0.0, -2.0, 0.0, 1.0])
 _SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0])
 LAPLACIAN_5X5 = np.outer(_SMOOTHING, _SECOND_DERIVATIVE) + np.outer(_SECOND_DERIVATIVE, _SMOOTHING)
-_REACH = 2  # pixels from the centre to the rim of the kernel
-
-# One member (dv, du) of each opposite pair with a weight: the upper half of the kernel.
-_PAIRS = [
-    (dv, du, LAPLACIAN_5X5[_REACH + dv, _REACH + du])
-    for dv in range(-_REACH, 1)
-    for du in range(-_REACH, _REACH + 1)
-    if (dv, du) < (0, 0) and LAPLACIAN_5X5[_REACH + dv, _REACH + du] != 0
-]
-_TOTAL_WEIGHT = sum(abs(weight) for *_, weight in _PAIRS)
+# Each pair has one weight; the centre's is what all others sum to.
+_TOTAL_WEIGHT = float(np.abs(LAPLACIAN_5X5).sum() - abs(LAPLACIAN_5X5[2, 2])) / 2
 
 # A pixel with less than this share of the pairs is dropped. The two rows of pixels along a straight hole
 # keep 27 % and 64 %, the neighbours of a single missing pixel at least 81 %: so the rim of a large hole
@@ -39,35 +34,31 @@ MIN_PAIR_WEIGHT = 0.75
 STD_FRACTION = 0.1  # "10 % of the standard deviation" (section 4.1)
 
 
-def depth_laplacian(depth: np.ndarray) -> np.ndarray:
-    """Return the 5x5 Laplacian of a depth map [m], shape (height, width), float32.
+def edge_magnitude(depth: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return |E| of a depth map [m], shape (height, width), float32, and the threshold tau_edge.
 
     Where some pairs are missing, the response of the others is scaled up to the full kernel. NaN: the
-    pixel has no depth, or too few measured neighbours to judge.
+    pixel has no depth, or too few measured neighbours to judge. The threshold is NaN when none is known.
     """
     height, width = depth.shape
-    padded = np.pad(depth.astype(np.float32), _REACH, constant_values=np.nan)
-
-    def shifted(dv: int, du: int) -> np.ndarray:
-        return padded[_REACH + dv : _REACH + dv + height, _REACH + du : _REACH + du + width]
-
-    twice_center = 2.0 * shifted(0, 0)
-    response = np.zeros(depth.shape, dtype=np.float32)
-    weight = np.zeros(depth.shape, dtype=np.float32)
-    for dv, du, kernel in _PAIRS:
-        bend = shifted(dv, du) + shifted(-dv, -du) - twice_center
-        measured = ~np.isnan(bend)
-        np.add(response, np.float32(kernel) * bend, out=response, where=measured)
-        np.add(weight, np.float32(abs(kernel)), out=weight, where=measured)
-    enough = weight >= MIN_PAIR_WEIGHT * _TOTAL_WEIGHT
-    scale = np.divide(_TOTAL_WEIGHT, weight, out=np.full_like(weight, np.nan), where=enough)
-    return response * scale
-
-
-def edge_threshold(magnitude: np.ndarray) -> float:
-    """Return tau_edge of the magnitudes |E| of one depth map; NaN when none is known."""
-    known = magnitude[~np.isnan(magnitude)].astype(np.float64)
-    return float(known.mean() + STD_FRACTION * known.std()) if known.size else float("nan")
+    columns = -(-width // TILE_WIDTH)
+    tiles = columns * -(-height // TILE_HEIGHT)
+    magnitude = np.empty((height, width), dtype=np.float32)
+    sums = np.empty((tiles, 3))
+    wp.launch(
+        laplacian_kernel,
+        dim=tiles,
+        inputs=[
+            0,
+            on_device(np.ascontiguousarray(depth, dtype=np.float32)),
+            columns,
+            _TOTAL_WEIGHT,
+            MIN_PAIR_WEIGHT * _TOTAL_WEIGHT,
+        ],
+        outputs=[on_device(magnitude), on_device(sums)],
+        device="cpu",
+    )
+    return magnitude, _edge_threshold(*sums.sum(axis=0))
 
 
 def smooth_depth(depth: np.ndarray) -> np.ndarray:
@@ -75,5 +66,19 @@ def smooth_depth(depth: np.ndarray) -> np.ndarray:
 
     On a perfectly flat map (every response is the same) all measured pixels pass.
     """
-    magnitude = np.abs(depth_laplacian(depth))
-    return magnitude <= edge_threshold(magnitude)
+    magnitude, threshold = edge_magnitude(depth)
+    return magnitude <= threshold
+
+
+def on_device(array: np.ndarray) -> wp.array:
+    """Return a Warp array on the CPU that shares the memory of ``array``."""
+    return wp.array(array, device="cpu", copy=False)
+
+
+def _edge_threshold(count: float, total: float, squares: float) -> float:
+    """Return tau_edge = mean + 0.1 std of |E|, given their number, sum and sum of squares."""
+    if count == 0:
+        return float("nan")
+    mean = total / count
+    deviation = np.sqrt(max(squares / count - mean * mean, 0.0))
+    return float(mean + STD_FRACTION * deviation)

@@ -1,133 +1,105 @@
-"""Depth-based initialization: all views -> one coloured point cloud (paper section 3.3.1).
+"""The five initializations (paper sections 3.3 and 4.1): frames and sparse points -> coloured points.
 
-The poses are the capture's own and metric, so the paper's scale factor between depth and poses is 1.
+Everything is metric. With poses from structure from motion, the model was scaled once, by the factor that
+`digs_warp.init.scale` finds (eq. 6 and 7), so the paper's sigma* in eq. 8 is 1 here; its voxel sizes in
+units of structure from motion are divided by the factor where they are asked for.
 """
 
-import logging
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig as InitConfig
-from digs_warp.init.edges import smooth_depth
-from digs_warp.init.voxel import VoxelSums, merge_voxel_sums, voxel_sums
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.init.depth_points import DepthReport, depth_points
+from digs_warp.init.fusion import unmasked_points_in_box
+from digs_warp.init.random_points import random_points
 from digs_warp.point_cloud import PointCloud
-
-logger = logging.getLogger(__name__)
+from digs_warp.sfm_model import SfmModel
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
-    """One view reduced to the grid, and how many pixels were left after each filter."""
+class Initialization:
+    """The points to start from, and how they came about.
 
-    name: str
-    voxels: VoxelSums
-    in_mask: int
-    with_depth: int
-    kept: int
+    Attributes:
+        points: in the world [m].
+        sources: number of points by where they came from: "depth", "sfm", "random".
+        depth: what became of the depth maps' pixels; None when the strategy does not use depth.
+    """
+
+    points: PointCloud
+    sources: dict[str, int]
+    depth: DepthReport | None = None
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
-    """Return the points of all views, one per voxel (eq. 10), ordered by voxel.
+    """Return the points of `initialize` for poses that are metric already."""
+    return initialize(frames, config).points
 
-    Views without a foreground pixel are skipped with a warning. Frames are read by all cores; memory
-    holds a few frames and the grid, however long the recording is.
+
+def initialize(
+    frames: Sequence[Frame],
+    config: InitConfig,
+    sfm: SfmModel | None = None,
+    sfm_per_metre: float | None = None,
+    baseline: float | None = None,
+) -> Initialization:
+    """Return the points of the configured strategy.
+
+    Args:
+        frames: training frames with metric cameras; held-out ones must not be among them.
+        config: strategy and settings.
+        sfm: structure from motion in metres (`SfmModel.in_metres`); None: the poses are the capture's.
+        sfm_per_metre: the scale it had; for voxel sizes in its unit.
+        baseline: of the stereo rig [m]; for shape 'ray'.
 
     Raises:
-        DigsError: no frames, a frame without depth or mask, or not a single point in any view.
+        DigsError: the strategy needs something that is missing, or leaves no points.
     """
-    _require_depth_and_masks(frames)
-    grid = _GrowingGrid()
-    views: list[_View] = []
-    with (
-        ThreadPoolExecutor(default_threads()) as pool,
-        progress(len(frames), "Back-projecting", "frame") as bar,
-    ):
-        for view in pool.map(partial(_reduce_view, config=config), frames):
-            if view.in_mask == 0:
-                logger.warning(
-                    "frame '%s': no mask pixel above %d, skipped", view.name, config.mask_threshold
-                )
-            grid.add(view.voxels)
-            views.append(view)
-            bar.update()
-    merged = grid.merged()
-    if len(merged) == 0:
-        raise _no_points_error(views, config)
-    return merged.well_supported(config.min_support).mean_points()
+    if config.strategy == "default":
+        points = _needed(sfm, config).points
+        return Initialization(points, {"sfm": len(points)})
+
+    if config.strategy == "random":
+        count = config.target_points or len(_needed(sfm, config).points)
+        points = random_points([frame.camera for frame in frames], count)
+        return Initialization(points, {"random": len(points)})
+
+    from_depth, report = depth_points(frames, config, sfm_per_metre, baseline)
+    if config.strategy in ("depth", "highdepth"):
+        return Initialization(from_depth, {"depth": len(from_depth)}, report)
+
+    # Fusion: P_fusion = P_BB united with P*.
+    from_sfm = unmasked_points_in_box(
+        _needed(sfm, config), frames, config.mask_threshold, from_depth.bounds
+    )
+    sources = {"depth": len(from_depth), "sfm": len(from_sfm)}
+    return Initialization(_union(from_depth, from_sfm, report.voxel_size), sources, report)
 
 
-def _reduce_view(frame: Frame, config: InitConfig) -> _View:
-    """Apply the conditions of eq. 9 to one view, back-project what is left (eq. 8) and grid it."""
-    depth = frame.load_depth()
-    in_mask = frame.load_mask() > config.mask_threshold
-    with_depth = in_mask & ~np.isnan(depth)
-    keep = with_depth & smooth_depth(depth) if config.edge_filter else with_depth
-    points_world, colors = back_project(frame.camera, frame.load_image(), depth, keep)
-    return _View(
-        name=frame.name,
-        voxels=voxel_sums(points_world, colors, config.voxel_size),
-        in_mask=int(np.count_nonzero(in_mask)),
-        with_depth=int(np.count_nonzero(with_depth)),
-        kept=int(np.count_nonzero(keep)),
+def _union(from_depth: PointCloud, from_sfm: PointCloud, voxel_size: float) -> PointCloud:
+    """Return both clouds as one; sparse points have no axis of their own and stay round."""
+    points = np.concatenate([from_depth.points_world, from_sfm.points_world])
+    colors = np.concatenate([from_depth.colors, from_sfm.colors])
+    if from_depth.axes_world is None or from_depth.axis_deviations is None:
+        return PointCloud(points, colors)
+    axes = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(from_sfm), 1))
+    deviations = np.full(len(from_sfm), voxel_size, dtype=np.float32)
+    return PointCloud(
+        points,
+        colors,
+        np.concatenate([from_depth.axes_world, axes]),
+        np.concatenate([from_depth.axis_deviations, deviations]),
     )
 
 
-class _GrowingGrid:
-    """Voxel sums of many views.
-
-    New views wait until together they are as large as the grid, then merge: each voxel is sorted a
-    logarithmic number of times, and memory stays within twice the grid.
-    """
-
-    def __init__(self) -> None:
-        self._batches: list[VoxelSums] = []
-
-    def add(self, voxels: VoxelSums) -> None:
-        self._batches.append(voxels)
-        if sum(map(len, self._batches[1:])) > len(self._batches[0]):
-            self._batches = [self.merged()]
-
-    def merged(self) -> VoxelSums:
-        return merge_voxel_sums(self._batches)
-
-
-def _require_depth_and_masks(frames: Sequence[Frame]) -> None:
-    if not frames:
-        raise DigsError("initialization: no frames; the capture needs at least one training frame")
-    advice = {
-        "depth_file_path": "depth maps (float EXR in metres or 16-bit PNG in millimetres)",
-        "mask_path": "object masks (8-bit PNG, 255 on the object)",
-    }
-    for key, what in advice.items():
-        lacking = [frame.name for frame in frames if not frame.has(key)]
-        if lacking:
-            raise DigsError(
-                f"initialization: {len(lacking)} of {len(frames)} frames have no '{key}' "
-                f"(the first is '{lacking[0]}'); add {what} to the capture or leave these frames out"
-            )
-
-
-def _no_points_error(views: Sequence[_View], config: InitConfig) -> DigsError:
-    in_mask = sum(view.in_mask for view in views)
-    with_depth = sum(view.with_depth for view in views)
-    if in_mask == 0:
-        hint = f"check the masks: 255 marks the object, values up to {config.mask_threshold} do not"
-    elif with_depth == 0:
-        hint = (
-            "check the depth maps: metres in EXR, millimetres in 16-bit PNG, and the sensor's range"
+def _needed(sfm: SfmModel | None, config: InitConfig) -> SfmModel:
+    if sfm is None:
+        raise DigsError(
+            f"initialization '{config.strategy}': needs the sparse points of structure from motion; "
+            "run with --poses sfm, or choose 'highdepth' or 'depth', which need depth maps only"
         )
-    else:
-        hint = "the depth is too sparse for the edge filter, turn it off"
-    return DigsError(
-        f"initialization: no points in {len(views)} frames: {in_mask} pixels inside the masks, "
-        f"{with_depth} of them with depth, 0 after the edge filter; {hint}"
-    )
+    return sfm

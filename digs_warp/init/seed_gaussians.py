@@ -21,7 +21,10 @@ LONELY_SCALE = 0.01
 def seed_gaussians(
     points: PointCloud, sh_degree: int = 0, opacity: float = INITIAL_OPACITY
 ) -> Gaussians:
-    """Return one round Gaussian per point, coloured alike from all sides.
+    """Return one Gaussian per point, coloured alike from all sides.
+
+    They are as wide as the points are apart; round, unless the points have axes: along these they have the
+    standard deviation that the points tell.
 
     Args:
         points: any number of points, duplicates allowed.
@@ -33,13 +36,32 @@ def seed_gaussians(
         raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
     sh = np.zeros((count, coefficient_count(sh_degree), 3))
     sh[:, 0] = sh_from_rgb(points.colors)
+    scales = np.repeat(neighbour_scales(points.points_world)[:, None], 3, axis=1)
+    quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
+    if points.axes_world is not None and points.axis_deviations is not None:
+        scales[:, 2] = points.axis_deviations
+        quats = quats_from_z_to(points.axes_world)
     return Gaussians(
         means=points.points_world,
-        log_scales=np.repeat(np.log(neighbour_scales(points.points_world))[:, None], 3, axis=1),
-        quats=np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
+        log_scales=np.log(scales),
+        quats=quats,
         opacity_logits=np.full(count, np.log(opacity / (1.0 - opacity))),
         sh=sh,
     )
+
+
+def quats_from_z_to(axes: np.ndarray) -> np.ndarray:
+    """Return unit quaternions xyzw that turn z into directions, shape (n, 3), by the shorter way.
+
+    The rotation by the angle t about z x a has the quaternion (sin(t/2) n, cos(t/2)); with a . z = cos(t)
+    that is (z x a, 1 + a . z) up to its length. Opposite directions turn about x.
+    """
+    axes = np.asarray(axes, dtype=np.float64)
+    zero = np.zeros(len(axes))
+    quats = np.stack([-axes[:, 1], axes[:, 0], zero, 1.0 + axes[:, 2]], axis=1)
+    lengths = np.linalg.norm(quats, axis=1, keepdims=True)
+    opposite = lengths < 1e-6
+    return np.where(opposite, [1.0, 0.0, 0.0, 0.0], quats / np.where(opposite, 1.0, lengths))
 
 
 def neighbour_scales(points_world: np.ndarray) -> np.ndarray:

@@ -11,11 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.point_cloud import PointCloud
-
-# Three signed voxel indices share one 64-bit key, so that a single sort groups the points.
-_BITS = 21
-MAX_INDEX = 2 ** (_BITS - 1) - 1
+from digs_warp.init.voxel_kernel import BITS, COLOR, EXTRA, MAX_INDEX, POSITION
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +20,9 @@ class VoxelSums:
 
     Attributes:
         keys: packed voxel indices, ascending, shape (n,), int64.
-        counts: points in the voxel, shape (n,), int64.
-        sums: summed positions [m] and colours, shape (n, 6), float64.
+        counts: measurements in the voxel, shape (n,), int64.
+        sums: summed weights, weighted positions [m], weighted colours in 0..1, and k further weighted
+            values, shape (n, 1 + 6 + k), float64.
     """
 
     keys: np.ndarray
@@ -35,28 +32,43 @@ class VoxelSums:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def well_supported(self, fraction: float) -> "VoxelSums":
-        """Return the voxels with at least ``fraction`` of the median number of points."""
-        if len(self) == 0:
-            return self
-        keep = self.counts >= fraction * np.median(self.counts)
+    @property
+    def means(self) -> np.ndarray:
+        """Weighted means of position, colour and the further values, shape (n, 6 + k)."""
+        return self.sums[:, 1:] / self.sums[:, :1]
+
+    @property
+    def points_world(self) -> np.ndarray:
+        """Weighted mean positions [m], shape (n, 3), in the order of the keys."""
+        return self.means[:, POSITION:COLOR]
+
+    @property
+    def colors(self) -> np.ndarray:
+        """Weighted mean colours, shape (n, 3)."""
+        return self.means[:, COLOR:EXTRA]
+
+    @property
+    def extra(self) -> np.ndarray:
+        """Weighted means of the further values, shape (n, k)."""
+        return self.means[:, EXTRA:]
+
+    def select(self, keep: np.ndarray) -> "VoxelSums":
+        """Return the voxels at ``keep``, a bool mask."""
         return VoxelSums(self.keys[keep], self.counts[keep], self.sums[keep])
 
-    def mean_points(self) -> PointCloud:
-        """Return the mean position and colour of each voxel, in the order of the keys."""
-        means = self.sums / self.counts[:, None]
-        return PointCloud(means[:, :3], means[:, 3:])
+    def well_supported(self, fraction: float) -> "VoxelSums":
+        """Return the voxels with at least ``fraction`` of the median number of measurements."""
+        if len(self) == 0:
+            return self
+        return self.select(self.counts >= fraction * np.median(self.counts))
 
+    def coarser(self, voxel_size: float) -> "VoxelSums":
+        """Return the sums on a coarser grid [m]; each voxel goes where its mean position lies.
 
-def voxel_sums(points_world: np.ndarray, colors: np.ndarray, voxel_size: float) -> VoxelSums:
-    """Sum up points, shape (n, 3) [m], and their colours, shape (n, 3), per voxel of the grid.
-
-    Raises:
-        DigsError: the voxel size is not positive, or so small that voxel indices overflow.
-    """
-    keys = _voxel_keys(points_world, voxel_size)
-    rows = np.concatenate([points_world, colors], axis=1, dtype=np.float64)
-    return _sum_by_key(keys, np.ones(len(keys), dtype=np.int64), rows)
+        Raises:
+            DigsError: the voxel size is not positive, or so small that voxel indices overflow.
+        """
+        return _sum_by_key(_voxel_keys(self.points_world, voxel_size), self.counts, self.sums)
 
 
 def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:
@@ -68,11 +80,6 @@ def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:
     )
 
 
-def voxel_downsample(points: PointCloud, voxel_size: float) -> PointCloud:
-    """Return one point per occupied voxel with edge length ``voxel_size`` [m]."""
-    return voxel_sums(points.points_world, points.colors, voxel_size).mean_points()
-
-
 def _voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
     check_positive("voxel size", voxel_size)
     extent = float(np.abs(points_world).max(initial=0.0))
@@ -82,9 +89,11 @@ def _voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
             f"expected at least {extent / MAX_INDEX:.2g} m; choose a larger voxel size"
         )
     keys = np.zeros(len(points_world), dtype=np.int64)
+    # The kernel multiplies by the reciprocal, too: both give a point the same voxel.
+    voxels_per_metre = 1.0 / voxel_size
     for coordinate in np.asarray(points_world, dtype=np.float64).T:
-        index = np.floor(coordinate / voxel_size).astype(np.int64) + MAX_INDEX + 1
-        keys = (keys << _BITS) | index
+        index = np.floor(coordinate * voxels_per_metre).astype(np.int64) + MAX_INDEX + 1
+        keys = (keys << BITS) | index
     return keys
 
 

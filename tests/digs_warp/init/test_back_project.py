@@ -1,42 +1,123 @@
-"""Back-projection undoes projection."""
+"""Back-projection and its voxels, against the formulas."""
 
 import numpy as np
+import pytest
+from reference.init_twin import back_projected, voxel_means
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at
 from digs_warp.init.back_project import back_project
+from digs_warp.init.voxel import MAX_INDEX, VoxelSums
 
+HEIGHT, WIDTH = 17, 31
 CAMERA = Camera(
-    Intrinsics(31, 17, 40.0, 42.0, 14.0, 9.5),
+    Intrinsics(WIDTH, HEIGHT, 40.0, 42.0, 14.0, 9.5),
     look_at(np.array([0.6, -0.5, 0.4]), np.zeros(3), np.array([0.0, 0.0, 1.0])),
 )
+TINY = 2e-5  # no two of the test's points fall into one voxel of this size
+
+
+def random_view(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Depth, image and weights; about half of the pixels have no weight, some of them no depth."""
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(0.3, 3.0, (HEIGHT, WIDTH)).astype(np.float32)
+    weights = rng.uniform(0.1, 2.0, (HEIGHT, WIDTH)) * (rng.random((HEIGHT, WIDTH)) < 0.5)
+    depth[(weights == 0) & (rng.random((HEIGHT, WIDTH)) < 0.3)] = np.nan
+    image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    return depth, image, weights.astype(np.float32)
+
+
+def check_against_twin(
+    found: VoxelSums, points: np.ndarray, values: np.ndarray, weights: np.ndarray, size: float
+) -> None:
+    expected = voxel_means(points, values, weights, size)
+    np.testing.assert_array_equal(found.counts, [count for count, _ in expected.values()])
+    # float64 sums in both: a few roundings of coordinates up to 3.
+    np.testing.assert_allclose(found.means, [mean for _, mean in expected.values()], atol=1e-12)
+
+
+@pytest.mark.parametrize("voxel_size", [TINY, 0.03, 0.4, 100.0])
+def test_voxels_equal_the_twin(voxel_size: float) -> None:
+    depth, image, weights = random_view()
+    keep = weights > 0
+    points = back_projected(CAMERA, depth, keep)
+    values = np.concatenate([points, image[keep] / 255.0], axis=1)
+    found = back_project(CAMERA, image, depth, weights, voxel_size)
+    check_against_twin(found, points, values, weights[keep], voxel_size)
+    if voxel_size == TINY:
+        assert len(found) == np.count_nonzero(keep)
+    if voxel_size == 100.0:
+        assert len(found) <= 8  # the voxels around the origin
+
+
+def test_further_values_are_summed_alike() -> None:
+    depth, image, weights = random_view(1)
+    extra = np.random.default_rng(2).normal(size=(HEIGHT, WIDTH, 4)).astype(np.float32)
+    keep = weights > 0
+    points = back_projected(CAMERA, depth, keep)
+    values = np.concatenate([points, image[keep] / 255.0, extra[keep]], axis=1)
+    found = back_project(CAMERA, image, depth, weights, 0.2, extra)
+    check_against_twin(found, points, values, weights[keep], 0.2)
 
 
 def test_projecting_the_points_gives_pixels_and_depths_back() -> None:
-    rng = np.random.default_rng(0)
-    depth = rng.uniform(0.3, 3.0, (17, 31)).astype(np.float32)
-    keep = rng.random((17, 31)) < 0.5
-    image = rng.integers(0, 256, (17, 31, 3), dtype=np.uint8)
-    points_world, colors = back_project(CAMERA, image, depth, keep)
-    px, projected_depth = CAMERA.project(points_world)
-    # float64 throughout: what remains is rounding at a magnitude of 31 pixels.
-    np.testing.assert_allclose(px, pixel_centers(31, 17)[keep], atol=1e-12)
-    np.testing.assert_allclose(projected_depth, depth[keep], rtol=1e-14)
-    np.testing.assert_array_equal(colors * 255, image[keep])
+    depth, image, weights = random_view(3)
+    found = back_project(CAMERA, image, depth, weights, TINY)
+    px, projected_depth = CAMERA.project(found.points_world)
+    keep = weights > 0
+    expected = np.concatenate([pixel_centers(WIDTH, HEIGHT)[keep], depth[keep, None]], axis=1)
+    pixels = np.concatenate([px, projected_depth[:, None]], axis=1)
+    order = np.lexsort(np.floor(pixels[:, :2].T))
+    # What remains is rounding at a magnitude of 31 pixels.
+    np.testing.assert_allclose(pixels[order], expected, atol=1e-11)
+
+
+def test_more_voxels_than_the_table_starts_with() -> None:
+    camera = Camera(Intrinsics(300, 200, 200.0, 200.0, 150.0, 100.0), np.eye(4))
+    rng = np.random.default_rng(4)
+    depth = rng.uniform(0.5, 3.0, (200, 300)).astype(np.float32)
+    image = np.zeros((200, 300, 3), np.uint8)
+    found = back_project(camera, image, depth, np.ones_like(depth), 1e-4)
+    assert len(found) > 40_000
+    assert found.counts.sum() == depth.size
+    assert np.all(np.diff(found.keys) > 0)
 
 
 def test_a_plane_stays_a_plane() -> None:
-    depth = np.full((17, 31), 1.25, dtype=np.float32)
-    points_world, _ = back_project(
-        CAMERA, np.zeros((17, 31, 3), np.uint8), depth, np.ones((17, 31), bool)
-    )
+    depth = np.full((HEIGHT, WIDTH), 1.25, dtype=np.float32)
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    found = back_project(CAMERA, image, depth, np.ones_like(depth), 0.01)
     forward = CAMERA.world_from_cam[:3, 2]
-    np.testing.assert_allclose((points_world - CAMERA.center_world) @ forward, 1.25, rtol=1e-14)
-
-
-def test_nothing_kept_gives_no_points() -> None:
-    depth = np.full((17, 31), np.nan, dtype=np.float32)
-    points_world, colors = back_project(
-        CAMERA, np.zeros((17, 31, 3), np.uint8), depth, np.zeros((17, 31), bool)
+    np.testing.assert_allclose(
+        (found.points_world - CAMERA.center_world) @ forward, 1.25, rtol=1e-14
     )
-    assert points_world.shape == colors.shape == (0, 3)
+
+
+@pytest.mark.parametrize("pixel", [None, (0, 0), (16, 30), (8, 11)])
+def test_no_pixel_and_one_pixel(pixel: tuple[int, int] | None) -> None:
+    depth, image, _ = random_view()
+    depth[:] = 1.5
+    weights = np.zeros_like(depth)
+    if pixel is not None:
+        weights[pixel] = 1.0
+    found = back_project(CAMERA, image, depth, weights, 0.01)
+    expected = back_projected(CAMERA, depth, weights > 0)
+    np.testing.assert_allclose(found.points_world, expected, atol=1e-12)
+    assert found.colors.shape == expected.shape
+
+
+def test_points_too_far_for_the_grid_raise() -> None:
+    depth, image, weights = random_view()
+    far = np.where(weights > 0, depth * np.float32(1e6), depth)
+    assert len(back_project(CAMERA, image, far, weights, 10.0)) > 0
+    with pytest.raises(DigsError, match=r"voxel size 0\.004 m: too small for points up to 2\.99"):
+        back_project(CAMERA, image, far, weights, 0.004)
+    assert 3e6 / 10.0 < MAX_INDEX < 3e6 / 0.004
+
+
+@pytest.mark.parametrize("voxel_size", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_voxel_size_that_is_no_length_raises(voxel_size: float) -> None:
+    depth, image, weights = random_view()
+    with pytest.raises(DigsError, match="voxel size"):
+        back_project(CAMERA, image, depth, weights, voxel_size)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from reference.init_twin import laplacian_of_pairs, threshold_of
 from scipy import ndimage
 
-from digs_warp.init.edges import LAPLACIAN_5X5, depth_laplacian, edge_threshold, smooth_depth
+from digs_warp.init.edges import LAPLACIAN_5X5, edge_magnitude, smooth_depth
 
 # A plane of about 2 m in float32: 44 weighted differences of values with a step of 1.2e-7 * 2.
 PLANE_ROUNDING = 1e-4
@@ -21,11 +22,29 @@ def step(height: int = 24, width: int = 32) -> np.ndarray:
     return depth
 
 
+def magnitude_of(depth: np.ndarray) -> np.ndarray:
+    return edge_magnitude(depth)[0]
+
+
+# Tiles are 64x16 pixels: none, one, and several of them, whole and cut.
+@pytest.mark.parametrize("shape", [(1, 1), (3, 70), (16, 64), (17, 65), (40, 130)])
+@pytest.mark.parametrize("holes", [0.0, 0.04, 0.5, 0.999])
+def test_the_kernel_equals_its_twin(shape: tuple[int, int], holes: float) -> None:
+    rng = np.random.default_rng(shape[0] + int(1000 * holes))
+    depth = rng.uniform(0.5, 2.0, shape).astype(np.float32)
+    depth[rng.random(shape) < holes] = np.nan
+    magnitude, threshold = edge_magnitude(depth)
+    expected = laplacian_of_pairs(depth)
+    # Up to 20 differences of 2 m with weights up to 8 in float32, scaled up by at most 4 / 3.
+    np.testing.assert_allclose(magnitude, expected, atol=PLANE_ROUNDING)
+    np.testing.assert_allclose(threshold, threshold_of(expected), rtol=1e-5)
+
+
 def test_without_holes_it_is_the_usual_laplacian() -> None:
     depth = np.random.default_rng(0).uniform(0.5, 2.0, (20, 30)).astype(np.float32)
     expected = ndimage.correlate(depth.astype(np.float64), LAPLACIAN_5X5)
     np.testing.assert_allclose(
-        depth_laplacian(depth)[2:-2, 2:-2], expected[2:-2, 2:-2], atol=PLANE_ROUNDING
+        magnitude_of(depth)[2:-2, 2:-2], np.abs(expected[2:-2, 2:-2]), atol=PLANE_ROUNDING
     )
 
 
@@ -38,14 +57,14 @@ def test_curvature_has_its_closed_form() -> None:
     columns = np.arange(32) - 16.0
     depth = np.tile(2.0 + 0.01 * columns**2, (24, 1)).astype(np.float32)
     # (1, 0, -2, 0, 1) on c x^2 gives 8 c, times the smoothing's sum of 16.
-    np.testing.assert_allclose(depth_laplacian(depth)[4:-4, 4:-4], 8 * 0.01 * 16, rtol=1e-3)
+    np.testing.assert_allclose(magnitude_of(depth)[4:-4, 4:-4], 8 * 0.01 * 16, rtol=1e-3)
 
 
 @pytest.mark.parametrize("missing_fraction", [0.0, 0.05, 0.1])
 def test_a_slanted_plane_with_holes_has_no_edges(missing_fraction: float) -> None:
     depth = plane(60, 80)
     depth[np.random.default_rng(1).random(depth.shape) < missing_fraction] = np.nan
-    response = depth_laplacian(depth)
+    response = magnitude_of(depth)
     known = ~np.isnan(response)
     assert np.count_nonzero(known) > 0.4 * depth.size
     np.testing.assert_allclose(response[known], 0.0, atol=PLANE_ROUNDING)
@@ -54,14 +73,14 @@ def test_a_slanted_plane_with_holes_has_no_edges(missing_fraction: float) -> Non
 def test_one_missing_pixel_costs_only_itself() -> None:
     depth = plane()
     depth[12, 16] = np.nan
-    lost = np.isnan(depth_laplacian(depth)) & ~np.isnan(depth_laplacian(plane()))
+    lost = np.isnan(magnitude_of(depth)) & ~np.isnan(magnitude_of(plane()))
     assert np.argwhere(lost).tolist() == [[12, 16]]
 
 
 def test_rim_of_a_large_hole_is_dropped() -> None:
     depth = plane()
     depth[:, 20:] = np.nan
-    kept = ~np.isnan(depth_laplacian(depth))
+    kept = ~np.isnan(magnitude_of(depth))
     assert kept[4:-4, 17].all()
     assert not kept[:, 18:].any()
 
@@ -83,8 +102,18 @@ def test_holes_do_not_hide_a_step() -> None:
 
 
 def test_threshold_is_mean_plus_a_tenth_of_the_deviation() -> None:
-    magnitude = np.array([0.0, 1.0, 2.0, 5.0, np.nan])
-    assert edge_threshold(magnitude) == pytest.approx(2.0 + 0.1 * np.sqrt(14 / 4))
+    depth = step()
+    magnitude, threshold = edge_magnitude(depth)
+    known = magnitude[~np.isnan(magnitude)].astype(np.float64)
+    assert threshold == pytest.approx(known.mean() + 0.1 * known.std(), rel=1e-6)
+    assert np.isnan(edge_magnitude(np.full((8, 8), np.nan, np.float32))[1])
+
+
+def test_depth_in_any_memory_layout_gives_the_same() -> None:
+    depth = step(30, 40)
+    np.testing.assert_array_equal(smooth_depth(np.asfortranarray(depth)), smooth_depth(depth))
+    wide = np.repeat(depth, 2, axis=1)[:, ::2]
+    np.testing.assert_array_equal(smooth_depth(wide.astype(np.float64)), smooth_depth(depth))
 
 
 def test_a_flat_map_passes_whole() -> None:

@@ -100,10 +100,27 @@ def test_edge_filter_removes_the_pixels_between_ball_and_wall(
         grown.append((camera, replace(images, mask=mask)))
     capture = write_capture(tmp_path, grown)
     # Eight views see a voxel of the wall as rarely as one of the ball: support cannot tell them apart.
-    config = replace(CONFIG, min_support=0.0)
+    config = replace(CONFIG, min_support=0.0, foreground_filter=False)
     filtered = initial_points(capture.frames, config)
     unfiltered = initial_points(capture.frames, replace(config, edge_filter=False))
     assert np.linalg.norm(filtered.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
+    assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
+
+
+def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
+    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+) -> None:
+    leaking = []
+    for camera, images in views:
+        mask = images.mask.copy()
+        mask[40:, 50:] = 255
+        leaking.append((camera, replace(images, mask=mask)))
+    capture = write_capture(tmp_path, leaking)
+    config = replace(CONFIG, min_support=0.0, edge_filter=False)
+    filtered = initial_points(capture.frames, config)
+    unfiltered = initial_points(capture.frames, replace(config, foreground_filter=False))
+    exact = initial_points(write_capture(tmp_path / "exact", views).frames, config)
+    np.testing.assert_array_equal(filtered.points_world, exact.points_world)
     assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.imports import MissingLibraryError, import_open3d
-from digs_warp.init.voxel import MAX_INDEX, merge_voxel_sums, voxel_downsample, voxel_sums
+from digs_warp.init.voxel import MAX_INDEX, VoxelSums, merge_voxel_sums
 from digs_warp.point_cloud import PointCloud
 
 VOXEL = 0.0625  # a power of two: cell borders are exact
@@ -16,6 +16,19 @@ VOXEL = 0.0625  # a power of two: cell borders are exact
 def cloud(count: int, seed: int = 0) -> PointCloud:
     rng = np.random.default_rng(seed)
     return PointCloud(rng.uniform(-0.5, 0.5, (count, 3)), rng.uniform(0, 1, (count, 3)))
+
+
+def voxel_sums(points_world: np.ndarray, colors: np.ndarray, voxel_size: float) -> VoxelSums:
+    """Each point a voxel of its own, put on the coarser grid."""
+    ones = np.ones((len(points_world), 1))
+    rows = np.concatenate([ones, points_world, colors], axis=1, dtype=np.float64)
+    single = VoxelSums(np.arange(len(rows)), np.ones(len(rows), np.int64), rows)
+    return single.coarser(voxel_size)
+
+
+def voxel_downsample(points: PointCloud, voxel_size: float) -> PointCloud:
+    sums = voxel_sums(points.points_world, points.colors, voxel_size)
+    return PointCloud(sums.points_world, sums.colors)
 
 
 def sorted_rows(points: PointCloud) -> np.ndarray:
@@ -109,7 +122,8 @@ def test_support_is_relative_to_the_median_voxel() -> None:
 
 def test_no_points_give_no_points() -> None:
     nothing = np.zeros((0, 3))
-    assert len(voxel_sums(nothing, nothing, 1.0).well_supported(0.1).mean_points()) == 0
+    sums = voxel_sums(nothing, nothing, 1.0).well_supported(0.1)
+    assert sums.points_world.shape == sums.colors.shape == (0, 3)
 
 
 def test_indices_just_below_the_limit_work_and_above_it_raise() -> None:

@@ -1,0 +1,212 @@
+"""All depth maps -> one point cloud P* (paper section 3.3.1, eq. 8 to 10)."""
+
+import logging
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
+
+import numpy as np
+import warp as wp
+
+from digs_warp.capture import Frame
+from digs_warp.checks import DigsError
+from digs_warp.init import edge_kernel, voxel_kernel
+from digs_warp.init.config import InitConfig
+from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
+from digs_warp.init.visibility import not_seen_through
+from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
+from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
+from digs_warp.log import progress
+from digs_warp.parallel import default_threads
+from digs_warp.point_cloud import PointCloud
+
+logger = logging.getLogger(__name__)
+
+# New views wait until together they have this many times the grid's voxels, then merge.
+MERGE_AT = 3.0
+
+# A flat Gaussian's standard deviation along the normal, as a share of the voxel size.
+FLATNESS = 0.2
+
+# A view whose depth calls more than this share of its mask background: the two disagree.
+DISAGREEMENT = 0.5
+
+
+@dataclass
+class DepthReport:
+    """What became of the pixels and voxels.
+
+    Attributes:
+        voxel_size: edge length of the final grid [m].
+        pixels: sums over all views of the pixels left after each filter.
+        voxels: how many were left after each step on the grid.
+        seconds: CPU time of each stage, all threads together [s].
+    """
+
+    voxel_size: float = 0.0
+    pixels: dict[str, int] = field(default_factory=lambda: dict.fromkeys(FILTERS, 0))
+    voxels: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, view: ViewPoints) -> None:
+        """Count a view."""
+        for name, count in view.pixels.items():
+            self.pixels[name] += count
+        for name, seconds in view.seconds.items():
+            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+
+
+def depth_points(
+    frames: Sequence[Frame],
+    config: InitConfig,
+    sfm_per_metre: float | None = None,
+    baseline: float | None = None,
+) -> tuple[PointCloud, DepthReport]:
+    """Return the points of all views, one per voxel (eq. 10), ordered by voxel, and what was counted.
+
+    Views without a foreground pixel are skipped with a warning. Frames are read by all cores; memory
+    holds a few frames and the grid, however long the recording is. The result does not depend on the
+    number of threads.
+
+    Args:
+        frames: with image, depth, mask and a metric camera.
+        config: how.
+        sfm_per_metre: for a voxel size in units of structure from motion.
+        baseline: of the stereo rig [m], for shape 'ray'.
+
+    Raises:
+        DigsError: no frames, a frame without depth or mask, or not a single point in any view.
+    """
+    _require_layers(frames, config)
+    for module in (edge_kernel, voxel_kernel):
+        wp.load_module(module, device="cpu")  # once, before several threads launch
+    report = DepthReport()
+    size = first_voxel_size(frames, config, sfm_per_metre)
+    grid = _GrowingGrid()
+    seen = []
+    for view in _views(
+        frames, partial(view_points, config=config, voxel_size=size, baseline=baseline)
+    ):
+        _warn_of_odd_masks(view, config)
+        grid.add(view.voxels)
+        report.add(view)
+        if view.thinned_depth is not None:
+            seen.append((view.camera, view.thinned_depth))
+    voxels = grid.merged()
+    if len(voxels) == 0:
+        raise _no_points_error(len(frames), report.pixels, config)
+    report.voxel_size = final_voxel_size(voxels, size, config)
+    if report.voxel_size > size:
+        voxels = voxels.coarser(report.voxel_size)
+    report.voxels["occupied"] = len(voxels)
+    voxels = voxels.well_supported(config.min_support)
+    report.voxels["well supported"] = len(voxels)
+    if config.visibility_check:
+        visible = not_seen_through(voxels.points_world, seen, report.voxel_size)
+        voxels = voxels.select(visible) if visible.any() else voxels
+        report.voxels["not seen through"] = len(voxels)
+    return _to_points(voxels, config, report.voxel_size), report
+
+
+def _views(frames: Sequence[Frame], reduce: partial[ViewPoints]) -> Iterator[ViewPoints]:
+    """Yield all views in order; the next few are worked on meanwhile, no more: each holds its pixels."""
+    threads = default_threads()
+    with (
+        ThreadPoolExecutor(threads) as pool,
+        progress(len(frames), "Back-projecting", "frame") as bar,
+    ):
+        waiting = [pool.submit(reduce, frame) for frame in frames[: 2 * threads]]
+        for frame in chain(frames[2 * threads :], [None] * len(waiting)):
+            yield waiting.pop(0).result()
+            bar.update()
+            if frame is not None:
+                waiting.append(pool.submit(reduce, frame))
+
+
+class _GrowingGrid:
+    """Voxel sums of many views.
+
+    New views wait until together they outweigh the grid, then merge: each voxel is sorted a
+    logarithmic number of times, and memory stays within a few times the grid.
+    """
+
+    def __init__(self) -> None:
+        self._batches: list[VoxelSums] = []
+
+    def add(self, voxels: VoxelSums) -> None:
+        self._batches.append(voxels)
+        if sum(map(len, self._batches[1:])) > MERGE_AT * len(self._batches[0]):
+            self._batches = [self.merged()]
+
+    def merged(self) -> VoxelSums:
+        return merge_voxel_sums(self._batches)
+
+
+def _to_points(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:
+    """Return a point per voxel, with an axis where the Gaussians are not to be round."""
+    if config.shape == "round":
+        return PointCloud(voxels.points_world, voxels.colors)
+    axes = voxels.extra[:, :3]
+    lengths = np.linalg.norm(axes, axis=1)
+    known = lengths > 1e-6
+    units = np.where(known[:, None], axes / np.where(known, lengths, 1.0)[:, None], [0.0, 0.0, 1.0])
+    if config.shape == "flat":
+        # Where no pixel had a normal, the point stays as wide as its voxel in all directions.
+        deviations = np.where(known, FLATNESS * voxel_size, voxel_size)
+    else:
+        # Views from all around bound the error from all sides: their rays cancel in the mean.
+        along = voxels.extra[:, 3] * lengths**2
+        deviations = np.sqrt(voxel_size**2 + along)
+    return PointCloud(voxels.points_world, voxels.colors, units, deviations)
+
+
+def _warn_of_odd_masks(view: ViewPoints, config: InitConfig) -> None:
+    in_mask, _, smooth, foreground = (view.pixels[name] for name in FILTERS)
+    if in_mask == 0:
+        logger.warning(
+            "frame '%s': no mask pixel above %d, skipped", view.name, config.mask_threshold
+        )
+    elif foreground < (1 - DISAGREEMENT) * smooth:
+        logger.warning(
+            "frame '%s': its depth calls %.0f%% of its mask background; look at the mask",
+            view.name,
+            100 * (1 - foreground / smooth),
+        )
+
+
+def _require_layers(frames: Sequence[Frame], config: InitConfig) -> None:
+    if not frames:
+        raise DigsError("initialization: no frames; the capture needs at least one training frame")
+    advice = {
+        "depth_file_path": "depth maps (float EXR in metres or 16-bit PNG in millimetres)",
+        "mask_path": "object masks (8-bit PNG, 255 on the object)",
+    }
+    if config.weight_by_confidence:
+        advice["confidence_file_path"] = "confidence maps (8-bit PNG)"
+    for key, what in advice.items():
+        lacking = [frame.name for frame in frames if not frame.has(key)]
+        if lacking:
+            raise DigsError(
+                f"initialization: {len(lacking)} of {len(frames)} frames have no '{key}' "
+                f"(the first is '{lacking[0]}'); add {what} to the capture or leave these frames out"
+            )
+
+
+def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) -> DigsError:
+    in_mask, with_depth, smooth, _ = (pixels[name] for name in FILTERS)
+    if in_mask == 0:
+        hint = f"check the masks: 255 marks the object, values up to {config.mask_threshold} do not"
+    elif with_depth == 0:
+        hint = (
+            "check the depth maps: metres in EXR, millimetres in 16-bit PNG, and the sensor's range"
+        )
+    elif smooth == 0:
+        hint = "the depth is too sparse for the edge filter, turn it off"
+    else:
+        hint = "the depth calls all of it background: check the masks, or turn the foreground filter off"
+    return DigsError(
+        f"initialization: no points in {frames} frames: {in_mask} pixels inside the masks, "
+        f"{with_depth} of them with depth, {smooth} after the edge filter; {hint}"
+    )

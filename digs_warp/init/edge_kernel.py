@@ -1,0 +1,107 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Kernel of `digs_warp.init.edges`: the magnitude of the Laplacian, and the sums that its threshold needs.
+
+One thread per tile of 64x16 pixels. Its depth values lie in one local array, so that LLVM turns the loop
+over a row into vector code; what is missing is selected away, not branched around.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "max_unroll": 1})
+
+TILE_WIDTH, TILE_HEIGHT = 64, 16
+REACH = 2  # pixels from the centre to the rim of the kernel
+
+_WIDTH = wp.constant(TILE_WIDTH)
+_HEIGHT = wp.constant(TILE_HEIGHT)
+_REACH = wp.constant(REACH)
+_STRIDE = wp.constant(TILE_WIDTH + 2 * REACH)
+_ROWS = wp.constant(TILE_HEIGHT + 2 * REACH)
+_NEAR = wp.constant((TILE_WIDTH + 2 * REACH) * (TILE_HEIGHT + 2 * REACH))
+# y & 15 is y, and tells LLVM that it is no negative index, which Warp would have to wrap.
+_ROW_MASK = wp.constant(TILE_HEIGHT - 1)
+
+
+@wp.func
+def known(bend: float) -> float:
+    """Return 1 where both members of a pair are measured, else 0."""
+    return wp.where(bend == bend, 1.0, 0.0)
+
+
+@wp.func
+def or_zero(bend: float) -> float:
+    """Return the value of a pair, or 0 where a member is missing."""
+    return wp.where(bend == bend, bend, 0.0)
+
+
+@wp.kernel
+def laplacian_kernel(
+    first: int,
+    depth: wp.array2d[float],  # [height, width] NaN: unknown
+    tile_columns: int,
+    total_weight: float,  # of all pairs
+    min_weight: float,  # below which a pixel is not judged
+    # outputs
+    magnitude: wp.array2d[float],  # [height, width] |E|, NaN where not judged
+    sums: wp.array2d[wp.float64],  # [tiles, 3] number, sum and sum of squares of |E|
+):
+    """Write |E|. The weights of the pairs are those of `digs_warp.init.edges.LAPLACIAN_5X5`."""
+    tile = first + wp.tid()
+    top = (tile // tile_columns) * _HEIGHT
+    left = (tile % tile_columns) * _WIDTH
+    height = depth.shape[0]
+    width = depth.shape[1]
+    near = wp.zeros(shape=(_NEAR,), dtype=float)
+    for load_y in range(_ROWS):
+        row = top + load_y - _REACH
+        for load_x in range(_STRIDE):
+            column = left + load_x - _REACH
+            loaded = wp.nan
+            if row >= 0 and row < height and column >= 0 and column < width:
+                loaded = depth[row, column]
+            near[load_y * _STRIDE + load_x] = loaded
+    line = wp.zeros(shape=(_WIDTH,), dtype=float)
+    count = wp.float64(0.0)
+    total = wp.float64(0.0)
+    squares = wp.float64(0.0)
+    for y in range(_HEIGHT):
+        row0 = (y & _ROW_MASK) * _STRIDE
+        row1 = row0 + _STRIDE
+        row2 = row1 + _STRIDE
+        row3 = row2 + _STRIDE
+        row4 = row3 + _STRIDE
+        for x in range(_WIDTH):
+            twice = 2.0 * near[row2 + x + 2]
+            # Opposite pairs, named by the row and column of their first member.
+            b00 = near[row0 + x] + near[row4 + x + 4] - twice
+            b01 = near[row0 + x + 1] + near[row4 + x + 3] - twice
+            b02 = near[row0 + x + 2] + near[row4 + x + 2] - twice
+            b03 = near[row0 + x + 3] + near[row4 + x + 1] - twice
+            b04 = near[row0 + x + 4] + near[row4 + x] - twice
+            b10 = near[row1 + x] + near[row3 + x + 4] - twice
+            b12 = near[row1 + x + 2] + near[row3 + x + 2] - twice
+            b14 = near[row1 + x + 4] + near[row3 + x] - twice
+            b20 = near[row2 + x] + near[row2 + x + 4] - twice
+            b21 = near[row2 + x + 1] + near[row2 + x + 3] - twice
+            known2 = known(b00) + known(b04)
+            known4 = known(b01) + known(b02) + known(b03) + known(b10) + known(b14) + known(b20)
+            known8 = known(b12) + known(b21)
+            sum2 = or_zero(b00) + or_zero(b04)
+            sum4 = or_zero(b01) + or_zero(b02) + or_zero(b03) + or_zero(b10) + or_zero(b14)
+            sum4 = sum4 + or_zero(b20)
+            sum8 = or_zero(b12) + or_zero(b21)
+            weight = 2.0 * known2 + 4.0 * known4 + 8.0 * known8
+            response = (2.0 * sum2 + 4.0 * sum4 - 8.0 * sum8) * (total_weight / weight)
+            line[x] = wp.where(weight >= min_weight, wp.abs(response), wp.nan)
+        if top + y < height:
+            for write_x in range(wp.min(_WIDTH, width - left)):
+                found = line[write_x]
+                magnitude[top + y, left + write_x] = found
+                if found == found:
+                    count += wp.float64(1.0)
+                    total += wp.float64(found)
+                    squares += wp.float64(found) * wp.float64(found)
+    sums[tile, 0] = count
+    sums[tile, 1] = total
+    sums[tile, 2] = squares

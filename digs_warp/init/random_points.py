@@ -1,0 +1,49 @@
+"""Random points: the baseline that knows nothing of the surface (paper section 4.1).
+
+The paper does not say where its random points lie. Here they fill the cube that the cameras look at:
+around the point nearest to all optical axes, as large as the narrower side of the image shows there.
+Their colours are random, too.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.checks import DigsError
+from digs_warp.point_cloud import PointCloud
+
+SEED = 0
+
+
+def random_points(cameras: Sequence[Camera], count: int) -> PointCloud:
+    """Return ``count`` points, uniform in the cube that the cameras look at; always the same ones.
+
+    Raises:
+        DigsError: all cameras look in the same direction: they have no point in common.
+    """
+    center = looked_at(cameras)
+    half_sides = [
+        np.linalg.norm(camera.center_world - center)
+        * min(k.width / (2 * k.fx), k.height / (2 * k.fy))
+        for camera in cameras
+        for k in [camera.intrinsics]
+    ]
+    rng = np.random.default_rng(SEED)
+    offsets = rng.uniform(-1.0, 1.0, (count, 3)) * np.median(half_sides)
+    return PointCloud(center + offsets, rng.uniform(0.0, 1.0, (count, 3)))
+
+
+def looked_at(cameras: Sequence[Camera]) -> np.ndarray:
+    """Return the point with the smallest summed squared distance to all optical axes [m], shape (3,)."""
+    axes = np.stack([camera.world_from_cam[:3, 2] for camera in cameras])
+    centers = np.stack([camera.center_world for camera in cameras])
+    # The distance of x to an axis is |(I - a a^T) (x - c)|: linear least squares.
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    normal_matrix = across.sum(axis=0)
+    if np.linalg.cond(normal_matrix) > 1e6:
+        raise DigsError(
+            "initialization 'random': the cameras all look in one direction, so there is no place "
+            "that they look at; choose another strategy"
+        )
+    return np.linalg.solve(normal_matrix, np.einsum("nij,nj->i", across, centers))

@@ -1,0 +1,120 @@
+"""One view -> voxels: the conditions of eq. 9, back-projection (eq. 8) and the grid (paper section 3.3.1)."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.capture import Frame
+from digs_warp.checks import DigsError
+from digs_warp.init.back_project import back_project
+from digs_warp.init.config import InitConfig
+from digs_warp.init.edges import smooth_depth
+from digs_warp.init.foreground import foreground_range
+from digs_warp.init.normals import normals_from_depth
+from digs_warp.init.uncertainty import depth_deviation, pixel_rays, stereo_weights
+from digs_warp.init.voxel import VoxelSums
+
+# The visibility check looks at every n-th row and column, so that a map has about this many pixels.
+KEPT_PIXELS = 100_000
+
+# Conditions of eq. 9 in the order in which they are applied.
+FILTERS = ("in the mask", "with depth", "away from edges", "in the foreground")
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPoints:
+    """One view reduced to the grid.
+
+    Attributes:
+        name: of the frame.
+        camera: of the frame.
+        voxels: sums over the pixels that are left.
+        pixels: how many were left after each of `FILTERS`.
+        thinned_depth: every n-th row and column of the depth map, for the visibility check; or None.
+        seconds: CPU time of each stage [s]; "read" is the time for the files.
+    """
+
+    name: str
+    camera: Camera
+    voxels: VoxelSums
+    pixels: dict[str, int]
+    thinned_depth: np.ndarray | None
+    seconds: dict[str, float]
+
+
+class _Laps:
+    """CPU time of the calling thread from one `lap` to the next."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.thread_time()
+
+    def lap(self, name: str) -> None:
+        now = time.thread_time()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        self._last = now
+
+
+def view_points(
+    frame: Frame, config: InitConfig, voxel_size: float, baseline: float | None = None
+) -> ViewPoints:
+    """Apply the conditions of eq. 9 to one view, back-project what is left and grid it.
+
+    Args:
+        frame: a frame with image, depth and mask.
+        config: which conditions and weights.
+        voxel_size: edge length of the grid [m].
+        baseline: of the stereo rig [m]; needed for shape 'ray'.
+    """
+    laps = _Laps()
+    depth, image = frame.load_depth(), frame.load_image()
+    mask = frame.load_mask()
+    confidence = frame.load_confidence() if config.weight_by_confidence else None
+    laps.lap("read")
+    in_mask = mask > config.mask_threshold
+    keep = in_mask & ~np.isnan(depth)
+    pixels = {FILTERS[0]: int(np.count_nonzero(in_mask)), FILTERS[1]: int(np.count_nonzero(keep))}
+    laps.lap("mask")
+    if config.edge_filter:
+        keep &= smooth_depth(depth)
+    pixels[FILTERS[2]] = int(np.count_nonzero(keep))
+    laps.lap("edge filter")
+    if config.foreground_filter:
+        keep &= foreground_range(depth, in_mask, config.background_weight).contains(depth)
+    pixels[FILTERS[3]] = int(np.count_nonzero(keep))
+    laps.lap("foreground")
+    weights = keep.astype(np.float32)
+    if config.weight_by_uncertainty:
+        weights *= stereo_weights(depth)
+    if confidence is not None:
+        weights *= confidence
+    extra = _shape_values(frame.camera, depth, config, baseline)
+    laps.lap("weights")
+    voxels = back_project(frame.camera, image, depth, weights, voxel_size, extra)
+    laps.lap("back-project")
+    stride = int(np.ceil(np.sqrt(depth.size / KEPT_PIXELS)))
+    thinned = depth[::stride, ::stride].copy() if config.visibility_check else None
+    return ViewPoints(frame.name, frame.camera, voxels, pixels, thinned, laps.seconds)
+
+
+def _shape_values(
+    camera: Camera, depth: np.ndarray, config: InitConfig, baseline: float | None
+) -> np.ndarray | None:
+    """Return what the shape of the Gaussians needs per pixel, shape (height, width, k), or None."""
+    if config.shape == "flat":
+        return normals_from_depth(camera, depth)
+    if config.shape == "ray":
+        if baseline is None:
+            raise DigsError(
+                "initialization: shape 'ray' needs the baseline of the stereo camera, which the capture "
+                "does not tell; add it to transforms.json (docs/capture-format.md) or choose 'round'"
+            )
+        rays = pixel_rays(camera)
+        lengths = np.linalg.norm(rays, axis=-1, keepdims=True)
+        focal_baseline = camera.intrinsics.fx * baseline
+        deviation = depth_deviation(depth, config.disparity_noise, focal_baseline)
+        along = np.nan_to_num(deviation)[..., None] * lengths
+        return np.concatenate([rays / lengths, along**2], axis=-1)
+    return None

@@ -1,0 +1,54 @@
+"""Visibility across views: an extension of the paper that removes floaters in front of the object.
+
+A view that measured depth d at the pixel of a point has seen through everything nearer. A point at depth
+z < d - tolerance contradicts it; one within the tolerance is confirmed; one further away is hidden, and
+the view says nothing about it.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.parallel import default_threads
+
+# Depths agree within this many voxels plus this share of the depth.
+TOLERANCE_VOXELS = 2.0
+TOLERANCE_SHARE = 0.01
+
+
+def not_seen_through(
+    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
+) -> np.ndarray:
+    """Return which points no more views contradict than confirm, shape (n,), bool.
+
+    Args:
+        points_world: points [m], shape (n, 3).
+        views: cameras and their depth maps [m], each (height, width), at the same or a reduced size.
+        voxel_size: of the points' grid [m].
+    """
+    vote = partial(_votes, points_world, voxel_size)
+    with ThreadPoolExecutor(default_threads()) as pool:
+        balance = sum(pool.map(vote, views), np.zeros(len(points_world), dtype=np.int64))
+    return balance >= 0
+
+
+def _votes(
+    points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
+) -> np.ndarray:
+    """Return +1 for points that the view confirms, -1 for those it contradicts, else 0."""
+    camera, depth = view
+    height, width = depth.shape
+    px, z = camera.resized(width, height).project(points_world)
+    with np.errstate(invalid="ignore"):
+        inside = (z > 0) & np.all((px >= 0) & (px < [width, height]), axis=1)
+    columns, rows = np.floor(px[inside]).astype(np.int64).T
+    measured = depth[rows, columns].astype(np.float64)
+    nearer = measured - z[inside]
+    tolerance = TOLERANCE_VOXELS * voxel_size + TOLERANCE_SHARE * measured
+    votes = np.zeros(len(points_world), dtype=np.int64)
+    # Comparisons with NaN, where nothing was measured, are False.
+    votes[inside] = (np.abs(nearer) <= tolerance).astype(np.int64) - (nearer > tolerance)
+    return votes

@@ -1,0 +1,144 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Kernel of `digs_warp.init.voxel`: back-project a view's pixels (eq. 8) straight into a hash of voxels.
+
+One thread walks a whole view in a fixed order, so sums do not depend on the number of threads; views run
+beside each other. Neighbouring pixels mostly fall into the same voxel, which is then not searched again.
+Positions and sums are float64: the same bits as the NumPy twin in the tests.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+# Three signed voxel indices share one 64-bit key, so that a single sort groups the points.
+BITS = 21
+MAX_INDEX = 2 ** (BITS - 1) - 1
+
+POSITION, COLOR, EXTRA = 0, 3, 6  # where they begin in a row of sums
+
+# What the kernel reports: done, the table is too small, or a point is too far from the origin.
+DONE, TABLE_FULL, TOO_FAR = 0, 1, 2
+STATUS, VOXELS = 0, 1  # places in `report`
+
+_BITS = wp.constant(wp.int64(BITS))
+_MAX = wp.constant(float(MAX_INDEX))
+_OFFSET = wp.constant(MAX_INDEX + 1)
+# 2^64 divided by the golden ratio, as a signed number: the multiplier of Fibonacci hashing.
+_GOLDEN = wp.constant(wp.int64(-7046029254386353131))
+_TABLE_FULL = wp.constant(TABLE_FULL)
+_TOO_FAR = wp.constant(TOO_FAR)
+
+
+@wp.func
+def slot_of(key: wp.int64, slot_bits: int) -> int:
+    """Return the first slot to look into."""
+    mixed = (key * _GOLDEN) >> wp.int64(64 - slot_bits)
+    return int(mixed) & ((1 << slot_bits) - 1)
+
+
+@wp.func
+def add_to(
+    counts: wp.array[wp.int64],
+    sums: wp.array2d[wp.float64],
+    voxel: int,
+    count: wp.int64,
+    weight: wp.float64,
+    point: wp.vec3d,
+    color: wp.vec3d,
+):
+    """Add to the sums of a voxel."""
+    counts[voxel] = counts[voxel] + count
+    sums[voxel, 0] = sums[voxel, 0] + weight
+    for axis in range(3):
+        sums[voxel, 1 + axis] = sums[voxel, 1 + axis] + point[axis]
+        sums[voxel, 4 + axis] = sums[voxel, 4 + axis] + color[axis]
+
+
+@wp.kernel
+def accumulate_kernel(
+    # Flat arrays: their index is checked once, not once per axis.
+    depth: wp.array[float],  # [height * width]
+    image: wp.array[wp.uint8],  # [height * width * 3] sRGB
+    weights: wp.array[float],  # [height * width] 0: leave the pixel out
+    extra: wp.array2d[float],  # [height * width, k] further values to sum
+    height: int,
+    width: int,
+    center: wp.vec3d,  # of the camera in the world
+    corner_ray: wp.vec3d,  # in the world, per unit of depth, to the pixel (0, 0) (not its centre)
+    right_ray: wp.vec3d,  # its change per pixel to the right
+    down_ray: wp.vec3d,  # and downwards
+    voxels_per_metre: wp.float64,
+    slot_bits: int,  # the table has 2^slot_bits slots
+    # outputs
+    slots: wp.array[int],  # [2^slot_bits] index of a voxel + 1; 0: free
+    keys: wp.array[wp.int64],  # [capacity]
+    counts: wp.array[wp.int64],  # [capacity]
+    sums: wp.array2d[wp.float64],  # [capacity, 1 + 6 + k] weight, weighted position, colour, extra
+    report: wp.array[int],  # [2]
+):
+    """Sum up all pixels with a weight, per voxel. One thread."""
+    capacity = keys.shape[0]
+    found = int(0)
+    voxel = int(-1)
+    last_key = wp.int64(-1)
+    # What fell into the current voxel since it was entered.
+    count = wp.int64(0)
+    weight_sum = wp.float64(0.0)
+    point_sum = wp.vec3d()
+    color_sum = wp.vec3d()
+    for row in range(height):
+        row_ray = corner_ray + down_ray * (wp.float64(row) + wp.float64(0.5))
+        for column in range(width):
+            pixel = row * width + column
+            weight = weights[pixel]
+            if weight > 0.0:
+                ray = row_ray + right_ray * (wp.float64(column) + wp.float64(0.5))
+                point = center + ray * wp.float64(depth[pixel])
+                cell = point * voxels_per_metre
+                i = wp.floor(cell[0])
+                j = wp.floor(cell[1])
+                k = wp.floor(cell[2])
+                if not wp.max(wp.max(wp.abs(i), wp.abs(j)), wp.abs(k)) < wp.float64(_MAX):
+                    report[0] = _TOO_FAR
+                    return
+                key = wp.int64(i) + wp.int64(_OFFSET)
+                key = (key << _BITS) | (wp.int64(j) + wp.int64(_OFFSET))
+                key = (key << _BITS) | (wp.int64(k) + wp.int64(_OFFSET))
+                if key != last_key:
+                    if voxel >= 0:
+                        add_to(counts, sums, voxel, count, weight_sum, point_sum, color_sum)
+                    count = wp.int64(0)
+                    weight_sum = wp.float64(0.0)
+                    point_sum = wp.vec3d()
+                    color_sum = wp.vec3d()
+                    last_key = key
+                    slot = slot_of(key, slot_bits)
+                    voxel = slots[slot] - 1
+                    while voxel >= 0 and keys[voxel] != key:
+                        slot = (slot + 1) & ((1 << slot_bits) - 1)
+                        voxel = slots[slot] - 1
+                    if voxel < 0:
+                        if found == capacity:
+                            report[0] = _TABLE_FULL
+                            return
+                        voxel = found
+                        found += 1
+                        slots[slot] = found
+                        keys[voxel] = key
+                w = wp.float64(weight)
+                color = wp.vec3d(
+                    wp.float64(image[3 * pixel]),
+                    wp.float64(image[3 * pixel + 1]),
+                    wp.float64(image[3 * pixel + 2]),
+                )
+                count += wp.int64(1)
+                weight_sum += w
+                point_sum += point * w
+                color_sum += color * w
+                for channel in range(extra.shape[1]):
+                    value = w * wp.float64(extra[pixel, channel])
+                    sums[voxel, 7 + channel] = sums[voxel, 7 + channel] + value
+    if voxel >= 0:
+        add_to(counts, sums, voxel, count, weight_sum, point_sum, color_sum)
+    report[1] = found

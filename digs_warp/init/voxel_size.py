@@ -1,0 +1,102 @@
+"""The edge length of the voxel grid: metres, shares of the object, units of SfM, or a number of points.
+
+The paper states its voxel sizes, 0.04 and 0.1, in the arbitrary unit of its structure from motion. A size
+in metres or in units of structure from motion is known beforehand. The object's size and the number of
+points are not: then the grid starts as fine as the depth maps resolve, and is coarsened once all views are
+in.
+"""
+
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+
+from digs_warp.capture import Frame
+from digs_warp.checks import DigsError
+from digs_warp.init.config import InitConfig
+from digs_warp.init.voxel import VoxelSums
+
+logger = logging.getLogger(__name__)
+
+# The fine grid's voxels in pixels at the object's distance.
+FINE_PIXELS = 2.0
+
+# The object's box leaves out this percentage of the voxels at either end of each axis.
+BOX_PERCENTILE = 0.5
+
+# Halvings of the interval in which the voxel size for a number of points is searched.
+SEARCH_STEPS = 16
+
+
+def first_voxel_size(
+    frames: Sequence[Frame], config: InitConfig, sfm_per_metre: float | None
+) -> float:
+    """Return the edge length [m] of the grid that the views are summed up on.
+
+    Raises:
+        DigsError: a size in units of structure from motion, but no scale.
+    """
+    if config.target_points is not None or config.voxel_unit == "object":
+        return _fine_size(frames, config.mask_threshold)
+    if config.voxel_unit == "metre":
+        return config.voxel_edge
+    if sfm_per_metre is None:
+        raise DigsError(
+            "init.voxel_unit: 'sfm' needs structure from motion (--poses sfm); with the capture's own "
+            "poses choose 'metre' or 'object'"
+        )
+    return config.voxel_edge / sfm_per_metre
+
+
+def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> float:
+    """Return the edge length [m] that was asked for, at least ``size``, that of the grid so far."""
+    if config.target_points is not None:
+        return _size_for_count(voxels, size, config)
+    if config.voxel_unit != "object":
+        return size
+    wanted = config.voxel_edge * object_size(voxels.well_supported(config.min_support))
+    if wanted < size:
+        logger.warning(
+            "init.voxel_size: %g of the object is finer than its depth maps, took %.2g m",
+            config.voxel_edge,
+            size,
+        )
+    return max(wanted, size)
+
+
+def object_size(voxels: VoxelSums) -> float:
+    """Return the longest side [m] of the box around the voxels, but for the outermost few."""
+    low, high = np.percentile(voxels.points_world, [BOX_PERCENTILE, 100 - BOX_PERCENTILE], axis=0)
+    return float((high - low).max())
+
+
+def _fine_size(frames: Sequence[Frame], mask_threshold: int) -> float:
+    """Return what `FINE_PIXELS` pixels cover at the object's distance in the first view that has any."""
+    for frame in frames:
+        depth = frame.load_depth()[frame.load_mask() > mask_threshold]
+        depth = depth[~np.isnan(depth)]
+        if depth.size:
+            return FINE_PIXELS * float(np.median(depth)) / frame.camera.intrinsics.fx
+    return 1.0  # no pixel at all: the views will say so
+
+
+def _size_for_count(voxels: VoxelSums, size: float, config: InitConfig) -> float:
+    assert config.target_points is not None
+
+    def count(edge: float) -> int:
+        return len(voxels.coarser(edge).well_supported(config.min_support))
+
+    if count(size) <= config.target_points:
+        logger.warning(
+            "init.target_points: %d wanted, the depth maps resolve %d",
+            config.target_points,
+            count(size),
+        )
+        return size
+    fine, coarse = size, max(2 * size, object_size(voxels))
+    while count(coarse) > config.target_points:
+        coarse *= 2
+    for _ in range(SEARCH_STEPS):
+        middle = float(np.sqrt(fine * coarse))
+        fine, coarse = (middle, coarse) if count(middle) > config.target_points else (fine, middle)
+    return coarse

@@ -1,0 +1,137 @@
+"""Two clusters of depth: exact splits, the weighted border, and masks that disagree with the depth."""
+
+import numpy as np
+import pytest
+
+from digs_warp.init.foreground import EVERYTHING, foreground_range, two_means
+
+OBJECT = (slice(10, 30), slice(15, 45))
+
+
+def scene(
+    object_depth: float = 0.9, background: float = 4.0, noise: float = 0.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """An object of some depth before a background of some depth, and its mask."""
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(background - 0.5, background + 0.5, (40, 60))
+    mask = np.zeros((40, 60), dtype=bool)
+    mask[OBJECT] = True
+    depth[OBJECT] = rng.uniform(object_depth - 0.2, object_depth + 0.2, (20, 30))
+    # Stereo noise grows with the square of the distance.
+    return (depth + noise * depth**2 * rng.normal(size=depth.shape)).astype(np.float32), mask
+
+
+def brute_force(values: np.ndarray) -> tuple[float, float]:
+    """Means of the split with the smallest summed squared distances."""
+    splits = [
+        (
+            np.sum((low - low.mean()) ** 2) + np.sum((high - high.mean()) ** 2),
+            low.mean(),
+            high.mean(),
+        )
+        for low, high in (np.split(values, [k]) for k in range(1, len(values)))
+    ]
+    _, low, high = min(splits)
+    return float(low), float(high)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_split_is_the_best_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    # Fewer than a hundred values: none is trimmed.
+    values = np.sort(np.append(rng.normal(1.0, 0.2, 50), rng.normal(2.0, 0.4, 40)))
+    np.testing.assert_allclose(two_means(values), brute_force(values), rtol=1e-12)
+
+
+def test_the_split_is_that_of_scikit_learn() -> None:
+    from sklearn.cluster import KMeans
+
+    depth, _ = scene()
+    values = np.sort(depth.ravel())
+    trim = len(values) // 100
+    fitted = KMeans(2, n_init=5, random_state=0).fit(values[trim:-trim, None])
+    expected = np.sort(fitted.cluster_centers_.ravel())
+    np.testing.assert_allclose(two_means(values), expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("weight", [1.0, 3.0, 10.0])
+def test_background_is_nearer_to_its_centre_by_the_weight(weight: float) -> None:
+    depth, mask = scene()
+    near, far = two_means(np.sort(depth.ravel())) or (0.0, 0.0)
+    border = foreground_range(depth, mask, weight).far
+    assert border - near == pytest.approx(weight * (far - border))
+
+
+@pytest.mark.parametrize("strength", [0, 1, 2, 4])
+def test_a_leak_is_found_and_the_object_kept_whatever_the_noise(strength: int) -> None:
+    depth, mask = scene(noise=0.002 * strength)  # a ZED 2: 0.0012 at strength 1
+    leaking = mask.copy()
+    leaking[25:, 40:] = True
+    kept = foreground_range(depth, leaking).contains(depth) & leaking
+    np.testing.assert_array_equal(kept, mask)
+
+
+def test_background_nearer_than_the_object_is_left_out() -> None:
+    depth, mask = scene(object_depth=3.0, background=0.8)
+    leaking = mask | (np.arange(60) > 50)
+    kept = foreground_range(depth, leaking).contains(depth) & leaking
+    np.testing.assert_array_equal(kept, mask)
+
+
+@pytest.mark.parametrize("mask_share", ["exact", "half"])
+def test_an_object_without_measured_background_is_not_cut_in_two(mask_share: str) -> None:
+    depth, mask = scene()
+    depth[~mask] = np.nan
+    depth[:, 30:] += np.float32(0.5)  # two parts, one behind the other
+    if mask_share == "half":
+        mask[:, 31:] = False
+        mask[:, 38:45] = mask[:, 20:27]
+    found = foreground_range(depth, mask)
+    assert found == EVERYTHING
+    assert np.count_nonzero(found.contains(depth)) == 600
+
+
+def test_a_mask_that_covers_all_leaves_it_to_the_depth() -> None:
+    depth, mask = scene()
+    kept = foreground_range(depth, np.ones_like(mask)).contains(depth)
+    np.testing.assert_array_equal(kept, mask)
+
+
+def test_a_mask_on_the_background_only_takes_the_background() -> None:
+    """The mask decides which cluster is meant, even where it is wrong: the report shows it."""
+    depth, mask = scene()
+    elsewhere = np.zeros_like(mask)
+    elsewhere[:5] = True
+    kept = foreground_range(depth, elsewhere).contains(depth)
+    np.testing.assert_array_equal(kept, ~mask)
+
+
+def test_an_empty_mask_means_the_nearer_cluster() -> None:
+    depth, mask = scene()
+    kept = foreground_range(depth, np.zeros_like(mask)).contains(depth)
+    np.testing.assert_array_equal(kept, mask)
+
+
+@pytest.mark.parametrize("known", [0, 1, 2400])
+def test_equal_depths_are_one_cluster(known: int) -> None:
+    depth = np.full(2400, np.nan, np.float32)
+    depth[:known] = 1.5
+    mask = np.zeros((40, 60), dtype=bool)
+    mask[OBJECT] = True
+    found = foreground_range(depth.reshape(40, 60), mask)
+    assert found == EVERYTHING
+    assert np.count_nonzero(found.contains(depth)) == known
+
+
+@pytest.mark.parametrize("wild", [1e6, 1e-3])
+def test_a_few_wild_values_are_no_cluster(wild: float) -> None:
+    depth, mask = scene()
+    depth[0, :20] = wild
+    kept = foreground_range(depth, mask).contains(depth) & mask
+    np.testing.assert_array_equal(kept, mask)
+
+
+def test_a_large_view_is_sampled_and_agrees_with_the_whole() -> None:
+    depth, mask = (np.kron(layer, np.ones((20, 20), layer.dtype)) for layer in scene())
+    large, small = foreground_range(depth, mask.astype(bool)), foreground_range(*scene())
+    assert large.far == pytest.approx(small.far, rel=0.01)
