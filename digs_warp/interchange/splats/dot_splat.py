@@ -45,18 +45,17 @@ def read_dot_splat(path: Path) -> Gaussians:
             "file, copy or export it again"
         )
     rows = np.fromfile(path, dtype=ROW)
-    scales = rows["scale"].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # NaN stays NaN: the caller decides about such rows
+        scales = rows["scale"].astype(np.float64)
     if (scales < 0).any():
         raise DigsError(
             f"{what}: {int((scales < 0).any(axis=1).sum())} of {len(rows)} Gaussians have negative "
             "scales, expected standard deviations; no .splat file, or damaged"
         )
-    with np.errstate(invalid="ignore"):  # NaN stays NaN: the caller decides about such rows
-        log_scales = np.log(np.maximum(scales, SMALLEST_SCALE))
-        means = rows["position"].copy()
+    log_scales = np.log(np.maximum(scales, SMALLEST_SCALE))
     quats = (rows["quaternion"].astype(np.float32) - 128.0) / 128.0
     return Gaussians(
-        means=means,
+        means=rows["position"],
         log_scales=log_scales,
         quats=quats[:, _XYZW_FROM_WXYZ],
         opacity_logits=logits_from_codes(rows["rgba"][:, 3]),

@@ -38,9 +38,9 @@ def finite_rows(gaussians: Gaussians) -> np.ndarray:
     """Return which Gaussians hold finite values only, shape (n,), bool."""
     finite = np.ones(len(gaussians), dtype=bool)
     for name in FIELDS:
-        values = getattr(gaussians, name).reshape(len(gaussians), -1)
-        if not np.isfinite(values).all():
-            finite &= np.isfinite(values).all(axis=1)
+        values = np.isfinite(getattr(gaussians, name))
+        if not values.all():
+            finite &= values.all(axis=tuple(range(1, values.ndim)))
     return finite
 
 

@@ -123,3 +123,10 @@ def test_every_opacity_code_survives_a_round_trip() -> None:
     logits = logits_from_codes(every)
     assert np.isfinite(logits).all()
     np.testing.assert_array_equal(codes_from_logits(logits), every)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".spz"])
+def test_no_gaussians_at_all(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_splat_file(path, random_gaussians(0, 2), up="y")
+    assert len(read_splat_file(path, up="y")) == 0
