@@ -6,6 +6,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import check_positive, check_shape
+from digs_warp.geometry import transform_points
 from digs_warp.point_cloud import PointCloud
 
 
@@ -72,6 +73,14 @@ class SfmModel:
         cameras = tuple(replace(c, world_from_cam=_scaled(c, scale)) for c in self.cameras)
         points = PointCloud(self.points.points_world / np.float32(scale), self.points.colors)
         return replace(self, cameras=cameras, points=points)
+
+    def moved(self, new_from_old: np.ndarray) -> "SfmModel":
+        """Return the model after a rigid motion of the world, (4, 4)."""
+        cameras = tuple(
+            replace(c, world_from_cam=new_from_old @ c.world_from_cam) for c in self.cameras
+        )
+        points = transform_points(new_from_old, self.points.points_world.astype(np.float64))
+        return replace(self, cameras=cameras, points=PointCloud(points, self.points.colors))
 
 
 def _scaled(camera: Camera, sfm_per_metre: float) -> np.ndarray:
