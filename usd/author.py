@@ -16,21 +16,21 @@ from usd.frames import ASSET_FROM_WORLD
 from usd.metadata import portable_json, usd_from_json
 
 if TYPE_CHECKING:
-    from pxr import Usd
+    from pxr import Sdf, Usd
 
 
-def begin_stage() -> "Usd.Stage":
-    """Return a stage in memory, Y up, in metres."""
+def begin_stage(layer: "Sdf.Layer | None" = None) -> "Usd.Stage":
+    """Return a stage of ``layer`` (else in memory), Y up, in metres; payloads are not loaded."""
     from pxr import Sdf, Usd, UsdGeom
 
-    stage = Usd.Stage.Open(Sdf.Layer.CreateAnonymous())
+    stage = Usd.Stage.Open(layer or Sdf.Layer.CreateAnonymous(), Usd.Stage.LoadNone)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     return stage
 
 
-def begin_asset(metadata: dict[str, Any]) -> "Usd.Stage":
-    """Return a stage in memory with the default prim, its colour space and its provenance.
+def begin_asset(metadata: dict[str, Any], layer: "Sdf.Layer | None" = None) -> "Usd.Stage":
+    """Return a stage of ``layer`` (else in memory) with the default prim, its colours and provenance.
 
     Raises:
         UsdError: ``metadata`` has no JSON form.
@@ -38,7 +38,7 @@ def begin_asset(metadata: dict[str, Any]) -> "Usd.Stage":
     from pxr import Gf, Kind, Usd, UsdGeom
 
     plain = portable_json(metadata)
-    stage = begin_stage()
+    stage = begin_stage(layer)
     data = usd_from_json(plain) | {names.VERSION_KEY: __version__}
     stage.SetMetadata("customLayerData", {names.METADATA_KEY: data})
     asset = UsdGeom.Xform.Define(stage, names.ASSET_PATH).GetPrim()

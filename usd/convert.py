@@ -71,7 +71,7 @@ def arrays_from_gaussians(gaussians: Gaussians, what: str = "Gaussians") -> Spla
 
 
 def with_sh_degree(arrays: SplatArrays, degree: int) -> SplatArrays:
-    """Return the splats with spherical harmonics of ``degree`` (0..3): higher bands cut off, or zeros added."""
+    """Return the splats with spherical harmonics of ``degree`` (0..3): bands cut off, or zeros added."""
     count = coefficient_count(degree)
     missing = max(0, count - arrays.sh.shape[1])
     sh = np.pad(arrays.sh[:, :count], ((0, 0), (0, missing), (0, 0)))

@@ -3,7 +3,8 @@
 """A field of Gaussian splats in a stage: finding the prim, its attributes as NumPy arrays.
 
 Attributes are found by name, so that files open in versions of USD that do not know the splat schema.
-What a file leaves out, or holds too little of, has the schema's default.
+What a file leaves out, or holds too little of, has the schema's default. ``time`` is a time code; None
+means the first sample of each attribute, or its default.
 """
 
 import logging
@@ -25,16 +26,23 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
+def find_fields(stage: "Usd.Stage") -> list["Usd.Prim"]:
+    """Return all prims that hold splats, in the order of the stage."""
+    from pxr import Usd
+
+    prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    return [prim for prim in prims if is_field(prim)]
+
+
 def find_field(stage: "Usd.Stage", path: Path, prim_path: str | None = None) -> "Usd.Prim":
     """Return the prim that holds the splats: the only one, or the one at ``prim_path``.
 
     Raises:
         UsdError: there is none, or there are several and no ``prim_path``; the message lists them.
     """
-    from pxr import Sdf, Usd
+    from pxr import Sdf
 
-    prims = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    fields = [prim for prim in prims if _is_field(prim)]
+    fields = find_fields(stage)
     found = ", ".join(str(prim.GetPath()) for prim in fields) or "none"
     if prim_path is not None:
         valid = Sdf.Path.IsValidPathString(prim_path) and Sdf.Path(prim_path).IsAbsolutePath()
@@ -54,13 +62,28 @@ def find_field(stage: "Usd.Stage", path: Path, prim_path: str | None = None) -> 
     return fields[0]
 
 
-def splat_count(prim: "Usd.Prim") -> int:
+def is_field(prim: "Usd.Prim") -> bool:
+    """Whether a prim holds splats: by its type, or without a type by its attributes."""
+    if prim.GetTypeName() == names.FIELD_TYPE:
+        return True
+    # Positions alone would also fit other prims.
+    own = (names.SH_COEFFICIENTS, names.OPACITIES)
+    return (
+        not prim.GetTypeName()
+        and _has_positions(prim)
+        and any(value_of(prim, name) is not None for name in own)
+    )
+
+
+def splat_count(prim: "Usd.Prim", time: float | None = None) -> int:
     """Return the number of splats: the length of the positions."""
-    positions = _value(prim, names.POSITIONS)
+    positions = value_of(prim, names.POSITIONS, time)
     return 0 if positions is None else len(positions)
 
 
-def stored_sh_degree(prim: "Usd.Prim", count: int, what: str) -> int | None:
+def stored_sh_degree(
+    prim: "Usd.Prim", count: int, what: str, time: float | None = None
+) -> int | None:
     """Return the degree of the coefficients of ``count`` splats; None when there are no usable ones.
 
     The length of the array decides where the authored degree does not fit it.
@@ -68,7 +91,7 @@ def stored_sh_degree(prim: "Usd.Prim", count: int, what: str) -> int | None:
     attribute = prim.GetAttribute(names.SH_DEGREE)
     authored = attribute.Get() if attribute else None
     degree = names.FALLBACK_DEGREE if authored is None else max(0, authored)
-    values = _value(prim, names.SH_COEFFICIENTS)
+    values = value_of(prim, names.SH_COEFFICIENTS, time)
     if count == 0:
         return degree
     if values is None:
@@ -90,7 +113,7 @@ def stored_sh_degree(prim: "Usd.Prim", count: int, what: str) -> int | None:
     return actual
 
 
-def read_arrays(prim: "Usd.Prim", what: str) -> SplatArrays:
+def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> SplatArrays:
     """Return the splats in the prim's local frame.
 
     The arrays may still lie in the mapped file: they must not outlive the stage, else USD copies them.
@@ -98,37 +121,37 @@ def read_arrays(prim: "Usd.Prim", what: str) -> SplatArrays:
     Raises:
         UsdError: an attribute has another type than the schema gives it.
     """
-    count = splat_count(prim)
-    positions = _array(prim, names.POSITIONS, count, 3, what)
-    quats = _array(prim, names.ORIENTATIONS, count, 4, what)
-    scales = _array(prim, names.SCALES, count, 3, what)
-    opacities = _array(prim, names.OPACITIES, count, None, what)
+    count = splat_count(prim, time)
+    positions = _array(prim, names.POSITIONS, count, 3, what, time)
+    quats = _array(prim, names.ORIENTATIONS, count, 4, what, time)
+    scales = _array(prim, names.SCALES, count, 3, what, time)
+    opacities = _array(prim, names.OPACITIES, count, None, what, time)
     return SplatArrays(
         positions=np.zeros((0, 3), dtype=np.float32) if positions is None else positions,
         orientations=np.zeros((count, 4), dtype=np.float32) if quats is None else quats,
         scales=np.ones((count, 3), dtype=np.float32) if scales is None else scales,
         opacities=np.ones(count, dtype=np.float32) if opacities is None else opacities,
-        sh=_read_sh(prim, count, what),
+        sh=_read_sh(prim, count, what, time),
     )
 
 
-def _read_sh(prim: "Usd.Prim", count: int, what: str) -> np.ndarray:
-    stored = stored_sh_degree(prim, count, what)
+def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.ndarray:
+    stored = stored_sh_degree(prim, count, what, time)
     degree = min(stored or 0, MAX_DEGREE)
     if stored is None or count == 0:  # the schema's default is mid grey from every side
         return np.zeros((count, coefficient_count(degree), 3), dtype=np.float32)
     if stored > MAX_DEGREE:
         _log.warning("%s: SH degree %d is cut down to %d", what, stored, MAX_DEGREE)
-    rows = _array(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, 3, what)
+    rows = _array(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, 3, what, time)
     assert rows is not None  # stored_sh_degree has seen the array
     return rows.reshape(count, -1, 3)[:, : coefficient_count(degree)]
 
 
 def _array(
-    prim: "Usd.Prim", name: str, count: int, width: int | None, what: str
+    prim: "Usd.Prim", name: str, count: int, width: int | None, what: str, time: float | None
 ) -> np.ndarray | None:
     """Return ``count`` rows as float32, or None where the default applies (absent or too short)."""
-    value = _value(prim, name)
+    value = value_of(prim, name, time)
     if value is None or count == 0:
         return None
     array = np.asarray(value)
@@ -143,30 +166,23 @@ def _array(
     return array[:count].astype(np.float32, copy=False) if len(array) >= count else None
 
 
-def _value(prim: "Usd.Prim", name: str) -> Any:
+def value_of(prim: "Usd.Prim", name: str, time: float | None = None) -> Any:
     """Return the array of an attribute, else of its half-precision twin; None when both are empty."""
-    from pxr import Usd
-
     for twin in (name, name + names.HALF_SUFFIX):
         attribute = prim.GetAttribute(twin)
         if not attribute or not attribute.GetTypeName().isArray:
             continue
-        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        value = attribute.Get(time_code(time))
         if value is not None and len(value):
             return value
     return None
 
 
-def _is_field(prim: "Usd.Prim") -> bool:
-    if prim.GetTypeName() == names.FIELD_TYPE:
-        return True
-    # A prim without a type that carries the attributes. Positions alone would also fit other prims.
-    own = (names.SH_COEFFICIENTS, names.OPACITIES)
-    return (
-        not prim.GetTypeName()
-        and _has_positions(prim)
-        and any(_value(prim, name) is not None for name in own)
-    )
+def time_code(time: float | None) -> "Usd.TimeCode":
+    """Return USD's time code; None is the earliest."""
+    from pxr import Usd
+
+    return Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
 
 
 def _has_positions(prim: "Usd.Prim") -> bool:

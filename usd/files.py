@@ -4,6 +4,8 @@
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -16,8 +18,9 @@ if TYPE_CHECKING:
 
 HINT = "Expected a .usda, .usdc or .usdz scene, as 'digs-warp export-usd' writes it."
 
-# A usdz package is a ZIP file without the 64-bit extension.
-MAX_PACKAGE_MEMBER = 2**32 - 1
+# A usdz package is a ZIP file without the 64-bit extension: offsets have 32 bits. Some of that is for the
+# headers and the alignment of members.
+MAX_PACKAGE = 2**32 - 2**16
 
 # The oldest local time that a ZIP file can hold. Packages carry the time of their members; with the
 # true one, the same scene would give different bytes every two seconds.
@@ -36,7 +39,7 @@ def open_stage(path: Path) -> "Usd.Stage":
         return Usd.Stage.Open(os.path.abspath(path))
     except Tf.ErrorException as error:
         raise UsdError(
-            f"USD scene '{path}': truncated or not a USD file ({_reason(error)}). {HINT}"
+            f"USD scene '{path}': truncated or not a USD file ({reason(error)}). {HINT}"
         ) from error
 
 
@@ -49,56 +52,88 @@ def check_suffix(path: Path) -> None:
 
 
 def save_layer(layer: "Sdf.Layer", path: Path) -> None:
-    """Write a layer in the format that the suffix of ``path`` names.
-
-    All work happens in a temporary folder beside ``path``; its result is renamed. Whatever lies under
-    other names stays as it is, and an old file stays when the new one fails.
+    """Write a layer in the format that the suffix of ``path`` names; see `finished_file`.
 
     Raises:
         UsdError: the file cannot be written, or does not fit into a package.
     """
+    if path.suffix.lower() == ".usdz":
+        with package_folder(path) as folder:
+            _export(layer, folder / names.PACKAGE_ROOT, path)
+    else:
+        with finished_file(path) as unfinished:
+            _export(layer, unfinished, path)
+
+
+@contextmanager
+def package_folder(path: Path) -> Iterator[Path]:
+    """Give a folder for layers; at the end, ``default.usdc`` and all it refers to become a package.
+
+    Raises:
+        UsdError: the file cannot be written, or the layers do not fit into a package.
+    """
+    with finished_file(path) as package:
+        folder = package.parent / "layers"
+        folder.mkdir()
+        yield folder
+        _package(folder, package, path)
+
+
+@contextmanager
+def finished_file(path: Path) -> Iterator[Path]:
+    """Give the name under which to write the file that shall become ``path``.
+
+    It lies in a temporary folder beside ``path`` and is renamed at the end. Whatever lies under other
+    names stays as it is, and an old file stays when the new one fails.
+
+    Raises:
+        UsdError: the file cannot be written.
+    """
     from pxr import Tf
 
-    suffix = path.suffix.lower()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-            finished = Path(folder) / f"scene{suffix}"
-            scene = Path(folder) / names.PACKAGE_ROOT if suffix == ".usdz" else finished
-            if not layer.Export(str(scene)):
-                raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
-            if suffix == ".usdz":
-                _package(scene, finished, path)
-            os.replace(finished, path)
+            unfinished = Path(folder) / f"scene{path.suffix.lower()}"
+            yield unfinished
+            os.replace(unfinished, path)
     except OSError as error:
         raise UsdError(f"USD scene '{path}': cannot be written ({error})") from error
     except Tf.ErrorException as error:
         raise UsdError(
-            f"USD scene '{path}': cannot be written ({_reason(error)}). Is the disk full?"
+            f"USD scene '{path}': cannot be written ({reason(error)}). Is the disk full?"
         ) from error
 
 
+def _export(layer: "Sdf.Layer", target: Path, path: Path) -> None:
+    if not layer.Export(str(target)):
+        raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
+
+
 def check_package_size(size: int, path: Path) -> None:
-    """Raise a `UsdError` when a member of ``size`` bytes does not fit into a usdz package."""
-    if size > MAX_PACKAGE_MEMBER:
+    """Raise a `UsdError` when layers of ``size`` bytes do not fit into a usdz package."""
+    if size > MAX_PACKAGE:
         raise UsdError(
-            f"USD scene '{path}': {size} bytes do not fit into a usdz package (below 4 GiB); "
-            "write a .usdc file instead"
+            f"USD scene '{path}': {size} bytes do not fit into a usdz package (below 4 GiB); store fewer "
+            "splats, half precision or a lower degree, or write a .usdc file"
         )
 
 
-def _package(scene: Path, package: Path, path: Path) -> None:
+def _package(folder: Path, package: Path, path: Path) -> None:
     from pxr import UsdUtils
 
-    check_package_size(scene.stat().st_size, path)
+    members = sorted(folder.iterdir())
+    check_package_size(sum(member.stat().st_size for member in members), path)
     stamp = time.mktime(_PACKAGE_TIME)
-    os.utime(scene, (stamp, stamp))
+    for member in members:
+        os.utime(member, (stamp, stamp))
     # The resolver's packager aligns members to 64 bytes and stores them uncompressed, as usdz demands.
-    if not UsdUtils.CreateNewUsdzPackage(str(scene), str(package), names.PACKAGE_ROOT):
+    root = str(folder / names.PACKAGE_ROOT)
+    if not UsdUtils.CreateNewUsdzPackage(root, str(package), names.PACKAGE_ROOT):
         raise UsdError(f"USD scene '{path}': the package cannot be written. Is the disk full?")
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
     """Return the first line of what USD says, without the place in its own source."""
     first = str(error).strip().splitlines()[0]
     return first.rsplit(" : ", 1)[-1].strip(" '")

@@ -60,13 +60,14 @@ def similarity_from_matrix(b_from_a: np.ndarray, what: str) -> Similarity:
     return Similarity(scale, rotation, b_from_a[:3, 3])
 
 
-def world_from_prim(prim: "Usd.Prim", what: str) -> Similarity:
-    """Return the transform from a prim's local frame to our world (z up, metres).
+def world_from_prim(prim: "Usd.Prim", what: str, time: float | None = None) -> np.ndarray:
+    """Return the (4, 4) matrix from a prim's local frame to our world (z up, metres).
 
-    It is composed of the prim's transform in the stage, ``metersPerUnit`` and ``upAxis``.
+    It is composed of the prim's transform in the stage (at ``time``, or its first sample),
+    ``metersPerUnit`` and ``upAxis``.
 
     Raises:
-        UsdError: the composition is not a similarity, or ``metersPerUnit`` is not above 0.
+        UsdError: ``metersPerUnit`` is not above 0.
     """
     from pxr import Usd, UsdGeom
 
@@ -77,9 +78,9 @@ def world_from_prim(prim: "Usd.Prim", what: str) -> Similarity:
     world_from_stage = np.eye(4) if up_axis == UsdGeom.Tokens.z else ASSET_FROM_WORLD.T.copy()
     world_from_stage[:3] *= metres
     # A prim of a type this USD does not know is no Xformable to the cache; its operations still count.
-    cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    stage_from_prim = np.array(cache.GetLocalToWorldTransform(prim)).T
+    code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
+    stage_from_prim = np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(prim)).T
     if not prim.IsA(UsdGeom.Xformable):
-        local = UsdGeom.Xformable(prim).GetLocalTransformation(Usd.TimeCode.EarliestTime())
+        local = UsdGeom.Xformable(prim).GetLocalTransformation(code)
         stage_from_prim = stage_from_prim @ np.array(local).T
-    return similarity_from_matrix(world_from_stage @ stage_from_prim, what)
+    return world_from_stage @ stage_from_prim

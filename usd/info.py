@@ -3,19 +3,26 @@
 """What a USD scene of Gaussians holds, without loading the arrays."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from usd import names
+from usd.convert import Precision
 from usd.field import find_field, splat_count, stored_sh_degree
 from usd.files import open_stage
 from usd.reader import read_metadata
+from usd.variants import variant_sets
+
+if TYPE_CHECKING:
+    from pxr import Usd
 
 
 def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
     """Return facts about a scene: JSON-like, quick also for large files.
 
-    Keys: ``splats``, ``sh_degree``, ``extent`` (corners in the prim's own frame and units, None when there
-    is none), ``up_axis``, ``meters_per_unit``, ``bytes``, ``prim_path``, ``metadata``.
+    Keys: ``splats``, ``sh_degree``, ``precision`` ("float", "mixed" or "half"), ``extent`` (corners in the
+    prim's own frame and units, None when there is none), ``up_axis``, ``meters_per_unit``, ``bytes``,
+    ``prim_path``, ``variants`` (names by set), ``cameras`` (prim paths), ``views`` (time codes of the
+    timeline, 0 without one), ``metadata``.
 
     Raises:
         UsdError: the file cannot be opened, holds no splats, or several fields and no ``prim_path``.
@@ -31,10 +38,32 @@ def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
     return {
         "splats": count,
         "sh_degree": stored_sh_degree(prim, count, f"USD scene '{path}'") or 0,
+        "precision": _precision(prim),
         "extent": [list(corner) for corner in extent] if extent and count else None,
         "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
         "meters_per_unit": UsdGeom.GetStageMetersPerUnit(stage),
         "bytes": path.stat().st_size,
         "prim_path": str(prim.GetPath()),
+        "variants": {name: variants for (_, name), variants in variant_sets(stage).items()},
+        "cameras": [str(each.GetPath()) for each in stage.Traverse() if each.IsA(UsdGeom.Camera)],
+        "views": _time_codes(stage),
         "metadata": read_metadata(stage),
     }
+
+
+def _precision(prim: "Usd.Prim") -> Precision:
+    """Return which arrays are halves, told by the positions and the coefficients."""
+    stored = {
+        name: attribute.HasAuthoredValue()
+        for name in (names.POSITIONS, names.SH_COEFFICIENTS)
+        if (attribute := prim.GetAttribute(name + names.HALF_SUFFIX))
+    }
+    if stored.get(names.POSITIONS):
+        return "half"
+    return "mixed" if stored.get(names.SH_COEFFICIENTS) else "float"
+
+
+def _time_codes(stage: "Usd.Stage") -> int:
+    if not stage.HasAuthoredTimeCodeRange():
+        return 0
+    return 1 + round(stage.GetEndTimeCode() - stage.GetStartTimeCode())

@@ -9,6 +9,16 @@ SUFFIXES = (".usda", ".usdc", ".usdz")
 # Where things lie in our scenes.
 ASSET_PATH = "/Asset"
 GAUSSIANS_PATH = "/Asset/Gaussians"
+RIG_PATH = "/Asset/Rig"
+RENDER_PATH = "/Render"
+SOURCE_PATH = "/Asset/Source"
+POINTS_PATH = "/Asset/Source/InitialPoints"
+MESH_PATH = "/Asset/Source/Mesh"
+SURFACE_PATH = "/Asset/Source/Surface"
+PROGRESS_PATH = "/Asset/Progress"
+# Variant sets of the asset: which reconstruction, and how much of it.
+INIT_SET = "init"
+LOD_SET = "lod"
 # Importers take the package member with this stem for the scene (3dgrut does).
 PACKAGE_ROOT = "default.usdc"
 
@@ -49,3 +59,9 @@ SOFTWARE = "digs_warp"
 METADATA_KEY = "digs_warp"
 VERSION_KEY = "version"
 SOURCE_TO_ASSET_KEY = "digs_warp:sourceToAsset"
+# What the rig's prim remembers of the recording; entry i belongs to time code i.
+VIEW_NAMES_KEY = "digs_warp:viewNames"
+VIEW_TIMES_KEY = "digs_warp:viewTimes"  # [s]
+HELD_OUT_KEY = "digs_warp:heldOut"
+# Entry i of the progress: training iterations at time code i.
+ITERATIONS_KEY = "digs_warp:iterations"

@@ -2,17 +2,28 @@
 # pyright: reportAttributeAccessIssue=false
 """Reads Gaussians from a USD scene, ours or another program's, into our world."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from digs_warp.checks import UsdError
 from digs_warp.gaussians import Gaussians
 from usd import names
-from usd.convert import check_activated, check_rows, gaussians_from_arrays, transformed
-from usd.field import find_field, read_arrays
-from usd.files import open_stage
-from usd.frames import world_from_prim
+from usd.affine import deformed
+from usd.convert import (
+    check_activated,
+    check_rows,
+    gaussians_from_arrays,
+    transformed,
+)
+from usd.field import find_field, find_fields, read_arrays
+from usd.files import HINT, open_stage
+from usd.frames import similarity_from_matrix, world_from_prim
 from usd.metadata import json_from_usd
+from usd.variants import select_variants
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -33,35 +44,85 @@ class UsdScene:
     prim_path: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """What to read of a scene that holds more than one thing.
+
+    Attributes:
+        time: time code of animated splats and transforms; None reads the first sample of each.
+        variants: variant set -> variant; others keep the scene's own choice.
+        approximate: read splats under transforms that shear or scale the axes differently, too: shapes
+            exactly, colours as if the transform only turned.
+    """
+
+    time: float | None = None
+    variants: Mapping[str, str] = field(default_factory=dict)
+    approximate: bool = False
+
+
 def read_gaussians(path: Path, prim_path: str | None = None) -> Gaussians:
     """Return the Gaussians of a USD scene in our world; see `read_scene`."""
     return read_scene(path, prim_path).gaussians
 
 
-def read_scene(path: Path, prim_path: str | None = None) -> UsdScene:
+def read_scene(
+    path: Path, prim_path: str | None = None, options: ReadOptions | None = None
+) -> UsdScene:
     """Read the Gaussians and the metadata of a ``.usda``, ``.usdc`` or ``.usdz`` file.
 
     The prim's transform, the stage's ``upAxis`` and ``metersPerUnit`` are applied to positions,
-    orientations, scales and spherical harmonics. Animated attributes are read at their first sample.
+    orientations, scales and spherical harmonics.
 
-    From a file that `usd.writer` wrote, positions come back exactly; log-scales to 1e-6 and opacities to
-    1e-7 (they pass through exp and the logistic function); orientations, normalized and with w >= 0, to
-    2e-7; SH coefficients of degree 0 and 1 exactly, higher ones to 1e-6 of the largest in the band.
+    From a file that `usd.writer` wrote in float precision, positions come back exactly; log-scales to
+    1e-6 and opacities to 1e-7 (they pass through exp and the logistic function); orientations,
+    normalized and with w >= 0, to 2e-7; SH coefficients of degree 0 and 1 exactly, higher ones to 1e-6
+    of the largest in the band. Halves are rounded to 11 bits.
 
     Args:
         path: the scene.
         prim_path: which splats to read where a scene holds several fields.
+        options: time code, variants, tolerance.
 
     Raises:
         UsdError: the file is missing, truncated or not USD; it holds no splats, or several fields and no
-            ``prim_path`` is given; values are NaN, infinite or not activated; the transform is not a
-            similarity.
+            ``prim_path`` is given; there is no such variant; values are NaN, infinite or not activated;
+            the transform is not a similarity.
     """
+    options = options or ReadOptions()
     stage = open_stage(path)
-    prim = find_field(stage, path, prim_path)
-    # In a function of its own: arrays that outlive the stage make USD copy the mapped file.
-    gaussians = _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}")
-    return UsdScene(gaussians, read_metadata(stage), str(prim.GetPath()))
+    select_variants(stage, options.variants, path)
+    return _read(stage, find_field(stage, path, prim_path), path, options)
+
+
+def read_fields(path: Path, options: ReadOptions | None = None) -> list[UsdScene]:
+    """Read every field of splats of a scene, in the order of the stage; see `read_scene`.
+
+    Raises:
+        UsdError: as `read_scene`, but several fields are welcome.
+    """
+    options = options or ReadOptions()
+    stage = open_stage(path)
+    select_variants(stage, options.variants, path)
+    prims = find_fields(stage)
+    if not prims:
+        raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
+    return [_read(stage, prim, path, options) for prim in prims]
+
+
+def merged(parts: Sequence[Gaussians]) -> Gaussians:
+    """Return the Gaussians of at least one part as one; lower degrees are filled up with zeros."""
+    degree = max(part.sh_degree for part in parts)
+    count = (degree + 1) ** 2
+    padded = [
+        replace(part, sh=np.pad(part.sh, ((0, 0), (0, count - part.sh.shape[1]), (0, 0))))
+        for part in parts
+    ]
+    return Gaussians(
+        **{
+            f.name: np.concatenate([getattr(part, f.name) for part in padded])
+            for f in fields(Gaussians)
+        }
+    )
 
 
 def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
@@ -71,8 +132,19 @@ def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
     return json_from_usd(ours) if isinstance(ours, dict) else {}
 
 
-def _read_gaussians(prim: "Usd.Prim", what: str) -> Gaussians:
-    arrays = read_arrays(prim, what)
+def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path, options: ReadOptions) -> UsdScene:
+    # In a function of its own: arrays that outlive the stage make USD copy the mapped file.
+    gaussians = _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}", options)
+    return UsdScene(gaussians, read_metadata(stage), str(prim.GetPath()))
+
+
+def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussians:
+    arrays = read_arrays(prim, what, options.time)
     check_rows(arrays, what)
     check_activated(arrays, what)
-    return gaussians_from_arrays(transformed(arrays, world_from_prim(prim, what)))
+    world_from_local = world_from_prim(prim, what, options.time)
+    if options.approximate:
+        return gaussians_from_arrays(deformed(arrays, world_from_local, what))
+    return gaussians_from_arrays(
+        transformed(arrays, similarity_from_matrix(world_from_local, what))
+    )

@@ -17,7 +17,7 @@ from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.images import linear_from_srgb
 from digs_warp.sh import rgb_from_sh, sh_from_rgb
-from usd.files import MAX_PACKAGE_MEMBER, check_package_size
+from usd.files import MAX_PACKAGE, check_package_size
 from usd.writer import write_gaussians
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
@@ -338,7 +338,7 @@ def test_nan_and_infinite_splats_are_refused_with_their_number(
 
 
 def test_package_members_stay_below_4_gib(tmp_path: Path):
-    check_package_size(MAX_PACKAGE_MEMBER, tmp_path / "scene.usdz")
+    check_package_size(MAX_PACKAGE, tmp_path / "scene.usdz")
     with pytest.raises(UsdError, match=r"write a \.usdc"):
         check_package_size(2**32, tmp_path / "scene.usdz")
 

@@ -1,0 +1,301 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+import hashlib
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from reference.capture_scenes import (
+    BASELINE,
+    camera_path,
+    cloud,
+    full_scene,
+    splats,
+    tetrahedron,
+)
+from reference.usd_renderer import frustum_pixels, render_usd
+
+from digs_warp.checks import UsdError
+from digs_warp.images import linear_from_srgb
+from digs_warp.splat.render import render
+from usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
+from usd.lod import LEVELS, level_of_detail
+from usd.reader import ReadOptions, read_scene
+from usd.writer import WriteOptions
+
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("capture") / "scene.usdz"
+    write_capture_scene(path, full_scene())
+    return path
+
+
+def open_stage(path: Path):
+    from pxr import Usd
+
+    return Usd.Stage.Open(str(path))
+
+
+def test_default_composition_shows_one_field_of_the_first_reconstruction(package: Path):
+    stage = open_stage(package)
+    fields = [p for p in stage.Traverse() if p.GetTypeName() == "ParticleField3DGaussianSplat"]
+    assert [str(p.GetPath()) for p in fields] == ["/Asset/Gaussians"]
+    assert len(fields[0].GetAttribute("positions").Get()) == 40
+    assert fields[0].GetDisplayName() == "depth"
+
+
+def test_every_variant_holds_its_reconstruction_and_its_level(package: Path):
+    scene = full_scene()
+    for each, variant in zip(scene.reconstructions, ("depth", "random_points", "sfm"), strict=True):
+        for level, share in LEVELS.items():
+            options = ReadOptions(variants={"init": variant, "lod": level})
+            read = read_scene(package, options=options).gaussians
+            expected = level_of_detail(each.gaussians, share)
+            assert_array_equal(read.means, expected.means)
+            assert_allclose(read.log_scales, expected.log_scales, atol=1e-6)
+
+
+def test_initial_points_and_metrics_change_with_the_reconstruction(package: Path):
+    stage = open_stage(package)
+    inits = stage.GetDefaultPrim().GetVariantSet("init")
+    found = {}
+    for variant in inits.GetVariantNames():
+        inits.SetVariantSelection(variant)
+        points = stage.GetPrimAtPath("/Asset/Source/InitialPoints")
+        gaussians = stage.GetPrimAtPath("/Asset/Gaussians")
+        found[variant] = (
+            len(points.GetAttribute("points").Get()) if points else 0,
+            gaussians.GetCustomDataByKey("digs_warp").get("psnr"),
+        )
+    assert found == {"depth": (30, 31.5), "random_points": (20, 24.0), "sfm": (0, None)}
+
+
+def test_points_and_meshes_are_guides_in_the_frame_of_the_asset(package: Path):
+    from pxr import UsdGeom
+
+    stage = open_stage(package)
+    points = UsdGeom.Points(stage.GetPrimAtPath("/Asset/Source/InitialPoints"))
+    assert points.GetPurposeAttr().Get() == "guide"
+    assert_array_equal(
+        np.array(points.GetPointsAttr().Get()), cloud(30).points_world @ Y_UP.T.astype(np.float32)
+    )
+    assert len(points.GetWidthsAttr().Get()) == 30
+    color = points.GetDisplayColorPrimvar()
+    assert_allclose(np.array(color.Get()), linear_from_srgb(cloud(30).colors), atol=1e-6)
+    for name in ("Mesh", "Surface"):
+        mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/Asset/Source/{name}"))
+        assert mesh.GetPurposeAttr().Get() == "guide"
+        corners = np.array(mesh.GetPointsAttr().Get())
+        assert_allclose(corners, tetrahedron().points_world @ Y_UP.T, atol=1e-9)
+        normals = np.array(mesh.GetNormalsAttr().Get())
+        assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+        # Outwards: counter-clockwise triangles of a convex body.
+        outwards = ((corners - corners.mean(axis=0)) * normals).sum(axis=1)
+        assert (outwards > 0).all()
+        assert_array_equal(
+            np.array(mesh.GetFaceVertexIndicesAttr().Get()), tetrahedron().triangles.reshape(-1)
+        )
+
+
+@pytest.mark.parametrize("zoom", [0.0, 3.0])
+def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path, zoom: float):
+    from pxr import UsdGeom
+
+    views = camera_path(zoom=zoom)
+    path = tmp_path / "scene.usdz"
+    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(5)),), cameras=views))
+    stage = open_stage(path)
+    points = np.random.default_rng(0).uniform(-0.2, 0.2, (200, 3))
+    for role, shift in (("left", 0.0), ("right", BASELINE)):
+        camera = UsdGeom.Camera(stage.GetPrimAtPath(f"/Asset/Rig/{role}"))
+        assert camera.GetStereoRoleAttr().Get() == role
+        for i, view in enumerate(views.cameras):
+            px, depth = view.shifted_right(shift).project(points)
+            project = frustum_pixels(camera.GetCamera(i), views.image_size)
+            assert np.abs(project(points @ Y_UP.T) - px).max() < 1e-3
+            near, far = camera.GetClippingRangeAttr().Get()
+            assert near < depth.min() < depth.max() < far
+
+
+def test_lens_is_animated_only_where_it_changes(tmp_path: Path):
+    for zoom, samples in ((0.0, 0), (3.0, 9)):
+        path = tmp_path / f"zoom{zoom}.usdz"
+        scene = CaptureScene((Reconstruction("a", splats(5)),), cameras=camera_path(zoom=zoom))
+        write_capture_scene(path, scene)
+        stage = open_stage(path)
+        focal = stage.GetPrimAtPath("/Asset/Rig/left").GetAttribute("focalLength")
+        assert focal.GetNumTimeSamples() == samples
+
+
+def test_the_timeline_plays_at_the_speed_of_the_recording(package: Path):
+    stage = open_stage(package)
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 8)
+    assert stage.GetTimeCodesPerSecond() == 4.0
+    rig = stage.GetPrimAtPath("/Asset/Rig")
+    assert list(rig.GetCustomDataByKey("digs_warp:viewTimes")) == list(camera_path().times)
+    assert list(rig.GetCustomDataByKey("digs_warp:heldOut")) == list(camera_path().held_out)
+    size = stage.GetPrimAtPath("/Render/left").GetAttribute("resolution").Get()
+    assert tuple(size) == (88, 66)
+
+
+def test_between_two_views_the_camera_turns_along_the_shorter_arc(package: Path):
+    from pxr import UsdGeom
+
+    stage = open_stage(package)
+    rig = UsdGeom.Xformable(stage.GetPrimAtPath("/Asset/Rig"))
+    for i in range(8):
+        before, between, after = (
+            np.array(rig.GetLocalTransformation(i + t))[2, :3] for t in (0, 0.5, 1)
+        )
+        assert between @ before > 0.5 + 0.5 * (before @ after) - 1e-6
+
+
+def test_a_single_camera_is_no_stereo_rig(tmp_path: Path):
+    path = tmp_path / "scene.usdz"
+    views = camera_path(views=1, baseline=None)
+    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(5)),), cameras=views))
+    stage = open_stage(path)
+    rig = stage.GetPrimAtPath("/Asset/Rig")
+    assert [p.GetName() for p in rig.GetChildren()] == ["mono"]
+
+
+def test_the_course_of_the_training_is_there_but_switched_off(package: Path):
+    stage = open_stage(package)
+    prim = stage.GetPrimAtPath("/Asset/Progress")
+    assert not prim.IsActive()
+    assert list(prim.GetCustomDataByKey("digs_warp:iterations")) == [0, 50, 200]
+    prim.SetActive(True)
+    for time, (_, gaussians) in enumerate(full_scene().course):
+        read = read_scene_at(stage, time)
+        assert_array_equal(read, gaussians.means @ Y_UP.T.astype(np.float32))
+    assert prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get() == 0
+
+
+def read_scene_at(stage, time: float) -> np.ndarray:
+    attribute = stage.GetPrimAtPath("/Asset/Progress").GetAttribute("positions")
+    return np.array(attribute.Get(time))
+
+
+@pytest.mark.parametrize("role", ["left", "right"])
+@pytest.mark.parametrize("precision", ["float", "mixed", "half"])
+def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
+    tmp_path: Path, role: str, precision
+):
+    scene = full_scene(120)
+    path = tmp_path / "scene.usdz"
+    write_capture_scene(path, scene, WriteOptions(precision=precision))
+    background = (0.2, 0.5, 0.9)
+    for view in (0, 5):
+        camera = scene.cameras.cameras[view] if scene.cameras else None
+        assert camera
+        ours = render(
+            scene.reconstructions[0].gaussians,
+            camera.shifted_right(BASELINE if role == "right" else 0.0),
+            background=background,
+        )
+        drawn = render_usd(path, f"/Asset/Rig/{role}", view, np.array(background))
+        psnr = -10 * np.log10(((ours.image - drawn) ** 2).mean())
+        assert ours.image.std() > 0.1
+        # 90 dB with floats; halves round colours and places.
+        assert psnr > (80 if precision == "float" else 55)
+
+
+def test_stock_validators_find_nothing_in_any_variant(package: Path):
+    from pxr import UsdValidation
+
+    from usd.variants import variant_combinations
+
+    stage = open_stage(package)
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    stock = [v for v in validators if not v.GetMetadata().name.startswith("digs_warp")]
+    combinations = 0
+    for _ in variant_combinations(stage):
+        combinations += 1
+        errors = UsdValidation.ValidationContext(stock).Validate(stage)
+        assert [error.GetErrorAsString() for error in errors] == []
+    assert combinations == 9
+
+
+def test_members_are_aligned_and_the_root_comes_first(package: Path):
+    data = package.read_bytes()
+    with zipfile.ZipFile(package) as archive:
+        members = archive.infolist()
+    assert members[0].filename == "default.usdc"
+    assert len(members) == 1 + 9 + 1
+    for member in members:
+        assert member.compress_type == zipfile.ZIP_STORED
+        header = data[member.header_offset :]
+        names, extra = np.frombuffer(header[26:30], dtype="<u2")
+        assert (member.header_offset + 30 + int(names) + int(extra)) % 64 == 0
+
+
+def test_same_scene_gives_the_same_bytes_and_touches_no_other_file(tmp_path: Path, package: Path):
+    others = [tmp_path / name for name in ("default.usdc", "scene.usdc", "splats_depth_full.usdc")]
+    for other in others:
+        other.write_bytes(b"mine")
+    write_capture_scene(tmp_path / "scene.usdz", full_scene())
+    assert (
+        hashlib.sha256((tmp_path / "scene.usdz").read_bytes()).digest()
+        == hashlib.sha256(package.read_bytes()).digest()
+    )
+    assert all(other.read_bytes() == b"mine" for other in others)
+    assert len(list(tmp_path.iterdir())) == 4
+
+
+def test_a_failed_write_leaves_the_old_scene_and_nothing_else(tmp_path: Path):
+    path = tmp_path / "scene.usdz"
+    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(5)),)))
+    before = path.read_bytes()
+    broken = splats(6)
+    broken.means[2] = np.nan
+    scene = CaptureScene((Reconstruction("a", splats(5)), Reconstruction("bad one", broken)))
+    with pytest.raises(UsdError, match=r"'bad one': 1 of 6 splats hold NaN"):
+        write_capture_scene(path, scene)
+    assert path.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["scene.usdz"]
+
+
+def test_scenes_without_splats_are_fine(tmp_path: Path):
+    path = tmp_path / "scene.usdz"
+    scene = CaptureScene(
+        (Reconstruction("a", splats(0)),), cameras=camera_path(), course=((0, splats(0)),)
+    )
+    write_capture_scene(path, scene)
+    assert len(read_scene(path).gaussians) == 0
+
+
+def test_other_suffixes_are_refused(tmp_path: Path):
+    with pytest.raises(UsdError, match=r"expected \.usdz"):
+        write_capture_scene(
+            tmp_path / "scene.usdc", CaptureScene((Reconstruction("a", splats(1)),))
+        )
+
+
+def test_scenes_that_make_no_sense_are_refused():
+    one = Reconstruction("a b", splats(1))
+    with pytest.raises(UsdError, match="no reconstruction"):
+        CaptureScene(())
+    with pytest.raises(UsdError, match="a_b, a_b; expected a name of its own"):
+        CaptureScene((one, Reconstruction("a_b", splats(1))))
+    with pytest.raises(UsdError, match=r"iterations \[5, 5\]"):
+        CaptureScene((one,), course=((5, splats(1)), (5, splats(1))))
+    views = camera_path(views=2)
+    with pytest.raises(UsdError, match="2 cameras, 1 times"):
+        replace(views, times=(0.0,))
+    with pytest.raises(UsdError, match="not ascending"):
+        replace(views, times=(1.0, 0.0))
+    with pytest.raises(UsdError, match="different image sizes"):
+        replace(views, cameras=(views.cameras[0], views.cameras[1].resized(44, 33)))
+
+
+def test_variants_that_are_not_there_are_listed(package: Path):
+    with pytest.raises(UsdError, match=r"no variant 'mesh' of 'init'.*depth, random_points, sfm"):
+        read_scene(package, options=ReadOptions(variants={"init": "mesh"}))
+    with pytest.raises(UsdError, match=r"no variant 'full' of 'detail'"):
+        read_scene(package, options=ReadOptions(variants={"detail": "full"}))

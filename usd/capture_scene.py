@@ -1,0 +1,251 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""One package per capture: reconstructions and levels of detail as variants, the camera rig, its sources.
+
+::
+
+    scene.usdz
+      default.usdc                /Asset: variant sets init and lod; what follows hangs below it
+        /Asset/Gaussians          ParticleField3DGaussianSplat, the payload of the selected variants
+        /Asset/Rig/left, right    UsdGeomCamera; time code i is view i
+        /Asset/Source/...         initial points and meshes, purpose guide
+        /Asset/Progress           inactive; the splats in the course of the training
+        /Render/...               RenderProduct of each camera: the image size
+      splats_<init>_<lod>.usdc    one payload per combination
+      progress.usdc
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from digs_warp.checks import UsdError
+from digs_warp.gaussians import Gaussians
+from digs_warp.log import progress
+from digs_warp.point_cloud import PointCloud
+from digs_warp.triangle_mesh import TriangleMesh
+from usd import names
+from usd.author import author_field, begin_asset, begin_stage
+from usd.cameras import CameraPath, author_cameras
+from usd.convert import SplatArrays
+from usd.extent import three_sigma_extent
+from usd.files import package_folder
+from usd.lod import LEVELS, level_of_detail
+from usd.metadata import portable_json, usd_from_json
+from usd.shapes import author_mesh, author_points
+from usd.writer import WriteOptions, asset_arrays
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+_FIELD_IN_PAYLOAD = "/Gaussians"
+_PROGRESS_LAYER = "progress.usdc"
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """One way in which the capture was reconstructed: a variant of the set ``init``.
+
+    Attributes:
+        name: such as the initialization; becomes the name of the variant.
+        gaussians: the result.
+        initial_points: what the training started from, if known.
+        metadata: JSON-like facts about this reconstruction (settings, metrics).
+    """
+
+    name: str
+    gaussians: Gaussians
+    initial_points: PointCloud | None = None
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureScene:
+    """What goes into the package of one capture; all in our world (z up, metres).
+
+    Attributes:
+        reconstructions: at least one; the first is shown by default.
+        cameras: the views of the recording, if known.
+        source_mesh: the recorded object, where it was simulated.
+        surface: the surface extracted from the first reconstruction.
+        course: (training iterations, Gaussians) of the first reconstruction, ascending; stored without
+            view dependence.
+        metadata: JSON-like provenance of the whole, as in `usd.writer.write_gaussians`.
+    """
+
+    reconstructions: tuple[Reconstruction, ...]
+    cameras: CameraPath | None = None
+    source_mesh: TriangleMesh | None = None
+    surface: TriangleMesh | None = None
+    course: tuple[tuple[int, Gaussians], ...] = ()
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        variants = variant_names([each.name for each in self.reconstructions])
+        if not variants:
+            raise UsdError("capture scene: no reconstruction, expected at least one")
+        if len(set(variants)) < len(variants):
+            raise UsdError(
+                f"capture scene: reconstructions named {', '.join(variants)}; expected a name of its own "
+                "for each"
+            )
+        iterations = [iteration for iteration, _ in self.course]
+        if iterations != sorted(set(iterations)):
+            raise UsdError(
+                f"capture scene: course at iterations {iterations}, expected ascending ones"
+            )
+
+
+def variant_names(labels: Sequence[str]) -> list[str]:
+    """Return names that USD accepts for variants: letters, digits and underscores."""
+    from pxr import Tf
+
+    return [Tf.MakeValidIdentifier(label) for label in labels]
+
+
+def write_capture_scene(
+    path: Path, scene: CaptureScene, options: WriteOptions | None = None
+) -> None:
+    """Write the package of a capture; the default composition shows one field of splats.
+
+    Same input, same bytes. The file appears only when complete; no other file is touched.
+
+    Args:
+        path: a ``.usdz`` file; its folder is created when missing.
+        scene: what goes in.
+        options: precision and degree of all reconstructions.
+
+    Raises:
+        UsdError: another suffix, NaN or infinite values, metadata without a JSON form, 4 GiB or more, or
+            the file cannot be written.
+    """
+    from pxr import Sdf
+
+    path = Path(path)
+    if path.suffix.lower() != ".usdz":
+        raise UsdError(
+            f"USD scene '{path}': suffix '{path.suffix}', expected .usdz: a capture is a package of layers"
+        )
+    options = options or WriteOptions()
+    with package_folder(path) as folder:
+        root = Sdf.Layer.CreateNew(str(folder / names.PACKAGE_ROOT))
+        stage = begin_asset(scene.metadata, root)
+        variants = variant_names([each.name for each in scene.reconstructions])
+        boxes = []
+        total = len(variants) * len(LEVELS) + len(scene.course)
+        with progress(total, "Writing the scene", "layer") as bar:
+            for variant, each in zip(variants, scene.reconstructions, strict=True):
+                levels = _level_arrays(each, options)
+                boxes.append(three_sigma_extent(next(iter(levels.values()))))
+                _write_payloads(folder, variant, levels)
+                _author_variant(stage, variant, each)
+                bar.update(len(levels))
+            _select_first(stage, variants[0])
+            if scene.cameras is not None:
+                author_cameras(stage, scene.cameras, _union(boxes))
+            if scene.course:
+                rate = stage.GetTimeCodesPerSecond()
+                _write_course(folder, scene.course, options, rate, bar.update)
+                _author_course(stage, scene.course)
+        stage.DefinePrim(names.SOURCE_PATH, "Scope")
+        for place, mesh in (
+            (names.MESH_PATH, scene.source_mesh),
+            (names.SURFACE_PATH, scene.surface),
+        ):
+            if mesh is not None:
+                author_mesh(stage, place, mesh)
+        root.Save()
+
+
+def _level_arrays(each: Reconstruction, options: WriteOptions) -> dict[str, SplatArrays]:
+    what = f"Gaussians of '{each.name}'"
+    return {
+        level: asset_arrays(level_of_detail(each.gaussians, share), options, what)
+        for level, share in LEVELS.items()
+    }
+
+
+def _payload_name(variant: str, level: str) -> str:
+    return f"splats_{variant}_{level}.usdc"
+
+
+def _write_payloads(folder: Path, variant: str, levels: dict[str, SplatArrays]) -> None:
+    for level, arrays in levels.items():
+        stage = begin_stage()
+        prim = stage.DefinePrim(_FIELD_IN_PAYLOAD, names.FIELD_TYPE)
+        stage.SetDefaultPrim(prim)
+        author_field(prim, arrays)
+        stage.GetRootLayer().Export(str(folder / _payload_name(variant, level)))
+
+
+def _author_variant(stage: "Usd.Stage", variant: str, each: Reconstruction) -> None:
+    """Author one reconstruction: its levels, its initial points, what is known about it."""
+    asset = stage.GetDefaultPrim()
+    inits = asset.GetVariantSets().AddVariantSet(names.INIT_SET)
+    inits.AddVariant(variant)
+    inits.SetVariantSelection(variant)
+    with inits.GetVariantEditContext():
+        # Inside the variant: the levels of this reconstruction are its own.
+        levels = asset.GetVariantSets().AddVariantSet(names.LOD_SET)
+        for level in LEVELS:
+            levels.AddVariant(level)
+            levels.SetVariantSelection(level)
+            with levels.GetVariantEditContext():
+                prim = stage.DefinePrim(names.GAUSSIANS_PATH, names.FIELD_TYPE)
+                prim.GetPayloads().AddPayload(f"./{_payload_name(variant, level)}")
+        levels.SetVariantSelection(next(iter(LEVELS)))
+        prim = stage.DefinePrim(names.GAUSSIANS_PATH, names.FIELD_TYPE)
+        prim.SetDisplayName(each.name)
+        prim.SetCustomDataByKey(names.METADATA_KEY, usd_from_json(portable_json(each.metadata)))
+        if each.initial_points is not None:
+            author_points(stage, names.POINTS_PATH, each.initial_points)
+
+
+def _select_first(stage: "Usd.Stage", variant: str) -> None:
+    inits = stage.GetDefaultPrim().GetVariantSet(names.INIT_SET)
+    inits.SetVariantSelection(variant)
+
+
+def _write_course(
+    folder: Path,
+    course: Sequence[tuple[int, Gaussians]],
+    options: WriteOptions,
+    rate: float,
+    step: Callable[[], object],
+) -> None:
+    """Write the training as time samples, a time code each: colour only, halves but for the positions."""
+    sparing = replace(options, precision="mixed", sh_degree=0)
+    stage = begin_stage()
+    prim = stage.DefinePrim(_FIELD_IN_PAYLOAD, names.FIELD_TYPE)
+    stage.SetDefaultPrim(prim)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(len(course) - 1)
+    # Time codes of a layer with another rate than the scene's would be scaled.
+    stage.SetTimeCodesPerSecond(rate)
+    for i, (iteration, gaussians) in enumerate(course):
+        author_field(
+            prim, asset_arrays(gaussians, sparing, f"Gaussians at iteration {iteration}"), i
+        )
+        step()
+    stage.GetRootLayer().Export(str(folder / _PROGRESS_LAYER))
+
+
+def _author_course(stage: "Usd.Stage", course: Sequence[tuple[int, Gaussians]]) -> None:
+    """Refer to the course, switched off: importers expect one field of splats."""
+    from pxr import Vt
+
+    prim = stage.DefinePrim(names.PROGRESS_PATH, names.FIELD_TYPE)
+    prim.GetPayloads().AddPayload(f"./{_PROGRESS_LAYER}")
+    prim.SetCustomDataByKey(names.ITERATIONS_KEY, Vt.IntArray([i for i, _ in course]))
+    prim.SetActive(False)
+
+
+def _union(boxes: list[np.ndarray]) -> np.ndarray:
+    """Return the box around all boxes that hold something; a metre around the origin if none does."""
+    filled = np.stack(
+        [box for box in boxes if (box[0] <= box[1]).all()] or [[[-1.0] * 3, [1.0] * 3]]
+    )
+    return np.stack([filled[:, 0].min(axis=0), filled[:, 1].max(axis=0)]).astype(np.float64)
