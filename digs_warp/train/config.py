@@ -46,10 +46,10 @@ class TrainConfig:
     """Weight of the difference between rendered and measured depth: untextured surfaces stay in place."""
 
     opacity_weight: float = -1.0
-    """Weight of the mean opacity: fades what no view needs. -1: 0.01 with the strategy mcmc, else 0."""
+    """Weight of the mean opacity: fades what no view needs. -1: 0.01 with --density mcmc, else 0."""
 
     scale_weight: float = -1.0
-    """Weight of the mean scale, in units of the scene's extent. -1: 0.01 with the strategy mcmc, else 0."""
+    """Weight of the mean scale, in units of the scene's extent. -1: 0.01 with --density mcmc, else 0."""
 
     means_rate: float = 1.6e-4
     """Learning rate of the centres, in units of the scene's extent; falls to 1 % along the run."""
@@ -69,7 +69,7 @@ class TrainConfig:
     half_size_until: float = 0.0
     """Share of the run that trains on images of half the size: these steps cost less."""
 
-    strategy: Literal["fixed", "default", "absgrad", "mcmc"] = "fixed"
+    density: Literal["fixed", "default", "absgrad", "mcmc"] = "fixed"
     """How the number of Gaussians changes. fixed: not at all, best for a dense start from depth; default:
     clone, split, prune and reset of 3DGS; absgrad: the same with absolute gradients, fewer Gaussians for the
     same quality; mcmc: noise and relocation up to --max-splats, best from a poor start."""
@@ -127,7 +127,7 @@ class TrainConfig:
     def regularizer_weights(self) -> tuple[float, float]:
         """Return the weights of mean opacity and mean scale, -1 resolved."""
         # 0.01 each: the values of 3dgs-mcmc and gsplat.
-        usual = 0.01 if self.strategy == "mcmc" else 0.0
+        usual = 0.01 if self.density == "mcmc" else 0.0
         opacity, scale = self.opacity_weight, self.scale_weight
         return (usual if opacity < 0 else opacity), (usual if scale < 0 else scale)
 

@@ -111,7 +111,7 @@ class Trainer:
         return {
             "gaussians at the start": self._start_count,
             "colour coefficients": self.gaussians.sh.shape[1],
-            "strategy": self.config.strategy,
+            "density control": self.config.density,
             "views": self.views.names,
         }
 

@@ -179,9 +179,9 @@ def density_control(
         DigsError: there are more than the cap allows.
     """
     cap = splat_cap(config.max_splats, config.splat_memory, sh_degree)
-    if config.strategy == "fixed":
+    if config.density == "fixed":
         return Fixed()
     check_start(count, cap)
-    if config.strategy == "mcmc":
+    if config.density == "mcmc":
         return MonteCarlo(config, extent, cap)
-    return Adaptive(count, config, extent, cap, absolute=config.strategy == "absgrad")
+    return Adaptive(count, config, extent, cap, absolute=config.density == "absgrad")
