@@ -1,52 +1,87 @@
-"""`digs-warp convert`: a capture folder -> another program's format."""
+"""`digs-warp convert`: a capture folder, or Gaussians, -> another program's format."""
 
 import os
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import tyro
 
+from digs_warp.capture import INDEX_NAME
+from digs_warp.checks import DigsError
+from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.layout import RUN_RECORD
 from digs_warp.commands.output import OutputFolder
 from digs_warp.log import RunLog
 
+CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Convert:
-    """Write a capture in another program's format (nerfstudio reads the capture as it is)."""
+    """Write a capture or Gaussians in another program's format; what the source is decides.
 
-    capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
-    """A capture folder: from 'digs-warp simulate', or your own recording."""
+    Gaussians: digs-warp convert out/reconstruction scene.spz, or a.ply b.usdz: any two of .npz, .ply, .spz,
+    .splat, .usdz, .usdc, .usda. A capture: digs-warp convert out/capture --to colmap --out out/colmap
+    (nerfstudio reads the capture as it is).
+    """
 
-    to: Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
-    """The format: COLMAP model (text or binary), TUM RGB-D, BOP, or Redwood for Open3D."""
+    source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
+    """A capture folder; or Gaussians: a reconstruction folder or a file."""
 
-    out: Path
-    """Folder to write; it has to be new or empty, unless --overwrite is given."""
+    target: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="TARGET")] = None
+    """The file or folder to write; --out says the same."""
+
+    out: Path | None = None
+    """The file or folder to write; a folder has to be new or empty, unless --overwrite is given."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Delete the results of an earlier run in this folder first."""
+    """Replace the file if it exists; delete the results of an earlier run in the folder first."""
+
+    to: CaptureFormat | None = None
+    """For a capture, the format: COLMAP model (text or binary), TUM RGB-D, BOP, or Redwood for Open3D."""
+
+    gaussians: Annotated[SplatConversion, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=SplatConversion
+    )
 
     can_resume: ClassVar[bool] = False
 
-    def execute(self) -> str:
-        """Export under a temporary name, then rename: the folder is complete or not there."""
-        from digs_warp.capture import read_capture
-        from digs_warp.interchange.export import export_capture
+    def __post_init__(self) -> None:
+        if (self.target is None) == (self.out is None):
+            raise DigsError("name what to write once: as TARGET or with --out")
 
-        output = OutputFolder(out=self.out, overwrite=self.overwrite)
-        folder = output.prepare(inputs=[self.capture]).resolve()
-        capture = read_capture(self.capture)
-        log = RunLog("convert", {"capture": self.capture, "to": self.to})
-        unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
-        try:
-            with log.stage("export"):
-                export_capture(capture, self.to, unfinished)
-            log.results = {"frames": len(capture)}
-            log.save(unfinished / RUN_RECORD)
-            os.replace(unfinished, folder)
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
-        return f"{self.out}: {len(capture)} frames as {self.to}, {log.seconds['export']:.1f} s"
+    def execute(self) -> str:
+        """Find out what the source is, and convert it."""
+        target = self.target or self.out
+        assert target is not None
+        if not self.source.exists():
+            raise DigsError(f"'{self.source}': no such file or folder")
+        if self.to is not None:
+            return export_capture_folder(self.source, self.to, target, self.overwrite)
+        if (self.source / INDEX_NAME).is_file():
+            raise DigsError(
+                f"'{self.source}': a capture; add --to with one of {', '.join(CaptureFormat.__args__)}"
+            )
+        return convert_splats(self.source, target, self.overwrite, self.gaussians)
+
+
+def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
+    """Export under a temporary name, then rename: the folder is complete or not there."""
+    from digs_warp.capture import read_capture
+    from digs_warp.interchange.export import export_capture
+
+    folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source]).resolve()
+    capture = read_capture(source)
+    log = RunLog("convert", {"capture": source, "to": form})
+    unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+    try:
+        with log.stage("export"):
+            export_capture(capture, form, unfinished)
+        log.results = {"frames": len(capture)}
+        log.save(unfinished / RUN_RECORD)
+        os.replace(unfinished, folder)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+    return f"{out}: {len(capture)} frames as {form}, {log.seconds['export']:.1f} s"
