@@ -1,21 +1,18 @@
-"""Capture -> Gaussians: initialization, training and evaluation, each stage cached and resumable.
+"""Capture -> Gaussians: poses, initialization, training and evaluation, each stage cached and resumable.
 
 The folder that `reconstruct` leaves behind is described in docs/reconstruction-format.md.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from digs_warp.capture import Capture, Frame
-from digs_warp.checks import DigsError
+from digs_warp.front_end import FrontEndConfig, front_end
 from digs_warp.gaussians import Gaussians
 from digs_warp.images import to_uint8, write_image
-from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import RunLog, to_json, write_arrays, write_atomically
+from digs_warp.log import RunLog, to_json, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
@@ -28,20 +25,16 @@ from digs_warp.train.evaluate import (
 )
 from digs_warp.train.session import GAUSSIANS, train_gaussians
 
-POINTS = "initial_points.npz"
 EVALUATION = "evaluation.json"
 RENDERS = "renders"
 RUN = "run.json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReconstructConfig:
+class ReconstructConfig(FrontEndConfig):
     """How a capture becomes Gaussians."""
 
-    init: InitConfig = field(default_factory=InitConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
-    test_every: int = 8
-    """Every n-th view, from the first on, is held out for the evaluation."""
 
 
 def reconstruct(
@@ -62,41 +55,24 @@ def reconstruct(
     log = RunLog("reconstruct", config)
     if resume:
         log.continue_from(folder / RUN)
-    train_frames, test_frames = capture.split(config.test_every)
-    if not train_frames:
-        raise DigsError(
-            f"capture '{capture.folder}': {len(capture)} frame, expected at least 2: "
-            "one is held out for the evaluation"
-        )
     log.save(folder / RUN)
-    with log.stage("initialize"):
-        points = _initialize(train_frames, config, folder, resume)
+    try:
+        frames, points = front_end(capture, config, folder, log, resume)
+    finally:
+        log.save(folder / RUN)
     log.results["initial_points"] = len(points)
-    log.save(folder / RUN)
     with log.stage("load views"):
-        test_views = load_test_views(test_frames)
-    gaussians = _train(train_frames, test_views, points, config, folder, resume, log)
+        test_views = load_test_views(frames.held_out)
+    gaussians = _train(frames.training, test_views, points, config, folder, resume, log)
     with log.stage("evaluate"):
         _write_evaluation(gaussians, test_views, config.train.device, folder, log)
     log.save(folder / RUN)
     return gaussians
 
 
-def _initialize(
-    frames: list[Frame], config: ReconstructConfig, folder: Path, resume: bool
-) -> PointCloud:
-    path = folder / POINTS
-    if resume and path.is_file():
-        with np.load(path) as arrays:
-            return PointCloud(arrays["points_world"], arrays["colors"])
-    points = initial_points(frames, config.init)
-    write_arrays(path, {"points_world": points.points_world, "colors": points.colors})
-    return points
-
-
 def _train(
-    frames: list[Frame],
-    test_views: list[TestView],
+    frames: Sequence[Frame],
+    test_views: Sequence[TestView],
     points: PointCloud,
     config: ReconstructConfig,
     folder: Path,
@@ -113,7 +89,7 @@ def _train(
 
 
 def _write_evaluation(
-    gaussians: Gaussians, views: list[TestView], device: str, folder: Path, log: RunLog
+    gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path, log: RunLog
 ) -> None:
     """Render and measure the held-out views."""
     images = render_views(DeviceGaussians.from_numpy(gaussians, device), views)

@@ -1,7 +1,7 @@
 """`digs-warp reconstruct`: a capture folder -> Gaussians."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -10,12 +10,11 @@ import tyro
 from digs_warp.commands import layout
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality
-from digs_warp.init.config import InitConfig
-from digs_warp.train.config import TrainConfig
+from digs_warp.commands.reconstruction_options import ReconstructionOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reconstruct:
+class Reconstruct(ReconstructionOptions):
     """Reconstruct a capture as Gaussian splats.
 
     The depth maps give the points to start from, the images of the training views give everything else; every
@@ -26,22 +25,20 @@ class Reconstruct:
     """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md)."""
 
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
-    initialization: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=InitConfig
-    )
-    training: Annotated[TrainConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=TrainConfig)
+    seed: int = 0
+    """Decides everything random: matching of images, order of the views, backgrounds."""
 
     can_resume: ClassVar[bool] = True
 
     def execute(self) -> str:
         """Reconstruct and say how well it went."""
         from digs_warp.capture import read_capture
-        from digs_warp.reconstruct import ReconstructConfig, reconstruct
+        from digs_warp.reconstruct import reconstruct
 
         start = time.perf_counter()
         capture = read_capture(self.capture)
         folder = self.output.prepare(inputs=[self.capture])
-        config = ReconstructConfig(init=self.initialization, train=self.training)
+        config = self.reconstruct_config(self.seed)
         gaussians = reconstruct(capture, config, folder, resume=self.output.resume)
         seconds = time.perf_counter() - start
         return (

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -13,27 +13,13 @@ from digs_warp.commands.export_usd import write_scene
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality
-from digs_warp.init.config import InitConfig
+from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.log import RunLog
-from digs_warp.train.config import TrainConfig
 from sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class _TrainOptions(TrainConfig):
-    """How the Gaussians are optimized. The seed is that of the recording."""
-
-    seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
-
-    def with_seed(self, seed: int) -> TrainConfig:
-        """Return the plain settings: one --seed serves all stages."""
-        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(TrainConfig)}
-        values["seed"] = seed
-        return TrainConfig(**values)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
+class Run(ReconstructionOptions):
     """Do everything: record an object, reconstruct it, write the USD scene and a report.
 
     Without --mesh and --environment it takes the built-in object in the built-in room.
@@ -43,25 +29,17 @@ class Run:
     recording: Annotated[SimulateConfig, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SimulateConfig
     )
-    initialization: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=InitConfig
-    )
-    training: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=_TrainOptions
-    )
 
     can_resume: ClassVar[bool] = True
 
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
-        from digs_warp.reconstruct import ReconstructConfig, reconstruct
+        from digs_warp.reconstruct import reconstruct
         from digs_warp.report import write_report
         from sim.record import simulate
 
         folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
-        config = ReconstructConfig(
-            init=self.initialization, train=self.training.with_seed(self.recording.seed)
-        )
+        config = self.reconstruct_config(self.recording.seed)
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})
         record = folder / layout.RUN_RECORD
         reconstruction = folder / layout.RECONSTRUCTION
