@@ -1,0 +1,203 @@
+"""Each term of the loss and its gradient against a float64 twin."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import warp as wp
+from reference import loss_twin
+
+from digs_warp.image_planes import ImagePlanes
+from digs_warp.losses.coverage import CoverageLoss
+from digs_warp.losses.depth import DepthLoss, DepthTarget, depth_weights
+from digs_warp.losses.photometric import PhotometricLoss
+from digs_warp.losses.regularizers import Regularizer
+
+WIDTH, HEIGHT = 70, 20
+EVERYTHING = (0, 0, WIDTH, HEIGHT)
+
+
+def planes(values: np.ndarray, room: int = 0) -> ImagePlanes:
+    """Planes that hold ``values`` and have ``room`` more rows and columns."""
+    height, width = values.shape[:2]
+    made = ImagePlanes(width + room, height + room, np.atleast_3d(values).shape[2])
+    made.resize(width, height)
+    made.assign(values)
+    return made
+
+
+def slope(function: Callable[[np.ndarray], float], at: np.ndarray, index: tuple) -> float:
+    """Central difference in one value."""
+    step = np.zeros(at.shape)
+    step[index] = 1e-5
+    return (function(at + step) - function(at - step)) / 2e-5
+
+
+def some_indices(rng: np.random.Generator, shape: tuple[int, ...]) -> list[tuple[int, ...]]:
+    return [tuple(int(rng.integers(n)) for n in shape) for _ in range(15)]
+
+
+def random_view(seed: int = 0) -> tuple[np.random.Generator, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    image = rng.uniform(size=(HEIGHT, WIDTH, 3)).astype(np.float32)
+    weights = rng.uniform(size=(HEIGHT, WIDTH)).astype(np.float32)
+    weights[5:9, 10:40] = 0.0
+    return rng, image, weights
+
+
+@pytest.mark.parametrize("dssim_weight", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("room", [0, 90])
+def test_weighted_pixels(dssim_weight: float, room: int) -> None:
+    """Also in planes that have room for a larger view."""
+    rng, image, weights = random_view()
+    target = np.clip(image + rng.normal(size=image.shape) * 0.2, 0, 1).astype(np.float32)
+    adj = planes(np.zeros_like(image), room)
+    loss = PhotometricLoss(
+        planes(image, room), planes(target, room), planes(weights, room), adj, dssim_weight
+    )
+    loss.run((WIDTH, HEIGHT), EVERYTHING, EVERYTHING, weighted=True)
+
+    def twin(values: np.ndarray) -> float:
+        return loss_twin.photometric(values, target, weights.astype(np.float64), dssim_weight)
+
+    assert loss.value()[0] == pytest.approx(twin(image), rel=1e-5)
+    gradient = adj.to_numpy()
+    for index in some_indices(rng, image.shape):
+        expected = slope(twin, image.astype(np.float64), index)
+        assert gradient[index] == pytest.approx(expected, rel=1e-3, abs=3e-4 / image.size)
+
+
+def test_pixels_without_weight_change_nothing() -> None:
+    """An ignored region may hold anything: beyond the reach of a window, loss and gradient stay."""
+    _, image, weights = random_view(1)
+    target = image[::-1].copy()
+    weights[:] = 1.0
+    weights[:, 40:] = 0.0
+    results = []
+    for spoiled in (False, True):
+        shown = target.copy()
+        if spoiled:
+            shown[:, 45:] = 1.0 - shown[:, 45:]  # beyond the reach of the windows that count
+        adj = planes(np.zeros_like(image))
+        loss = PhotometricLoss(planes(image), planes(shown), planes(weights), adj)
+        loss.run((WIDTH, HEIGHT), EVERYTHING, EVERYTHING, weighted=True)
+        results.append((loss.value(), adj.to_numpy()))
+    assert results[0][0] == results[1][0]
+    np.testing.assert_array_equal(results[0][1][:, 45:], results[1][1][:, 45:])
+    assert not results[0][1][:, 45:].any()
+    assert results[0][1][:, :40].any()
+
+
+@pytest.mark.parametrize("room", [0, 33])
+def test_coverage(room: int) -> None:
+    rng, _, alpha = random_view(2)
+    mask = rng.uniform(size=alpha.shape).astype(np.float32)
+    adj = planes(np.zeros_like(alpha), room)
+    term = CoverageLoss(planes(1.0 - alpha, room), planes(mask, room), adj, weight=0.7)
+    term.run((WIDTH, HEIGHT), EVERYTHING, EVERYTHING)
+
+    def twin(transmittance: np.ndarray) -> float:
+        return 0.7 * loss_twin.coverage(1.0 - transmittance, mask)
+
+    transmittance = (1.0 - alpha).astype(np.float64)
+    assert term.value() == pytest.approx(twin(transmittance), rel=1e-5)
+    gradient = adj.to_numpy()[..., 0]
+    for index in some_indices(rng, alpha.shape):
+        assert gradient[index] == pytest.approx(slope(twin, transmittance, index), rel=1e-4)
+
+
+def test_coverage_that_equals_the_mask_is_at_rest() -> None:
+    alpha = np.full((HEIGHT, WIDTH), 0.25, np.float32)
+    adj = planes(np.ones_like(alpha))
+    term = CoverageLoss(planes(1.0 - alpha), planes(alpha), adj, weight=1.0)
+    term.run((WIDTH, HEIGHT), EVERYTHING, EVERYTHING)
+    assert term.value() == 0.0
+    assert not adj.to_numpy().any()
+
+
+@pytest.mark.parametrize("box", [EVERYTHING, (3, 2, 61, 17)])
+def test_depth(box: tuple[int, int, int, int]) -> None:
+    rng, _, _ = random_view(3)
+    measured = rng.uniform(0.5, 1.5, (HEIGHT, WIDTH)).astype(np.float32)
+    rendered = (measured * rng.uniform(0.9, 1.1, measured.shape)).astype(np.float32)
+    alpha = rng.uniform(size=measured.shape).astype(np.float32)
+    bytes_ = rng.integers(0, 256, measured.shape).astype(np.uint8)
+    bytes_[rng.uniform(size=measured.shape) < 0.3] = 0
+    inside = (slice(box[1], box[3]), slice(box[0], box[2]))
+    weights = np.zeros_like(measured, dtype=np.float64)
+    weights[inside] = bytes_[inside] / 255.0
+    depths = np.stack([rendered, np.zeros_like(rendered)], axis=-1)  # expected, median
+    adj = planes(np.full_like(measured, 9.0))
+    term = DepthLoss(planes(depths), planes(1.0 - alpha), adj, weight=0.3)
+    target = DepthTarget(
+        wp.array(measured[inside].ravel(), dtype=float, device="cpu"),
+        wp.array(bytes_[inside].ravel(), dtype=wp.uint8, device="cpu"),
+        float(weights.sum()),
+    )
+    term.run(target, box, EVERYTHING)
+
+    def twin(values: np.ndarray) -> float:
+        return 0.3 * loss_twin.depth(values, measured, weights, alpha)
+
+    assert term.value() == pytest.approx(twin(rendered), rel=1e-5)
+    gradient = adj.to_numpy()[..., 0]
+    for index in some_indices(rng, measured.shape):
+        expected = slope(twin, rendered.astype(np.float64), index)
+        assert gradient[index] == pytest.approx(expected, rel=1e-3, abs=1e-9)
+
+
+def test_depth_weights_distrust_edges_missing_values_and_low_confidence() -> None:
+    image = np.zeros((4, 6, 3), np.uint8)
+    image[:, 3:] = 255
+    mask = np.full((4, 6), 255, np.uint8)
+    mask[0] = 127
+    depth = np.ones((4, 6), np.float32)
+    depth[1, 0] = np.nan
+    confidence = np.full((4, 6), 1.0, np.float32)
+    confidence[2, 0] = 0.5
+    weights = depth_weights(image, mask, depth, confidence)
+    assert not weights[0].any()
+    assert weights[1].tolist() == [0, 255, round(255 * np.exp(-1)), 255, 255, 255]
+    assert weights[2, 0] == 128
+    everything = depth_weights(image, mask, np.ones((4, 6), np.float32), None)
+    assert everything[1, 0] == everything[2, 0] == 255
+
+
+def test_a_view_without_depth_pulls_nothing() -> None:
+    shape = (HEIGHT, WIDTH)
+    adj = planes(np.ones(shape, np.float32))
+    depths = planes(np.ones((*shape, 2), np.float32))
+    term = DepthLoss(depths, planes(np.zeros(shape, np.float32)), adj, 1.0)
+    nothing = DepthTarget(
+        wp.zeros(4, dtype=float, device="cpu"), wp.zeros(4, dtype=wp.uint8, device="cpu"), 0.0
+    )
+    term.run(nothing, (3, 3, 5, 5), EVERYTHING)
+    assert term.value() == 0.0
+    assert not adj.to_numpy().any()
+
+
+def test_regularizers() -> None:
+    rng = np.random.default_rng(5)
+    log_scales, logits = rng.normal(size=(30, 3)) - 3, rng.normal(size=30) * 2
+    before = rng.normal(size=30).astype(np.float32), rng.normal(size=(30, 3)).astype(np.float32)
+    adj_logits = wp.array(before[0], dtype=float, device="cpu")
+    adj_scales = wp.array(before[1], dtype=wp.vec3, device="cpu")
+    Regularizer(
+        wp.array(log_scales, dtype=wp.vec3, device="cpu"),
+        wp.array(logits, dtype=float, device="cpu"),
+        adj_scales,
+        adj_logits,
+        opacity_weight=0.4,
+        scale_weight=7.0,
+        extent=1.9,
+    ).run()
+    for i in range(30):
+        expected = 0.4 * slope(
+            lambda x: loss_twin.regularizers(log_scales, x, 1.9)[0], logits, (i,)
+        )
+        assert adj_logits.numpy()[i] - before[0][i] == pytest.approx(expected, rel=1e-3, abs=3e-7)
+        expected = 7.0 * slope(
+            lambda x: loss_twin.regularizers(x, logits, 1.9)[1], log_scales, (i, i % 3)
+        )
+        measured = adj_scales.numpy()[i, i % 3] - before[1][i, i % 3]
+        assert measured == pytest.approx(expected, rel=1e-3, abs=3e-7)

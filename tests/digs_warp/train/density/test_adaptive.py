@@ -1,0 +1,158 @@
+"""Clone, split, prune and reset do what 3DGS describes, and moments follow their Gaussians."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.density_twin import rotation
+
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.train.density.adaptive import (
+    GRADIENT_LIMIT,
+    MIN_OPACITY,
+    RESET_OPACITY,
+    Schedule,
+    refine,
+    rotation_matrices,
+    with_low_opacities,
+)
+from digs_warp.train.density.refinement import Refinement, unchanged
+
+EXTENT = 2.0
+SMALL, LARGE, HUGE = np.log(0.004), np.log(0.05), np.log(0.5)  # around 0.01 and 0.1 of the extent
+
+
+def population(count: int, log_scale: float = SMALL, opacity_logit: float = 0.0) -> Gaussians:
+    rng = np.random.default_rng(0)
+    return Gaussians(
+        means=rng.normal(size=(count, 3)),
+        log_scales=rng.uniform(-0.5, 0.0, (count, 3)) + log_scale,
+        quats=rng.normal(size=(count, 4)),
+        opacity_logits=np.full(count, opacity_logit),
+        sh=rng.normal(size=(count, 4, 3)),
+    )
+
+
+def refined(gaussians: Gaussians, gradients: np.ndarray, **options: object) -> Refinement:
+    settings: dict = {
+        "limit": GRADIENT_LIMIT,
+        "extent": EXTENT,
+        "max_splats": 1000,
+        "remove_large": False,
+        "random": np.random.default_rng(1),
+    }
+    return refine(gaussians, gradients, **(settings | options))
+
+
+def pulled(count: int, *indices: int) -> np.ndarray:
+    gradients = np.zeros(count)
+    gradients[list(indices)] = 2 * GRADIENT_LIMIT
+    return gradients
+
+
+def assert_rows_equal(a: Gaussians, rows: slice, b: Gaussians, sources: list[int]) -> None:
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(a, name)[rows], getattr(b, name)[sources])
+
+
+def test_a_small_gaussian_is_cloned() -> None:
+    before = population(6)
+    result = refined(before, pulled(6, 1, 4))
+    assert_rows_equal(result.gaussians, slice(None), before, [0, 1, 2, 3, 4, 5, 1, 4])
+    np.testing.assert_array_equal(result.keeps_moments, [True] * 6 + [False] * 2)
+
+
+def test_a_large_gaussian_is_split_along_itself() -> None:
+    """Children are smaller by 1.6, and lie where the parent's own distribution puts them."""
+    count = 4000
+    one = population(1, LARGE)
+    before = Gaussians(*(np.repeat(getattr(one, name), count, axis=0) for name in FIELDS))
+    result = refined(before, np.full(count, 1.0), max_splats=2 * count)
+    children = result.gaussians
+    assert len(children) == 2 * count
+    assert not result.keeps_moments.any()
+    np.testing.assert_array_equal(result.sources, np.tile(np.arange(count), 2))
+    np.testing.assert_allclose(
+        children.scales, np.tile(one.scales / 1.6, (2 * count, 1)), rtol=1e-6
+    )
+    axes = rotation(one.quats[0]) * one.scales[0]
+    measured = np.cov(children.means.T, bias=True)
+    np.testing.assert_allclose(measured, axes @ axes.T, atol=0.05 * np.max(axes**2))
+    np.testing.assert_allclose(children.means.mean(axis=0), one.means[0], atol=0.003)
+
+
+def test_a_childs_place_belongs_to_its_parent() -> None:
+    """Other Gaussians that split as well change nothing."""
+    before = population(5, LARGE)
+    alone, together = refined(before, pulled(5, 3)), refined(before, pulled(5, 1, 3))
+    first_alone = alone.gaussians.means[alone.sources == 3]
+    first_together = together.gaussians.means[together.sources == 3]
+    np.testing.assert_array_equal(first_alone, first_together)
+
+
+def test_the_transparent_are_removed() -> None:
+    before = population(5)
+    logits = before.opacity_logits.copy()
+    logits[[0, 3]] = np.log(MIN_OPACITY) - 0.01
+    result = refined(replace(before, opacity_logits=logits), pulled(5, 3))
+    np.testing.assert_array_equal(result.sources, [1, 2, 4])  # the clone of 3 went with it
+
+
+def test_the_huge_are_removed_once_opacities_were_reset() -> None:
+    before = population(3)
+    log_scales = before.log_scales.copy()
+    log_scales[1, 2] = HUGE
+    before = replace(before, log_scales=log_scales)
+    assert len(refined(before, np.zeros(3)).gaussians) == 3
+    np.testing.assert_array_equal(refined(before, np.zeros(3), remove_large=True).sources, [0, 2])
+
+
+def test_an_all_transparent_population_keeps_its_most_opaque() -> None:
+    before = replace(population(4), opacity_logits=np.array([-9.0, -8.0, -12.0, -9.0]))
+    np.testing.assert_array_equal(refined(before, np.zeros(4)).sources, [1])
+
+
+@pytest.mark.parametrize("room", [0, 1, 3, 50])
+def test_the_cap_is_kept_and_the_largest_gradients_come_first(room: int) -> None:
+    before = population(20)
+    gradients = np.linspace(1, 2, 20)[::-1] * GRADIENT_LIMIT
+    result = refined(before, gradients, max_splats=20 + room)
+    assert len(result.gaussians) == 20 + min(room, 20)
+    np.testing.assert_array_equal(result.sources[20:], np.arange(min(room, 20)))
+
+
+def test_a_reset_pushes_opacities_down_only() -> None:
+    before = replace(population(3), opacity_logits=np.array([-6.0, 0.0, 5.0]))
+    result = with_low_opacities(unchanged(before))
+    opacities = result.gaussians.opacities
+    np.testing.assert_allclose(
+        opacities, [before.opacities[0], RESET_OPACITY, RESET_OPACITY], rtol=1e-5
+    )
+    moments = np.ones(3)
+    np.testing.assert_array_equal(result.moments("opacity_logits", moments), 0.0)
+    np.testing.assert_array_equal(result.moments("means", np.ones((3, 3))), 1.0)
+
+
+def test_moments_follow_their_gaussians() -> None:
+    result = refined(population(4, LARGE), pulled(4, 2))
+    moments = np.arange(12.0).reshape(4, 3) + 1
+    np.testing.assert_array_equal(
+        result.moments("means", moments), np.concatenate([moments[[0, 1, 3]], np.zeros((2, 3))])
+    )
+
+
+def test_the_schedule_is_that_of_the_reference() -> None:
+    schedule = Schedule(30_000)
+    refines = [step for step in range(1, 30_001) if schedule.refines(step)]
+    assert (refines[0], refines[-1], len(refines)) == (600, 15_000, 145)
+    assert [step for step in range(1, 30_001) if schedule.resets(step)] == list(
+        range(3000, 15_001, 3000)
+    )
+    assert [step for step in range(1, 1001) if Schedule(1000).refines(step)] == [200, 300, 400, 500]
+
+
+def test_rotations_are_those_of_scipy() -> None:
+    quats = np.random.default_rng(0).normal(size=(50, 4))
+    quats[0] = 0.0
+    expected = [rotation(quat) for quat in quats]
+    np.testing.assert_allclose(rotation_matrices(quats), expected, atol=1e-12)

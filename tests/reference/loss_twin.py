@@ -1,0 +1,37 @@
+"""Float64 twins of the loss terms, straight from their formulas."""
+
+import numpy as np
+
+from digs_warp.metrics import ssim_map
+
+
+def photometric(
+    image: np.ndarray, target: np.ndarray, weights: np.ndarray, dssim_weight: float
+) -> float:
+    """Mean over all pixels and channels of w ((1 - lambda) |x - y| + lambda (1 - SSIM))."""
+    image, target = image.astype(np.float64), target.astype(np.float64)
+    terms = (1 - dssim_weight) * np.abs(image - target)
+    terms = terms + dssim_weight * (1 - ssim_map(image, target))
+    return float((weights[..., None] * terms).mean())
+
+
+def coverage(alpha: np.ndarray, mask: np.ndarray) -> float:
+    """Mean difference between alpha and mask."""
+    return float(np.abs(alpha.astype(np.float64) - mask).mean())
+
+
+def depth(
+    rendered: np.ndarray, measured: np.ndarray, weights: np.ndarray, alpha: np.ndarray
+) -> float:
+    """Weighted mean of log(1 + |z - d| / (0.01 d)); uncovered pixels add nothing to the sum."""
+    total = 0.0
+    for z, d, w, a in zip(rendered.flat, measured.flat, weights.flat, alpha.flat, strict=True):
+        if w > 0 and a >= 0.5:
+            total += w * np.log1p(abs(float(z) - float(d)) / (0.01 * float(d)))
+    return total / float(weights.sum())
+
+
+def regularizers(log_scales: np.ndarray, logits: np.ndarray, extent: float) -> tuple[float, float]:
+    """Mean opacity, and mean scale in units of the extent."""
+    opacities = 1 / (1 + np.exp(-logits.astype(np.float64)))
+    return float(opacities.mean()), float((np.exp(log_scales.astype(np.float64)) / extent).mean())
