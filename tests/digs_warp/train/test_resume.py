@@ -1,0 +1,121 @@
+"""N steps, a checkpoint, and N more are the same bits as 2 N steps, for every density control."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.tiny_capture import ball, write_tiny_capture
+
+from digs_warp.capture import Capture
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.density import adaptive
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+
+# Refined every 6 steps from the 4th on, reset at the 18th: what takes thousands of steps otherwise.
+STEPS = 40
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+
+
+@pytest.fixture(autouse=True)
+def short_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive, "REFINE_EVERY", 6)
+    monkeypatch.setattr(adaptive, "RESET_EVERY", 18)
+    monkeypatch.setattr(adaptive, "GRADIENT_LIMIT", 1e-5)
+    monkeypatch.setattr(adaptive, "ABSOLUTE_GRADIENT_LIMIT", 4e-5)
+
+
+def start() -> Gaussians:
+    truth = ball(300)
+    logits = truth.opacity_logits.copy()
+    logits[:40] = -7.0  # dead: pruned, or relocated
+    return replace(truth, sh=np.zeros_like(truth.sh), opacity_logits=logits)
+
+
+def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
+    trainer = Trainer(start(), open_views(capture.frames, config), config)
+    for _ in range(steps):
+        trainer.step()
+    return trainer
+
+
+@pytest.mark.parametrize("density", ["fixed", "default", "absgrad", "mcmc"])
+def test_a_resumed_run_continues_bit_for_bit(
+    capture: Capture, tmp_path: Path, density: str
+) -> None:
+    config = TrainConfig(iterations=STEPS, density=density, max_splats=900)  # pyright: ignore[reportArgumentType]
+    whole = trained(capture, config, STEPS)
+    half = trained(capture, config, 15)
+    path = tmp_path / "checkpoint.npz"
+    assert save_checkpoint(path, half)
+    assert checkpoint_step(path) == 15
+    resumed = Trainer(start(), open_views(capture.frames, config, first_step=15), config)
+    load_checkpoint(path, resumed)
+    for _ in range(STEPS - 15):
+        resumed.step()
+    states = [
+        (t.gaussians.to_numpy(), t.optimizer.moments_1.to_numpy(), t.optimizer.moments_2.to_numpy())
+        for t in (whole, resumed)
+    ]
+    for one, other in zip(*states, strict=True):
+        for name in FIELDS:
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert (len(whole.gaussians) != 300) == (density != "fixed")
+    assert len(whole.gaussians) <= 900
+
+
+@pytest.mark.parametrize("density", ["default", "mcmc"])
+def test_the_cap_is_kept_in_every_step(capture: Capture, density: str) -> None:
+    config = TrainConfig(iterations=STEPS, density=density, max_splats=310)  # pyright: ignore[reportArgumentType]
+    trainer = trained(capture, config, 0)
+    for _ in range(STEPS):
+        trainer.step()
+        assert len(trainer.gaussians) <= 310
+
+
+@pytest.mark.parametrize("budget", [{"max_splats": 200}, {"splat_memory": 0.1}])
+def test_a_start_beyond_the_budget_is_refused(capture: Capture, budget: dict) -> None:
+    config = TrainConfig(density="default", **budget)
+    with pytest.raises(DigsError, match=r"starts with 300 Gaussians.*voxel-size"):
+        trained(capture, config, 0)
+
+
+def test_a_state_that_is_not_finite_does_not_replace_a_good_one(
+    capture: Capture, tmp_path: Path
+) -> None:
+    trainer = trained(capture, TrainConfig(iterations=5), 2)
+    path = tmp_path / "checkpoint.npz"
+    assert save_checkpoint(path, trainer)
+    good = path.read_bytes()
+    values = trainer.gaussians.quats.numpy()
+    values[3, 1] = np.inf
+    trainer.gaussians.quats.assign(values)
+    assert not save_checkpoint(path, trainer)
+    assert path.read_bytes() == good
+
+
+@pytest.mark.parametrize(
+    ("other", "what"),
+    [({"density": "mcmc"}, "density control"), ({"sh_degree": 1}, "colour coefficients")],
+)
+def test_a_checkpoint_of_other_settings_is_refused(
+    capture: Capture, tmp_path: Path, other: dict, what: str
+) -> None:
+    config = TrainConfig(iterations=5)
+    path = tmp_path / "checkpoint.npz"
+    save_checkpoint(path, trained(capture, config, 1))
+    seeds = start()
+    if "sh_degree" in other:
+        seeds = replace(seeds, sh=np.zeros((300, 4, 3)))
+    config = replace(config, **other)
+    trainer = Trainer(seeds, open_views(capture.frames, config), config)
+    with pytest.raises(DigsError, match=f"{what} differ"):
+        load_checkpoint(path, trainer)

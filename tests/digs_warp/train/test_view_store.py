@@ -1,0 +1,103 @@
+"""Views of a run: cropped, halved, read ahead, and never more of them in memory than there is room for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
+
+from digs_warp.camera import Intrinsics
+from digs_warp.capture import Capture, Frame, read_capture
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.losses.regions import mask_box
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
+from digs_warp.train.views import View, half_size, halved, load_view
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
+
+
+def bounded(capture: Capture, memory: float, loads: list[str]) -> ViewStore:
+    def load(frame: Frame) -> View:
+        loads.append(frame.name)
+        return load_view(frame)
+
+    return ViewStore(capture.frames, lambda step: view_index(3, 8, step), load, memory)
+
+
+def test_a_view_holds_the_crop_of_its_mask(capture: Capture) -> None:
+    frame = capture.frames[2]
+    view = load_view(frame, with_depth=True)
+    x0, y0, x1, y1 = mask_box(frame.load_mask())
+    assert view.box == (x0, y0, x1, y1)
+    planes = view.pixels.numpy().reshape(4, y1 - y0, x1 - x0)
+    np.testing.assert_array_equal(planes[:3].transpose(1, 2, 0), frame.load_image()[y0:y1, x0:x1])
+    np.testing.assert_array_equal(planes[3], frame.load_mask()[y0:y1, x0:x1])
+    assert view.depth is not None
+    known = view.depth.weights.numpy() > 0
+    expected = frame.load_depth()[y0:y1, x0:x1].ravel()
+    np.testing.assert_array_equal(view.depth.depth.numpy()[known], expected[known])
+    assert known.sum() > 500
+    assert view.bytes == 4 * (x1 - x0) * (y1 - y0) + 5 * (x1 - x0) * (y1 - y0)
+    assert view.size == (WIDTH, HEIGHT)
+
+
+def test_few_views_are_held_and_all_are_handed_out(capture: Capture) -> None:
+    loads: list[str] = []
+    store = bounded(capture, memory=1e-9, loads=loads)
+    assert store.capacity == MIN_HELD
+    for step in range(24):
+        view = store.view(step)
+        assert view.name == capture.frames[view_index(3, 8, step)].name
+        assert len(store._held) <= MIN_HELD
+    store.close()
+    assert len(loads) > 16  # read again in every epoch
+
+
+def test_with_room_for_all_each_is_read_once(capture: Capture) -> None:
+    loads: list[str] = []
+    store = bounded(capture, memory=100.0, loads=loads)
+    for step in range(24):
+        store.view(step)
+    store.close()
+    assert sorted(loads) == sorted(frame.name for frame in capture.frames)
+
+
+def test_a_run_may_start_in_the_middle_of_an_epoch(capture: Capture) -> None:
+    config = TrainConfig(image_memory=1e-9)
+    store = open_views(capture.frames, config, first_step=13)
+    for step in range(13, 30):
+        assert store.view(step).name == capture.frames[view_index(0, 8, step)].name
+    store.close()
+
+
+def test_a_broken_image_is_found_before_the_training(capture: Capture, tmp_path: Path) -> None:
+    broken = write_tiny_capture(tmp_path / "capture", frames=4)
+    broken.frames[2].files["file_path"].write_bytes(b"no image")
+    with pytest.raises((CaptureError, DigsError), match=r"0002\.png"):
+        open_views(read_capture(tmp_path / "capture").frames, TrainConfig())
+
+
+def test_halving_means_blocks_and_weighs_colours_by_the_mask() -> None:
+    image = np.zeros((5, 4, 3), np.uint8)
+    mask = np.zeros((5, 4), np.uint8)
+    image[0, 0], mask[0, 0] = 200, 255
+    image[0, 1], mask[0, 1] = 100, 85
+    image[1, 0] = 255  # without mask: counts for nothing
+    image[2:, 2:], mask[2:, 2:] = 80, 255
+    small, share = half_size(image, mask)
+    assert small.shape == (2, 2, 3)
+    assert share.tolist() == [[85, 0], [0, 255]]
+    assert small[..., 0].tolist() == [[175, 0], [0, 80]]
+
+
+def test_a_halved_camera_sees_the_same_rays() -> None:
+    k = Intrinsics(71, 53, 60.0, 61.0, 30.0, 27.5)
+    half = halved(k)
+    assert (half.width, half.height) == (35, 26)
+    # The centre of block (3, 2) lies at (7, 5) of the whole image.
+    assert (3.5 - half.cx) / half.fx == pytest.approx((7.0 - k.cx) / k.fx)
+    assert (2.5 - half.cy) / half.fy == pytest.approx((5.0 - k.cy) / k.fy)
