@@ -1,0 +1,202 @@
+"""The recovered scale under the simulator's sensor effects, and under calibration errors.
+
+Sparse points come from the truth, in a unit of their own, with noisy and mismatched features.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.capture import CaptureWriter, Frame, FrameImages, Rig
+from digs_warp.checks import DigsError
+from digs_warp.images import to_uint8, write_image
+from digs_warp.init.config import InitConfig
+from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales
+from digs_warp.init.recipes import initial_points
+from digs_warp.init.scale import estimate_scale
+from digs_warp.sfm_model import SfmModel
+from digs_warp.study.synthetic_sfm import (
+    sfm_from_truth,
+    with_disparity_offset,
+    with_wrong_baseline,
+)
+from sim.config import SimulateConfig
+from sim.sensor.effects import EFFECTS
+from sim.sensor.frame import FrameTruth
+from sim.sensor.tiers import depth_of, sense_effects
+from sim.session import load_inputs, prepare_session
+from sim.shutter import Shutter
+
+TRUE = 1.37
+FRAMES = 4
+NAMES = tuple(effect.name for effect in EFFECTS)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The truth of a few views, as the sensor's effects take it, and as a capture."""
+
+    truths: list[FrameTruth]
+    frames: tuple[Frame, ...]
+    sfm: SfmModel
+
+    def sensed(self, folder: Path, sense: Callable[[FrameTruth], np.ndarray]) -> list[Frame]:
+        """The frames with other depth."""
+        changed = []
+        for frame, truth in zip(self.frames, self.truths, strict=True):
+            path = folder / f"{frame.name}.exr"
+            write_image(path, sense(truth))
+            changed.append(replace(frame, files={**frame.files, "depth_file_path": path}))
+        return changed
+
+    def scale(self, frames: Sequence[Frame]) -> float:
+        """The recovered scale as a multiple of the true one."""
+        ratios = local_scales(self.sfm, frames, InitConfig())
+        return estimate_scale(ratios).sfm_per_metre / TRUE
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    # At 640 px a disparity is about 70 px: the ripple of 0.07 px is a thousandth.
+    config = SimulateConfig(frames=FRAMES, width=640, samples_per_pixel=1)
+    session = prepare_session(config, load_inputs(config))
+    k = session.rig.intrinsics
+    writer = CaptureWriter(tmp_path_factory.mktemp("truth"), k, Rig(session.rig.baseline))
+    truths = []
+    for number in range(FRAMES):
+        truth, mask = session.truth(number, Shutter())
+        image = to_uint8(truth.image)
+        writer.write_frame(number, FrameImages(image, truth.depth, mask, depth_true=truth.depth))
+        writer.add_pose(number, truth.camera.world_from_cam, float(number))
+        truths.append(truth)
+    frames = writer.finish().frames
+    return Recording(truths, frames, sfm_from_truth(frames, TRUE, points=4000))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_effect_at_its_real_strength_leaves_the_scale_to_a_thousandth(
+    recording: Recording, tmp_path: Path, name: str
+) -> None:
+    frames = recording.sensed(tmp_path, lambda t: depth_of(sense_effects(t, [name]), t))
+    assert recording.scale(frames) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("strength", "bound"), [(1, 1e-3), (2, 5e-3), (4, 2e-2)])
+def test_all_effects_together(
+    recording: Recording, tmp_path: Path, strength: float, bound: float
+) -> None:
+    def sense(truth: FrameTruth) -> np.ndarray:
+        return depth_of(sense_effects(truth, NAMES, strength=strength), truth)
+
+    assert recording.scale(recording.sensed(tmp_path, sense)) == pytest.approx(1.0, abs=bound)
+
+
+def test_perfect_depth_gives_the_scale_itself(recording: Recording) -> None:
+    assert recording.scale(recording.frames) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_wrong_baseline_goes_into_the_scale_and_leaves_the_points(
+    recording: Recording, tmp_path: Path
+) -> None:
+    frames = recording.sensed(tmp_path, lambda t: with_wrong_baseline(t.depth, 1.05))
+    assert recording.scale(frames) == pytest.approx(1 / 1.05, rel=1e-4)
+
+
+def test_a_disparity_offset_moves_points_and_no_scale_can_absorb_it(
+    recording: Recording, tmp_path: Path
+) -> None:
+    def sense(truth: FrameTruth) -> np.ndarray:
+        return with_disparity_offset(truth.depth, 0.2, truth.rig.focal_baseline)
+
+    frames = recording.sensed(tmp_path, sense)
+    scale = recording.scale(frames)
+    # d* / d = 1 + offset / disparity: at the object, where most ratios come from.
+    truth = recording.truths[0]
+    on_object = (recording.frames[0].load_mask() == 255) & (truth.depth < 1.5)
+    true = truth.depth[on_object]
+    disparity = truth.rig.focal_baseline / np.median(true)
+    assert scale == pytest.approx(1 + 0.2 / disparity, abs=1e-3)
+    # What lies dz before or behind the middle of the object still moves by dz times the same share.
+    metric = frames[0].load_depth()[on_object] * scale
+    moved = np.abs(metric - true).max()
+    assert 0.2 * np.ptp(true) * 0.2 / disparity < moved < np.ptp(true) * 0.2 / disparity
+
+
+def test_without_enough_texture_on_the_object_the_whole_image_counts(
+    recording: Recording, caplog: pytest.LogCaptureFixture
+) -> None:
+    few = sfm_from_truth(recording.frames, TRUE, points=300)
+    ratios = local_scales(few, recording.frames, InitConfig())
+    assert "inside the masks" in caplog.text
+    assert len(ratios) > MIN_MASKED
+    assert estimate_scale(ratios).sfm_per_metre == pytest.approx(TRUE, rel=1e-4)
+
+
+def test_held_out_frames_do_not_serve(recording: Recording, tmp_path: Path) -> None:
+    spoiled = recording.sensed(tmp_path, lambda truth: 2 * truth.depth)
+    training = [*recording.frames[1:]]
+    assert recording.scale(training) == pytest.approx(1.0, abs=1e-4)
+    assert recording.scale(spoiled[:1]) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_frames_that_were_not_registered_raise(recording: Recording) -> None:
+    strangers = [replace(frame, name="x" + frame.name) for frame in recording.frames]
+    with pytest.raises(DigsError, match="registered none of the 4 training frames"):
+        local_scales(recording.sfm, strangers, InitConfig())
+
+
+def test_the_metric_model_fits_the_depth_points(recording: Recording) -> None:
+    """After in_metres, sparse points and depth points share one world."""
+    from scipy.spatial import KDTree
+
+    estimate = estimate_scale(local_scales(recording.sfm, recording.frames, InitConfig()))
+    metric = recording.sfm.in_metres(estimate.sfm_per_metre)
+    frames = [
+        replace(frame, camera=camera)
+        for frame, camera in zip(recording.frames, metric.cameras, strict=True)
+    ]
+    points = initial_points(frames, InitConfig()).points_world
+    low, high = points.min(axis=0), points.max(axis=0)
+    sparse = metric.points.points_world
+    inside = sparse[np.all((sparse > low) & (sparse < high), axis=1)]
+    assert len(inside) > 200
+    assert np.median(KDTree(points).query(inside)[0]) < 0.004
+
+
+# Depth at sub-pixel places: pixel centres lie at +0.5.
+PLANE = (1.0 + 0.001 * np.arange(8) + 0.002 * np.arange(6)[:, None]).astype(np.float32)
+
+
+def test_depth_at_is_bilinear_on_a_plane() -> None:
+    rng = np.random.default_rng(0)
+    px = rng.uniform((0.5, 0.5), (7.5, 5.5), (200, 2))
+    expected = 1.0 + 0.001 * (px[:, 0] - 0.5) + 0.002 * (px[:, 1] - 0.5)
+    np.testing.assert_allclose(depth_at(PLANE, px), expected, rtol=1e-6)
+
+
+def test_depth_at_a_jump_is_one_side_or_the_other() -> None:
+    depth = PLANE.copy()
+    depth[:, 4:] += 1.0
+    px = np.random.default_rng(1).uniform((3.5, 0.5), (4.5, 5.5), (200, 2))
+    found = depth_at(depth, px)
+    columns, rows = np.floor(px).astype(int).T
+    np.testing.assert_array_equal(found, depth[rows, columns].astype(np.float64))
+
+
+def test_depth_at_holes_takes_the_nearest_pixel_or_nothing() -> None:
+    depth = PLANE.copy()
+    depth[2, 3] = np.nan
+    px = np.array([[3.4, 2.6], [4.2, 2.5], [2.9, 2.5]])
+    np.testing.assert_array_equal(
+        depth_at(depth, px), [np.nan, np.float64(depth[2, 4]), np.float64(depth[2, 2])]
+    )
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (4, 1)])
+def test_depth_at_images_of_one_row_or_column(shape: tuple[int, int]) -> None:
+    depth = np.full(shape, 1.25, np.float32)
+    px = np.array([[0.2, 0.9], [-0.1, 0.5], [0.5, shape[0] + 0.1]])
+    np.testing.assert_array_equal(depth_at(depth, px), [1.25, np.nan, np.nan])
