@@ -19,8 +19,8 @@ class SplatConversion(SplatOptions):
     """For Gaussians: what the files of other programs do not say or leave open."""
 
     spz_version: Literal[2, 3, 4] = 3
-    """Version of SPZ files to write. 3: read by nearly all programs; 4: a tenth smaller, for programs since
-    2026; 2: for the oldest ones, with coarser orientations."""
+    """Version of SPZ files to write. 3: read by nearly all programs; 4: the same content in the newest
+    container; 2: for the oldest programs, with coarser orientations."""
 
 
 def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatConversion) -> str:

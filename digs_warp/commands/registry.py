@@ -8,6 +8,7 @@ from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
 from digs_warp.commands.plan import Plan
 from digs_warp.commands.reconstruct import Reconstruct
+from digs_warp.commands.render import Render
 from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
 
@@ -29,6 +30,7 @@ COMMANDS: dict[str, type[Command]] = {
     "reconstruct": Reconstruct,
     "export-usd": ExportUsd,
     "convert": Convert,
+    "render": Render,
     "info": Info,
     "bench": Bench,
 }

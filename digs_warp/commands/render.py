@@ -1,0 +1,157 @@
+"""`digs-warp render`: a film of Gaussians."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import tyro
+
+from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.layout import RUN_RECORD
+from digs_warp.commands.output import OutputFolder, check_output_file
+from digs_warp.commands.splat_scenes import SplatOptions, read_splats
+from digs_warp.log import RunLog, progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from digs_warp.camera import Camera, Intrinsics
+    from digs_warp.film.camera_path import Subject
+
+ORBIT_FOV_DEG = 45.0
+
+# Names that cannot be meant as folders.
+OTHER_FILES = (".avi", ".mov", ".mkv", ".webm", ".m4v", ".apng", ".webp", ".png", ".jpg", ".jpeg")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Render:
+    """Film a scene: an orbit around the object, or along the path of a capture.
+
+    Says how many frames per second were rendered; writing the video is timed apart.
+    """
+
+    source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """A folder of 'digs-warp reconstruct' or 'run', or Gaussians as .npz, .ply, .spz, .splat or USD."""
+
+    out: Path
+    """What to write: a video (.mp4, VP9: browsers play it), an animated .gif, or a folder of PNG frames."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace the file, or the frames of an earlier run in the folder, if they exist."""
+
+    follow: Path | None = None
+    """Move along the camera path of this capture folder instead of around the object."""
+
+    elevation_deg: float = 20.0
+    """Height of an orbit over the horizon [degrees]."""
+
+    seconds: float = 4.0
+    """Length of the film; an orbit is one turn."""
+
+    fps: float = 30.0
+    """Frames per second of the film."""
+
+    width: int = 1280
+    """Width of a frame [px]."""
+
+    height: int = 720
+    """Height of a frame [px]."""
+
+    fov_deg: float | None = None
+    """Horizontal field of view [degrees]; 45 for an orbit, that of the capture for its path."""
+
+    background: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Red, green and blue of the background, 0 to 1."""
+
+    scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
+
+    can_resume: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_positive("--seconds", self.seconds)
+        check_positive("--fps", self.fps)
+        if not all(0 <= channel <= 1 for channel in self.background):
+            raise DigsError(f"--background {self.background}: expected three numbers from 0 to 1")
+        if self.fov_deg is not None and not 0 < self.fov_deg < 180:
+            raise DigsError(f"--fov-deg {self.fov_deg}: expected above 0 and below 180")
+
+    def execute(self) -> str:
+        """Render, write, and say how fast it went."""
+        from digs_warp.film.camera_path import find_subject
+        from digs_warp.film.shoot import Clock, shoot
+        from digs_warp.film.video import SUFFIXES, write_frames, write_video
+
+        is_file = self.out.suffix.lower() in SUFFIXES
+        if self.out.suffix.lower() in OTHER_FILES:
+            raise DigsError(
+                f"--out '{self.out}': suffix '{self.out.suffix}', expected {', '.join(SUFFIXES)}, or a "
+                "folder for frames"
+            )
+        if is_file:
+            check_output_file(self.out, self.overwrite)
+        gaussians = read_splats(self.source, self.scene)
+        subject = find_subject(gaussians)
+        cameras = self._cameras(subject)
+        clock = Clock()
+        frames = _with_progress(
+            shoot(
+                gaussians,
+                cameras,
+                background=self.background,
+                center_world=subject.center_world,
+                clock=clock,
+            ),
+            len(cameras),
+        )
+        start = perf_counter()
+        if is_file:
+            count = write_video(self.out, frames, self.fps)
+        else:
+            OutputFolder(out=self.out, overwrite=self.overwrite).prepare([self.source])
+            count = write_frames(self.out, frames)
+        written = perf_counter() - start - sum(clock.seconds)
+        if not is_file:
+            log = RunLog("render", self, {"render": sum(clock.seconds), "write": written})
+            log.save(self.out / RUN_RECORD)
+        return (
+            f"{self.out}: {count} frames of {self.width}x{self.height} px, {len(gaussians):,} Gaussians; "
+            f"rendered {clock.frame_rate:.1f} frames/s ({clock.milliseconds:.0f} ms each), "
+            f"written in {1e3 * written / count:.0f} ms each"
+        )
+
+    def _cameras(self, subject: "Subject") -> "list[Camera]":
+        from digs_warp.camera import Intrinsics
+        from digs_warp.capture import read_capture
+        from digs_warp.film.camera_path import along, orbit
+
+        count = max(1, round(self.seconds * self.fps))
+        if self.follow is None:
+            k = Intrinsics.from_fov(self.width, self.height, self.fov_deg or ORBIT_FOV_DEG)
+            return orbit(subject, k, count, self.elevation_deg)
+        frames = read_capture(self.follow).frames
+        recorded = frames[0].camera.intrinsics
+        k = (
+            Intrinsics.from_fov(self.width, self.height, self.fov_deg)
+            if self.fov_deg
+            else _same_width_of_view(recorded, self.width, self.height)
+        )
+        poses = [frame.camera.world_from_cam for frame in frames]
+        return along(poses, [frame.time for frame in frames], k, count)
+
+
+def _same_width_of_view(recorded: "Intrinsics", width: int, height: int) -> "Intrinsics":
+    """Return a centred camera with square pixels that sees as far to the sides as ``recorded``."""
+    focal = recorded.fx * width / recorded.width
+    return replace(
+        recorded, width=width, height=height, fx=focal, fy=focal, cx=width / 2, cy=height / 2
+    )
+
+
+def _with_progress(frames: "Iterator[np.ndarray]", count: int) -> "Iterator[np.ndarray]":
+    with progress(count, "Rendering", "frame") as bar:
+        for frame in frames:
+            yield frame
+            bar.update()

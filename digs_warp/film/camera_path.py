@@ -1,0 +1,112 @@
+"""Camera paths for films: once around the object, or along the path of a recording."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import look_at, rigid
+
+UP = np.array([0.0, 0.0, 1.0])
+
+# Fainter Gaussians, and the outermost per cent along each axis, do not say where the object is.
+LEAST_OPACITY = 0.1
+OUTLIERS_PERCENT = 1.0
+
+# Air around the object, as a share of its size.
+MARGIN = 1.1
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a film shows: a ball in the world [m]."""
+
+    center_world: np.ndarray
+    radius: float
+
+
+def find_subject(gaussians: Gaussians) -> Subject:
+    """Return the ball around the bulk of the visible Gaussians.
+
+    Raises:
+        DigsError: there are no Gaussians.
+    """
+    if not len(gaussians):
+        raise DigsError("film: there are 0 Gaussians, nothing to show")
+    visible = gaussians.opacities >= LEAST_OPACITY
+    means = gaussians.means[visible] if visible.any() else gaussians.means
+    low, high = np.percentile(means, [OUTLIERS_PERCENT, 100 - OUTLIERS_PERCENT], axis=0)
+    center = 0.5 * (low + high)
+    radius = np.percentile(np.linalg.norm(means - center, axis=1), 100 - OUTLIERS_PERCENT)
+    largest = float(gaussians.scales[visible].max(initial=0.0)) if len(gaussians) == 1 else 0.0
+    return Subject(center, max(float(radius), 3.0 * largest, 1e-6))
+
+
+def orbit(
+    subject: Subject, intrinsics: Intrinsics, frames: int, elevation_deg: float = 20.0
+) -> list[Camera]:
+    """Return ``frames`` cameras evenly spread over one turn around the vertical (z) through the subject.
+
+    The distance is such that the subject's ball fills the smaller side of the image.
+
+    Args:
+        subject: what to look at.
+        intrinsics: of all cameras.
+        frames: at least 1.
+        elevation_deg: height of the camera over the horizon, above -90 and below 90.
+
+    Raises:
+        DigsError: an elevation from which "up" is not defined, or no frames.
+    """
+    if not -90 < elevation_deg < 90:
+        raise DigsError(
+            f"orbit: elevation {elevation_deg} degrees, expected above -90 and below 90"
+        )
+    if frames < 1:
+        raise DigsError(f"orbit: {frames} frames, expected at least 1")
+    half = 0.5 * min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
+    distance = MARGIN * subject.radius / np.sin(np.arctan(half))
+    elevation = np.deg2rad(elevation_deg)
+    cameras = []
+    for azimuth in np.arange(frames) * (2 * np.pi / frames):
+        direction = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation)]
+        eye = subject.center_world + distance * np.array([*direction, np.sin(elevation)])
+        cameras.append(Camera(intrinsics, look_at(eye, subject.center_world, UP)))
+    return cameras
+
+
+def along(
+    poses: Sequence[np.ndarray], times: Sequence[float], intrinsics: Intrinsics, frames: int
+) -> list[Camera]:
+    """Return ``frames`` cameras evenly spread in time along a recorded path, ends included.
+
+    Positions follow a cubic spline through the recorded ones, orientations turn evenly between them.
+
+    Args:
+        poses: recorded ``world_from_cam``, (4, 4) each, at least one.
+        times: when they were recorded [s], increasing.
+        intrinsics: of all cameras.
+        frames: at least 1.
+
+    Raises:
+        DigsError: times that do not increase, or no poses or frames.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation, Slerp
+
+    if not len(poses) or frames < 1:
+        raise DigsError(f"camera path: {len(poses)} poses, {frames} frames, expected at least 1")
+    if len(poses) == 1:
+        return [Camera(intrinsics, poses[0])] * frames
+    if not (np.diff(times) > 0).all():
+        raise DigsError(
+            "camera path: the times of the capture do not increase; correct 'time' in transforms.json"
+        )
+    matrices = np.asarray(poses, dtype=np.float64)
+    moments = np.linspace(times[0], times[-1], frames)
+    positions = CubicSpline(times, matrices[:, :3, 3])(moments)
+    rotations = Slerp(times, Rotation.from_matrix(matrices[:, :3, :3]))(moments).as_matrix()
+    return [Camera(intrinsics, rigid(r, p)) for r, p in zip(rotations, positions, strict=True)]
