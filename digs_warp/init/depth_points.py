@@ -31,7 +31,7 @@ MERGE_AT = 3.0
 FLATNESS = 0.2
 
 # A view whose depth calls more than this share of its mask background: the two disagree.
-DISAGREEMENT = 0.5
+DISAGREEMENT = 0.25
 
 
 @dataclass

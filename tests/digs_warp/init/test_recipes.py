@@ -6,46 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference.ball_capture import RADIUS, ball_views, write_capture
 
-from digs_warp.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.capture import Capture, CaptureWriter, Frame, FrameImages
+from digs_warp.camera import Camera
+from digs_warp.capture import Frame, FrameImages
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.geometry import look_at
 from digs_warp.init.recipes import InitConfig, initial_points
 
-RADIUS = 0.2
-WALL_RADIUS = 3.0
-INTRINSICS = Intrinsics.from_fov(80, 60, 50.0)
 CONFIG = InitConfig(voxel_size=0.02)
-
-
-def ball_view(angle: float) -> tuple[Camera, FrameImages]:
-    """A ball at the origin inside a large sphere; colour = (unit normal + 1) / 2."""
-    eye = 0.9 * np.array([np.cos(angle), np.sin(angle), 0.3])
-    camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
-    directions = camera.unproject(pixel_centers(80, 60), np.ones((60, 80))) - eye
-    a, b = (directions**2).sum(-1), directions @ eye
-    discriminant = b * b - a * (eye @ eye - RADIUS**2)
-    hit = discriminant > 0
-    near = (-b - np.sqrt(np.maximum(discriminant, 0))) / a
-    far = (-b + np.sqrt(b * b - a * (eye @ eye - WALL_RADIUS**2))) / a
-    depth = np.where(hit, near, far).astype(np.float32)
-    normals = (eye + near[..., None] * directions) / RADIUS
-    image = np.where(hit[..., None], 127.5 * (normals + 1), 255).astype(np.uint8)
-    return camera, FrameImages(image, depth, (255 * hit).astype(np.uint8))
-
-
-def write_capture(folder: Path, views: list[tuple[Camera, FrameImages]]) -> Capture:
-    writer = CaptureWriter(folder, INTRINSICS)
-    for number, (camera, images) in enumerate(views):
-        writer.write_frame(number, images)
-        writer.add_pose(number, camera.world_from_cam, time=float(number))
-    return writer.finish()
 
 
 @pytest.fixture(scope="module")
 def views() -> list[tuple[Camera, FrameImages]]:
-    return [ball_view(angle) for angle in np.linspace(0, 2 * np.pi, 8, endpoint=False)]
+    return ball_views()
 
 
 def without(frame: Frame, key: str) -> Frame:

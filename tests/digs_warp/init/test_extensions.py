@@ -1,0 +1,233 @@
+"""What goes beyond the paper: weights, visibility, and the shape of the first Gaussians."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.ball_capture import BASELINE, INTRINSICS, RADIUS, ball_views, write_capture
+
+from digs_warp.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.capture import Capture
+from digs_warp.checks import DigsError
+from digs_warp.geometry import look_at, matrix_from_quat_xyzw
+from digs_warp.init.config import InitConfig
+from digs_warp.init.depth_points import FLATNESS
+from digs_warp.init.normals import normals_from_depth
+from digs_warp.init.recipes import initialize
+from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
+from digs_warp.init.uncertainty import depth_deviation, stereo_weights
+from digs_warp.init.visibility import not_seen_through
+from digs_warp.point_cloud import PointCloud
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_capture(tmp_path_factory.mktemp("ball"), ball_views(12))
+
+
+def directions(points: PointCloud) -> np.ndarray:
+    return points.points_world / np.linalg.norm(points.points_world, axis=1, keepdims=True)
+
+
+# Uncertainty.
+
+
+def test_depth_deviation_is_that_of_noisy_disparities() -> None:
+    rng = np.random.default_rng(0)
+    focal_baseline, noise = 60.0, 0.1
+    for depth in (0.5, 1.0, 4.0):
+        disparity = focal_baseline / depth + noise * rng.normal(size=100_000)
+        measured = np.std(focal_baseline / disparity)
+        found = depth_deviation(np.array(depth), noise, focal_baseline)
+        # Linearized: the next term is the squared relative noise.
+        assert found == pytest.approx(measured, rel=0.02)
+
+
+def test_weights_are_inverse_variances() -> None:
+    depth = np.array([0.5, 1.0, 2.0, np.nan], np.float32)
+    expected = depth_deviation(depth.astype(np.float64), 0.3, 50.0) ** -2.0
+    found = stereo_weights(depth)
+    np.testing.assert_allclose(found[:3] / found[1], (expected / expected[1])[:3], rtol=1e-6)
+    assert found[3] == 0
+
+
+def test_certain_measurements_count_more(tmp_path: Path) -> None:
+    """Near views are right, far ones wrong by 2 cm: weighting leaves a sixteenth of the error."""
+    views = ball_views(8, 0.9)
+    far = ball_views(8, 1.8)
+    for _, images in far:
+        images.depth[images.mask > 0] += 0.02
+    capture = write_capture(tmp_path, [*views, *far])
+    config = InitConfig(voxel_size=0.05)
+    errors = []
+    for weighted in (False, True):
+        points = initialize(capture.frames, replace(config, weight_by_uncertainty=weighted)).points
+        errors.append(np.mean(RADIUS - np.linalg.norm(points.points_world, axis=1)))
+    assert errors[1] < 0.75 * errors[0]
+
+
+def test_confidence_weighs_and_zero_excludes(tmp_path: Path) -> None:
+    views = []
+    for camera, images in ball_views(8):
+        wrong = np.zeros((60, 80), dtype=bool)
+        wrong[::2] = True
+        depth = images.depth + np.float32(0.03) * wrong
+        confidence = np.where(wrong, 0, 255).astype(np.uint8)
+        views.append((camera, replace(images, depth=depth, confidence=confidence)))
+    capture = write_capture(tmp_path, views)
+    config = InitConfig(edge_filter=False, voxel_size=0.02)
+    trusting = initialize(capture.frames, config).points
+    weighing = initialize(capture.frames, replace(config, weight_by_confidence=True)).points
+    assert np.linalg.norm(trusting.points_world, axis=1).min() < RADIUS - 0.004
+    # The sagitta of a voxel, see the test of the recipe.
+    assert np.linalg.norm(weighing.points_world, axis=1).min() > RADIUS - 0.00075
+
+
+def test_confidence_that_is_missing_is_named(capture: Capture) -> None:
+    with pytest.raises(DigsError, match="'confidence_file_path'"):
+        initialize(capture.frames, InitConfig(weight_by_confidence=True))
+
+
+# Visibility.
+
+
+def test_visibility_equals_a_loop_over_points_and_views(capture: Capture) -> None:
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-0.5, 0.5, (300, 3))
+    views = [(frame.camera, frame.load_depth()[::2, ::2]) for frame in capture.frames]
+    expected = []
+    for point in points:
+        balance = 0
+        for camera, depth in views:
+            px, z = camera.resized(40, 30).project(point)
+            if z > 0 and 0 <= px[0] < 40 and 0 <= px[1] < 30:
+                measured = float(depth[int(px[1]), int(px[0])])
+                tolerance = 2 * 0.004 + 0.01 * measured
+                balance += int(abs(measured - z) <= tolerance) - int(measured - z > tolerance)
+        expected.append(balance >= 0)
+    found = not_seen_through(points, views, 0.004)
+    np.testing.assert_array_equal(found, expected)
+    # Points in the ball are hidden from all, those around it are seen through.
+    distance = np.linalg.norm(points, axis=1)
+    assert found[distance < 0.15].all()
+    assert not found[distance > 0.25].any()
+
+
+def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
+    """One view reports a patch of the object much too near; all others see through it."""
+    views = ball_views(12)
+    views[0][1].depth[25:35, 35:45] = 0.5
+    capture = write_capture(tmp_path, views)
+    config = InitConfig(edge_filter=False, min_support=0.0)
+    plain = initialize(capture.frames, config).points.points_world
+    checked = initialize(capture.frames, replace(config, visibility_check=True))
+    assert np.linalg.norm(plain, axis=1).max() > 0.35
+    assert np.linalg.norm(checked.points.points_world, axis=1).max() < RADIUS + 0.001
+    assert len(checked.points) > 0.95 * (len(plain) - 100)
+    assert checked.depth is not None
+    assert checked.depth.voxels["not seen through"] == len(checked.points)
+
+
+# Shapes.
+
+
+def test_normals_of_a_slanted_plane() -> None:
+    camera = Camera(
+        Intrinsics(40, 30, 50.0, 52.0, 19.0, 16.0),
+        look_at(np.array([1.0, 0.5, 0.8]), np.zeros(3), np.array([0.0, 0.0, 1.0])),
+    )
+    normal = np.array([0.6, 0.3, np.sqrt(1 - 0.45)])
+    rays = camera.unproject(pixel_centers(40, 30), np.ones((30, 40))) - camera.center_world
+    depth = (-(camera.center_world @ normal) / (rays @ normal)).astype(np.float32)
+    found = normals_from_depth(camera, depth)
+    known = np.linalg.norm(found, axis=-1) > 0
+    assert known[3:-3, 3:-3].all() and not known[:3].any() and not known[:, -3:].any()
+    # Tangents of about 0.1 m, depth rounded to float32.
+    np.testing.assert_allclose(found[known], np.broadcast_to(normal, found[known].shape), atol=1e-5)
+
+
+def test_normals_next_to_holes_are_unknown() -> None:
+    camera = Camera(INTRINSICS, np.eye(4))
+    depth = np.ones((60, 80), np.float32)
+    depth[30, 40] = np.nan
+    unknown = np.argwhere(np.linalg.norm(normals_from_depth(camera, depth), axis=-1) == 0)
+    inner = [(v, u) for v, u in unknown.tolist() if 3 <= v < 57 and 3 <= u < 77]
+    assert inner == [(27, 40), (30, 37), (30, 43), (33, 40)]
+
+
+def test_flat_gaussians_lie_along_the_ball(capture: Capture) -> None:
+    found = initialize(capture.frames, InitConfig(shape="flat", voxel_size=0.02))
+    points = found.points
+    assert points.axes_world is not None and points.axis_deviations is not None
+    cosines = np.sum(points.axes_world * directions(points), axis=1)
+    assert np.median(cosines) > 0.995 and np.percentile(cosines, 2) > 0.9
+    np.testing.assert_allclose(points.axis_deviations, FLATNESS * 0.02)
+    gaussians = seed_gaussians(points)
+    thin = matrix_from_quat_xyzw(gaussians.quats)[:, :, 2]
+    np.testing.assert_allclose(thin, points.axes_world, atol=1e-6)
+    np.testing.assert_allclose(gaussians.scales[:, 2], FLATNESS * 0.02, rtol=1e-6)
+    assert np.all(gaussians.scales[:, 0] == gaussians.scales[:, 1])
+    assert np.median(gaussians.scales[:, 0]) > 3 * FLATNESS * 0.02
+
+
+def test_ray_gaussians_are_drawn_out_along_the_line_of_sight(tmp_path: Path) -> None:
+    capture = write_capture(tmp_path, ball_views(1))
+    config = InitConfig(shape="ray", voxel_size=0.01, disparity_noise=2.0, min_support=0.0)
+    points = initialize(capture.frames, config, baseline=BASELINE).points
+    assert points.axes_world is not None and points.axis_deviations is not None
+    camera = capture.frames[0].camera
+    rays = points.points_world - camera.center_world
+    lengths = np.linalg.norm(rays, axis=1)
+    # Within a voxel of 1 cm the rays differ by a hundredth.
+    np.testing.assert_allclose(points.axes_world, rays / lengths[:, None], atol=0.012)
+    _, z = camera.project(points.points_world)
+    along = z**2 * 2.0 / (INTRINSICS.fx * BASELINE) * lengths / z
+    np.testing.assert_allclose(points.axis_deviations, np.hypot(0.01, along), rtol=0.02)
+
+
+def test_views_from_all_sides_bound_the_error(capture: Capture, tmp_path: Path) -> None:
+    config = InitConfig(shape="ray", voxel_size=0.01, disparity_noise=2.0, min_support=0.0)
+    one = initialize(write_capture(tmp_path, ball_views(1)).frames, config, baseline=BASELINE)
+    all_round = initialize(capture.frames, config, baseline=BASELINE)
+    assert one.points.axis_deviations is not None and all_round.points.axis_deviations is not None
+    assert np.median(all_round.points.axis_deviations) < np.median(one.points.axis_deviations)
+
+
+def test_rays_without_a_baseline_raise(capture: Capture) -> None:
+    with pytest.raises(DigsError, match="baseline"):
+        initialize(capture.frames, InitConfig(shape="ray"))
+
+
+def test_rotations_take_z_to_any_direction() -> None:
+    axes = np.random.default_rng(4).normal(size=(200, 3))
+    axes = np.vstack([axes, np.eye(3), -np.eye(3)])
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    quats = quats_from_z_to(axes)
+    np.testing.assert_allclose(np.linalg.norm(quats, axis=1), 1.0)
+    np.testing.assert_allclose(matrix_from_quat_xyzw(quats)[:, :, 2], axes, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", ["round", "flat"])
+def test_points_are_saved_with_their_shape(capture: Capture, tmp_path: Path, shape: str) -> None:
+    config = InitConfig(shape=shape)  # pyright: ignore[reportArgumentType]
+    points = initialize(capture.frames, config).points
+    points.save(tmp_path / "points.npz")
+    again = PointCloud.load(tmp_path / "points.npz")
+    for name in ("points_world", "colors", "axes_world", "axis_deviations"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(points, name))
+
+
+def test_broken_point_files_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "points.npz"
+    with pytest.raises(DigsError, match="no such file"):
+        PointCloud.load(path)
+    PointCloud(np.zeros((5, 3)), np.zeros((5, 3))).save(path)
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(DigsError, match=r"points\.npz.*expected an \.npz"):
+        PointCloud.load(path)
+
+
+def test_an_axis_needs_its_deviation() -> None:
+    with pytest.raises(DigsError, match="belong together"):
+        PointCloud(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))

@@ -1,0 +1,325 @@
+"""The five strategies and the voxel sizes, on a ball whose surface is known in closed form."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
+
+from digs_warp.camera import Camera
+from digs_warp.capture import Capture, Frame
+from digs_warp.checks import DigsError
+from digs_warp.geometry import look_at
+from digs_warp.images import write_image
+from digs_warp.init.config import InitConfig
+from digs_warp.init.local_scales import local_scales
+from digs_warp.init.random_points import looked_at, random_points
+from digs_warp.init.recipes import Initialization, initialize
+from digs_warp.init.scale import estimate_scale
+from digs_warp.sfm_model import SfmModel
+from digs_warp.study.synthetic_sfm import sfm_from_truth
+
+SFM_PER_METRE = 2.5
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_capture(tmp_path_factory.mktemp("ball"), ball_views(12))
+
+
+@pytest.fixture(scope="module")
+def sfm(capture: Capture) -> SfmModel:
+    return sfm_from_truth(capture.frames, SFM_PER_METRE, points=3000)
+
+
+@pytest.fixture(scope="module")
+def metric(sfm: SfmModel) -> SfmModel:
+    return sfm.in_metres(SFM_PER_METRE)
+
+
+def radii(points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(points, axis=1)
+
+
+def test_the_scale_of_the_ball_is_found_with_noisy_features(
+    sfm: SfmModel, capture: Capture
+) -> None:
+    found = estimate_scale(local_scales(sfm, capture.frames, InitConfig()))
+    assert found.sfm_per_metre == pytest.approx(SFM_PER_METRE, rel=1e-3)
+
+
+def test_default_is_all_points_of_structure_from_motion(capture: Capture, metric: SfmModel) -> None:
+    found = initialize(capture.frames, InitConfig(strategy="default"), metric)
+    assert found.points is metric.points
+    assert found.sources == {"sfm": len(metric.points)}
+    assert radii(found.points.points_world).max() > 2.5  # the wall is among them
+
+
+def test_default_needs_neither_depth_nor_masks(capture: Capture, metric: SfmModel) -> None:
+    bare = [replace(f, files={"file_path": f.files["file_path"]}) for f in capture.frames]
+    assert len(initialize(bare, InitConfig(strategy="default"), metric).points) > 0
+    assert len(initialize(bare, InitConfig(strategy="random"), metric).points) > 0
+
+
+def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(capture: Capture) -> None:
+    high = initialize(capture.frames, InitConfig(strategy="highdepth"))
+    low = initialize(capture.frames, InitConfig(strategy="depth"))
+    assert high.depth is not None and low.depth is not None
+    assert low.depth.voxel_size / high.depth.voxel_size == pytest.approx(0.1 / 0.04)
+    assert len(low.points) < len(high.points)
+    for found in (high, low):
+        np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=0.001)
+
+
+def test_fusion_unites_depth_with_unmasked_sparse_points(
+    capture: Capture, metric: SfmModel
+) -> None:
+    alone = initialize(capture.frames, InitConfig()).points
+    found = initialize(capture.frames, InitConfig(strategy="fusion"), metric)
+    assert found.sources["depth"] == len(alone)
+    np.testing.assert_array_equal(found.points.points_world[: len(alone)], alone.points_world)
+    added = found.points.points_world[len(alone) :]
+    assert len(added) == found.sources["sfm"] > 200
+    np.testing.assert_allclose(radii(added), RADIUS, atol=1e-3)
+
+
+def test_fusion_rejects_by_brute_force_what_the_formula_rejects(
+    capture: Capture, metric: SfmModel
+) -> None:
+    masks = {frame.name: frame.load_mask() for frame in capture.frames}
+    box = initialize(capture.frames, InitConfig()).points.bounds
+    kept = []
+    for j, point in enumerate(metric.points.points_world):
+        rows = np.flatnonzero(metric.observations.points == j)
+        inside = [
+            masks[metric.names[metric.observations.cameras[row]]][
+                min(int(metric.observations.px[row, 1]), 59),
+                min(int(metric.observations.px[row, 0]), 79),
+            ]
+            > 20
+            for row in rows
+        ]
+        if rows.size and all(inside) and np.all(point >= box[0]) and np.all(point <= box[1]):
+            kept.append(point)
+    found = initialize(capture.frames, InitConfig(strategy="fusion"), metric)
+    np.testing.assert_array_equal(found.points.points_world[found.sources["depth"] :], kept)
+
+
+def test_fusion_does_not_ask_held_out_views(capture: Capture, metric: SfmModel) -> None:
+    training = capture.frames[1:]
+    found = initialize(training, InitConfig(strategy="fusion"), metric)
+    seen = np.isin(metric.observations.cameras, range(1, 12))
+    only_held_out = np.setdiff1d(
+        metric.observations.points[~seen], metric.observations.points[seen]
+    )
+    assert len(only_held_out) > 0
+    strangers = metric.points.points_world[only_held_out]
+    fused = {tuple(p) for p in found.points.points_world[found.sources["depth"] :]}
+    assert fused.isdisjoint(map(tuple, strangers))
+
+
+def test_random_points_fill_the_cube_that_the_cameras_look_at(
+    capture: Capture, metric: SfmModel
+) -> None:
+    found = initialize(capture.frames, InitConfig(strategy="random"), metric)
+    assert len(found.points) == len(metric.points)
+    distance = 0.9 * np.hypot(1.0, 0.3)
+    half = distance * 30 / INTRINSICS.fy
+    low, high = found.points.bounds
+    np.testing.assert_allclose([low, high], [[-half] * 3, [half] * 3], atol=0.01 * half)
+    again = initialize(capture.frames, InitConfig(strategy="random"), metric)
+    np.testing.assert_array_equal(again.points.points_world, found.points.points_world)
+    asked = initialize(capture.frames, InitConfig(strategy="random", target_points=77))
+    assert len(asked.points) == 77
+
+
+def test_the_point_that_cameras_look_at() -> None:
+    target, up = np.array([0.3, -0.2, 0.5]), np.array([0.0, 0.0, 1.0])
+    eyes = np.random.default_rng(0).normal(size=(5, 3))
+    cameras = [Camera(INTRINSICS, look_at(eye, target, up)) for eye in eyes]
+    np.testing.assert_allclose(looked_at(cameras), target, atol=1e-12)
+
+
+def test_cameras_in_one_direction_have_no_target() -> None:
+    cameras = [Camera(INTRINSICS, np.eye(4)), Camera(INTRINSICS, np.eye(4))]
+    with pytest.raises(DigsError, match="one direction"):
+        random_points(cameras, 10)
+
+
+@pytest.mark.parametrize("strategy", ["default", "random", "fusion"])
+def test_strategies_that_need_structure_from_motion_say_so(capture: Capture, strategy: str) -> None:
+    config = InitConfig(strategy=strategy)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(DigsError, match=rf"'{strategy}': needs .*--poses sfm"):
+        initialize(capture.frames, config)
+
+
+def test_the_report_counts_what_each_filter_leaves(capture: Capture) -> None:
+    found = initialize(capture.frames, InitConfig())
+    assert found.depth is not None
+    in_mask = sum(np.count_nonzero(frame.load_mask() > 20) for frame in capture.frames)
+    counts = list(found.depth.pixels.values())
+    assert counts[0] == counts[1] == in_mask
+    assert counts == sorted(counts, reverse=True)
+    assert found.depth.pixels["away from edges"] < in_mask
+    assert found.depth.voxels["well supported"] == len(found.points)
+    assert {"read", "edge filter", "foreground", "back-project"} <= found.depth.seconds.keys()
+
+
+def edge_length(found: Initialization) -> float:
+    assert found.depth is not None
+    return found.depth.voxel_size
+
+
+def test_voxel_sizes_in_units_of_structure_from_motion(capture: Capture) -> None:
+    for strategy, gamma in (("highdepth", 0.04), ("depth", 0.1)):
+        config = InitConfig(strategy=strategy, voxel_unit="sfm")  # pyright: ignore[reportArgumentType]
+        found = initialize(capture.frames, config, sfm_per_metre=SFM_PER_METRE)
+        assert edge_length(found) == pytest.approx(gamma / SFM_PER_METRE)
+    with pytest.raises(DigsError, match="'sfm' needs structure from motion"):
+        initialize(capture.frames, InitConfig(voxel_unit="sfm"))
+
+
+def test_voxel_sizes_as_shares_of_the_object(capture: Capture) -> None:
+    config = InitConfig(voxel_unit="object", voxel_size=0.1)
+    assert edge_length(initialize(capture.frames, config)) == pytest.approx(
+        0.1 * 2 * RADIUS, rel=0.03
+    )
+
+
+def test_a_share_finer_than_the_depth_maps_is_told(
+    capture: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = InitConfig(voxel_unit="object", voxel_size=1e-4)
+    pixel = 0.75 / INTRINSICS.fx
+    assert edge_length(initialize(capture.frames, config)) == pytest.approx(2 * pixel, rel=0.1)
+    assert "finer than its depth maps" in caplog.text
+
+
+@pytest.mark.parametrize("wanted", [50, 400, 1500])
+def test_the_voxel_size_for_a_number_of_points(capture: Capture, wanted: int) -> None:
+    found = initialize(capture.frames, InitConfig(target_points=wanted))
+    assert 0.85 * wanted < len(found.points) <= wanted
+    np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=0.02)
+
+
+def test_more_points_than_there_are_pixels_gives_what_there_is(
+    capture: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = initialize(capture.frames, InitConfig(target_points=10**6))
+    assert "wanted" in caplog.text
+    assert 1000 < len(found.points) < 10**5
+
+
+def test_voxels_larger_than_the_object_leave_eight_points(capture: Capture) -> None:
+    found = initialize(capture.frames, InitConfig(voxel_size=10.0))
+    assert len(found.points) == 8  # the grid has a corner at the origin
+    assert radii(found.points.points_world).max() < RADIUS
+
+
+def test_sizes_and_counts_exclude_each_other() -> None:
+    with pytest.raises(DigsError, match="give one of them"):
+        InitConfig(voxel_size=0.01, target_points=100)
+
+
+# Depth maps and masks at their worst: the whole recipe has to give points on the ball, or say why not.
+
+
+def spoiled(
+    folder: Path, frames: Sequence[Frame], key: str, arrays: list[np.ndarray]
+) -> list[Frame]:
+    suffix = "exr" if key == "depth_file_path" else "png"
+    changed = []
+    for frame, array in zip(frames, arrays, strict=True):
+        path = folder / f"{frame.name}.{suffix}"
+        write_image(path, array)
+        changed.append(replace(frame, files={**frame.files, key: path}))
+    return changed
+
+
+@pytest.mark.parametrize("holes", [0.0, 0.5])
+def test_depth_with_holes(capture: Capture, tmp_path: Path, holes: float) -> None:
+    rng = np.random.default_rng(0)
+    depths = [frame.load_depth() for frame in capture.frames]
+    for depth in depths:
+        depth[rng.random(depth.shape) < holes] = np.nan
+    frames = spoiled(tmp_path, capture.frames, "depth_file_path", depths)
+    # Half of the pixels missing leave hardly a full neighbourhood: the edge filter cannot judge.
+    config = InitConfig(edge_filter=holes == 0)
+    points = initialize(frames, config).points.points_world
+    assert len(points) > 1000
+    assert np.percentile(radii(points), 95) < RADIUS + 0.001
+
+
+def test_depth_that_is_nearly_all_holes(capture: Capture, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    depths = [frame.load_depth() for frame in capture.frames]
+    for depth in depths:
+        depth[rng.random(depth.shape) < 0.999] = np.nan
+    frames = spoiled(tmp_path, capture.frames, "depth_file_path", depths)
+    with pytest.raises(DigsError, match="too sparse for the edge filter"):
+        initialize(frames, InitConfig())
+    few = initialize(frames, InitConfig(edge_filter=False, min_support=0.0)).points
+    assert 0 < len(few) < 60
+
+
+def test_constant_depth_is_a_surface_like_any_other(capture: Capture, tmp_path: Path) -> None:
+    depths = [np.full((60, 80), 0.8, np.float32)] * 12
+    frames = spoiled(tmp_path, capture.frames, "depth_file_path", depths)
+    found = initialize(frames[:1], InitConfig(min_support=0.0))
+    _, z = frames[0].camera.project(found.points.points_world)
+    np.testing.assert_allclose(z, 0.8, rtol=1e-5)
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_masks_that_tell_nothing(capture: Capture, tmp_path: Path, value: int) -> None:
+    masks = [np.full((60, 80), value, np.uint8)] * 12
+    frames = spoiled(tmp_path, capture.frames, "mask_path", masks)
+    if value == 0:
+        with pytest.raises(DigsError, match="check the masks"):
+            initialize(frames, InitConfig())
+    else:  # the two clusters of depth find the ball alone
+        points = initialize(frames, InitConfig()).points.points_world
+        assert radii(points).max() < RADIUS * 1.001
+
+
+def test_a_mask_of_one_pixel(capture: Capture, tmp_path: Path) -> None:
+    mask = np.zeros((60, 80), np.uint8)
+    mask[30, 40] = 255
+    frames = spoiled(tmp_path, capture.frames, "mask_path", [mask] * 12)
+    points = initialize(frames, InitConfig(min_support=0.0)).points.points_world
+    assert 0 < len(points) <= 12
+    np.testing.assert_allclose(radii(points), RADIUS, atol=1e-4)
+
+
+def test_masks_that_disagree_with_the_depth_are_told(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    masks = [frame.load_mask().copy() for frame in capture.frames]
+    for mask in masks:
+        mask[:, 70:] = 255  # more than a third of the mask is wall
+    frames = spoiled(tmp_path, capture.frames, "mask_path", masks)
+    initialize(frames, InitConfig(edge_filter=False))
+    assert "of its mask background" in caplog.text
+
+
+def test_duplicated_frames_change_nothing(capture: Capture) -> None:
+    once = initialize(capture.frames, InitConfig()).points
+    twice = initialize([*capture.frames, *capture.frames], InitConfig()).points
+    np.testing.assert_allclose(twice.points_world, once.points_world, atol=1e-7)
+
+
+def test_a_world_far_from_its_origin(capture: Capture) -> None:
+    """Recordings in geographic coordinates have their object a thousand kilometres away."""
+    shift = np.eye(4)
+    shift[:3, 3] = [1e6, -1e6, 1e3]
+    moved = [
+        replace(f, camera=replace(f.camera, world_from_cam=shift @ f.camera.world_from_cam))
+        for f in capture.frames
+    ]
+    points = initialize(moved, InitConfig(voxel_size=1.0)).points.points_world
+    assert 8 <= len(points) <= 16
+    assert np.abs(points - shift[:3, 3]).max() < 0.3
+    with pytest.raises(DigsError, match="choose a larger voxel size"):
+        initialize(moved, InitConfig(voxel_size=0.004))

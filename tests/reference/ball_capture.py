@@ -1,0 +1,46 @@
+"""A ball in front of a wall, seen by cameras around it: closed-form depth, no simulator needed."""
+
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.capture import Capture, CaptureWriter, FrameImages, Rig
+from digs_warp.geometry import look_at
+
+RADIUS = 0.2
+WALL_RADIUS = 3.0
+BASELINE = 0.12
+INTRINSICS = Intrinsics.from_fov(80, 60, 50.0)
+View = tuple[Camera, FrameImages]
+
+
+def ball_view(angle: float, distance: float = 0.9) -> View:
+    """A ball at the origin inside a large sphere; colour = (unit normal + 1) / 2."""
+    eye = distance * np.array([np.cos(angle), np.sin(angle), 0.3])
+    camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+    directions = camera.unproject(pixel_centers(80, 60), np.ones((60, 80))) - eye
+    a, b = (directions**2).sum(-1), directions @ eye
+    discriminant = b * b - a * (eye @ eye - RADIUS**2)
+    hit = discriminant > 0
+    near = (-b - np.sqrt(np.maximum(discriminant, 0))) / a
+    far = (-b + np.sqrt(b * b - a * (eye @ eye - WALL_RADIUS**2))) / a
+    depth = np.where(hit, near, far).astype(np.float32)
+    normals = (eye + near[..., None] * directions) / RADIUS
+    image = np.where(hit[..., None], 127.5 * (normals + 1), 255).astype(np.uint8)
+    mask = (255 * hit).astype(np.uint8)
+    return camera, FrameImages(image, depth, mask, depth_true=depth)
+
+
+def ball_views(count: int = 8, distance: float = 0.9) -> list[View]:
+    """Views from a ring of cameras."""
+    return [ball_view(angle, distance) for angle in np.linspace(0, 2 * np.pi, count, False)]
+
+
+def write_capture(folder: Path, views: list[View]) -> Capture:
+    """Write the views as a capture."""
+    writer = CaptureWriter(folder, INTRINSICS, Rig(BASELINE))
+    for number, (camera, images) in enumerate(views):
+        writer.write_frame(number, images)
+        writer.add_pose(number, camera.world_from_cam, time=float(number))
+    return writer.finish()
