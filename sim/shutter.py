@@ -1,19 +1,17 @@
 """How a shutter sees a moving scene: rows one after another, each over a span of time.
 
 Every band of rows is rendered from where the camera was when it was read, and every exposure is the mean
-of several views along the way. A band is a camera of its own with the same rays, so any renderer can do
-it, and occlusion, highlights, mask and depth come out right: nothing is warped.
+of several moments along the way: occlusion, highlights, mask and depth come out right, nothing is warped.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from sim.render.protocol import Renderer
-from sim.sensor.color.encoding import decode, encode
+from sim.render.track import CameraTrack
 from sim.sensor.frame import FrameRays
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
@@ -66,20 +64,16 @@ class ShutteredEye:
         The samples of a pixel are shared out over the views, at least one for each.
         """
         samples = max(1, samples_per_pixel // self.shutter.views)
-        images, masks = [], []
-        for band, rows in self._bands():
-            views = [
-                self.renderer.render_image(
-                    Camera(rows, self.pose_at(float(moment))),
-                    samples,
-                    _view_seed(seed, band * self.shutter.views + view),
-                )
-                for view, moment in enumerate(self.shutter.moments(band))
-            ]
-            image, mask = views[0] if len(views) == 1 else _mean(views)
-            images.append(image)
-            masks.append(mask)
-        return np.concatenate(images), np.concatenate(masks)
+        return self.renderer.render_exposure(self.track, samples, int(seed.generate_state(1)[0]))
+
+    @property
+    def track(self) -> CameraTrack:
+        """Where the camera is in each band at each moment of its exposure."""
+        poses = [
+            [self.pose_at(float(moment)) for moment in self.shutter.moments(band)]
+            for band in range(self.shutter.bands)
+        ]
+        return CameraTrack(self.intrinsics, np.array(poses))
 
     def geometry(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return depth, world normals and material ids at the middle of each row's exposure."""
@@ -95,15 +89,12 @@ class ShutteredEye:
         return rays[0] if len(rays) == 1 else BandedRays(tuple(rays), heights)
 
     def _cameras(self) -> Iterator[Camera]:
-        for band, rows in self._bands():
-            yield Camera(rows, self.pose_at(float(self.shutter.moments(band).mean())))
-
-    def _bands(self) -> Iterator[tuple[int, Intrinsics]]:
-        """Yield each band's number and the intrinsics of its rows."""
-        k = self.intrinsics
-        edges = np.linspace(0, k.height, self.shutter.bands + 1).round().astype(int).tolist()
-        for band, (top, bottom) in enumerate(pairwise(edges)):
-            yield band, Intrinsics(k.width, bottom - top, k.fx, k.fy, k.cx, k.cy - top)
+        """Yield the camera of each band in the middle of its exposure."""
+        shutter = self.shutter
+        middles = [float(shutter.moments(band).mean()) for band in range(shutter.bands)]
+        poses = np.array([[self.pose_at(middle)] for middle in middles])
+        for (camera,) in CameraTrack(self.intrinsics, poses).bands():
+            yield camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +121,3 @@ class BandedRays:
         parts = [None] * len(self.bands) if where is None else np.split(where, edges)
         bands = zip(self.bands, parts, strict=True)
         return np.concatenate([getattr(band, kind)(part) for band, part in bands])
-
-
-def _mean(views: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean image (in linear light) and the mean mask of several views, uint8."""
-    light = decode(views[0][0])
-    cover = views[0][1].astype(np.float32)
-    for image, mask in views[1:]:
-        light += decode(image)
-        cover += mask
-    light /= len(views)
-    return encode(light), (cover / len(views) + 0.5).astype(np.uint8)
-
-
-def _view_seed(seed: np.random.SeedSequence, view: int) -> int:
-    """Return the seed of one of the views; the first has that of the whole."""
-    return int(seed.generate_state(view + 1)[view])

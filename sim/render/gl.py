@@ -23,6 +23,7 @@ from sim.render.gl_scene import (
 from sim.render.lighting import prepare_light
 from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
+from sim.render.track import CameraTrack, exposure_by_views
 from sim.render.upload import DeviceScene, is_see_through, upload_scene
 from sim.render.view import check_inside
 from sim.scene import Scene
@@ -92,6 +93,12 @@ class GlRenderer:
             through = (white.astype(np.float32) - black) / 255.0
         image = np.clip(black + through * surround + 0.5, 0, 255).astype(np.uint8)
         return image, mask.copy()
+
+    def render_exposure(
+        self, track: CameraTrack, samples: int, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return image and mask of a moving camera: one drawing for each of its places."""
+        return exposure_by_views(self, track, samples, seed)
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return depth, world normals and material ids at the pixel centres.

@@ -26,7 +26,7 @@ from sim.render.surface import (
     transmission_at,
     viewer_side_normal,
 )
-from sim.render.view import FAR, View, ray_direction_cam, surround_distance
+from sim.render.view import FAR, Track, View, ray_direction_cam, surround_distance, view_at
 
 wp.set_module_options({"enable_backward": False})
 
@@ -147,16 +147,20 @@ def layered_sample(
 def color_kernel(
     first: int,
     view: View,
+    track: Track,
     surface: Surface,
     light: Light,
     surround_level: float,  # pyramid level of the panorama that fits a pixel
-    samples: int,
+    samples: int,  # per moment
     seed: int,
     # outputs
     image: wp.array2d[wp.uint8],  # [pixels, 3] sRGB
     mask: wp.array[wp.uint8],  # [pixels] coverage 0..255
 ):
-    """Average the samples of a pixel: image (box filter over the pixel) and object coverage."""
+    """Average the samples of a pixel: image (box filter over pixel and exposure) and object coverage.
+
+    The sensor integrates light over the exposure and clips afterwards.
+    """
     pixel = first + wp.tid()
     state = wp.rand_init(seed, pixel)
     # The same even pattern in every pixel, shifted by a random amount: no moire, little noise.
@@ -166,39 +170,44 @@ def color_kernel(
     column = float(pixel % view.width)
     row = float(pixel // view.width)
     total = wp.vec3(0.0)
-    passing = wp.vec3(0.0)
     covered = wp.float32(0.0)
-    visible = wp.float32(-1.0)
-    for i in range(samples):
-        dx = shift_x + R2_X * float(i)
-        dy = shift_y + R2_Y * float(i)
-        pick = shift_pick + GOLDEN_RATIO * float(i)
-        x = column + dx - wp.floor(dx)
-        y = row + dy - wp.floor(dy)
-        direction = view.world_from_cam * ray_direction_cam(view, x, y)
-        pick = pick - wp.floor(pick)
-        sample = Sample()
-        if surface.see_through == 0:
-            sample = solid_sample(view, surface, light, direction, pick, visible)
-            # Two samples share a shadow ray.
-            if sample.covered == 1.0:
-                visible = wp.where(visible < 0.0, sample.visible, -1.0)
-        else:
-            sample = layered_sample(view, surface, light, direction, pick)
-        # One glint of the sun must not outshine the other samples of its pixel.
-        total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
-        passing += sample.passing
-        covered += sample.covered
-    if wp.max(passing) > 0.0:
-        # The panorama is filtered: one look-up does for all samples of the pixel.
-        middle = view.world_from_cam * ray_direction_cam(view, column + 0.5, row + 0.5)
-        behind = surround_color(view, light, surround_level, middle)
-        total += wp.cw_mul(passing, wp.min(behind, wp.vec3(SAMPLE_LIMIT)))
-    mean = total / float(samples)
+    for moment in range(track.moments):
+        eye = view_at(view, track, pixel // view.width, moment)
+        passing = wp.vec3(0.0)
+        visible = wp.float32(-1.0)
+        for s in range(samples):
+            # One sequence over all moments: together they cover the pixel evenly, too.
+            i = float(moment * samples + s)
+            dx = shift_x + R2_X * i
+            dy = shift_y + R2_Y * i
+            pick = shift_pick + GOLDEN_RATIO * i
+            x = column + dx - wp.floor(dx)
+            y = row + dy - wp.floor(dy)
+            direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
+            pick = pick - wp.floor(pick)
+            sample = Sample()
+            if surface.see_through == 0:
+                sample = solid_sample(eye, surface, light, direction, pick, visible)
+                # Two samples share a shadow ray.
+                if sample.covered == 1.0:
+                    visible = wp.where(visible < 0.0, sample.visible, -1.0)
+            else:
+                sample = layered_sample(eye, surface, light, direction, pick)
+            # One glint of the sun must not outshine the other samples of its pixel.
+            total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
+            passing += sample.passing
+            covered += sample.covered
+        if wp.max(passing) > 0.0:
+            # The panorama is filtered: one look-up does for all samples of a moment.
+            middle = eye.world_from_cam * ray_direction_cam(eye, column + 0.5, row + 0.5)
+            behind = surround_color(eye, light, surround_level, middle)
+            total += wp.cw_mul(passing, wp.min(behind, wp.vec3(SAMPLE_LIMIT)))
+    count = float(samples * track.moments)
+    mean = total / count
     image[pixel, 0] = srgb_byte(mean[0])
     image[pixel, 1] = srgb_byte(mean[1])
     image[pixel, 2] = srgb_byte(mean[2])
-    mask[pixel] = wp.uint8((255.0 * covered) / float(samples) + 0.5)
+    mask[pixel] = wp.uint8((255.0 * covered) / count + 0.5)
 
 
 @wp.kernel

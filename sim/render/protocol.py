@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from digs_warp.camera import Camera
+from sim.render.track import CameraTrack
 from sim.sensor.frame import FrameRays
 
 
@@ -45,6 +46,18 @@ class Renderer(Protocol):
         self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return image and mask alone."""
+        ...
+
+    def render_exposure(
+        self, track: CameraTrack, samples: int, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return image and mask of a moving camera.
+
+        Args:
+            track: where it is in each band of rows at each moment of its exposure.
+            samples: per pixel and moment, >= 1.
+            seed: of the sampling.
+        """
         ...
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

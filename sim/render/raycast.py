@@ -16,8 +16,9 @@ from sim.render.kernels import color_kernel, geometry_kernel, openness_kernel
 from sim.render.lighting import prepare_light
 from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
+from sim.render.track import CameraTrack
 from sim.render.upload import upload_scene
-from sim.render.view import make_view
+from sim.render.view import make_track, make_view
 from sim.scene import Scene
 
 # Rays that measure how open a vertex lies, on each side; large meshes share out the budget.
@@ -65,18 +66,26 @@ class RaycastRenderer:
         """
         if samples_per_pixel < 1:
             raise DigsError(f"samples_per_pixel: {samples_per_pixel}, expected at least 1")
-        view = make_view(camera, self.surround_radius, samples_per_pixel)
-        pixel_angle = 1.0 / min(camera.intrinsics.fx, camera.intrinsics.fy)
+        return self.render_exposure(CameraTrack.still(camera), samples_per_pixel, seed)
+
+    def render_exposure(
+        self, track: CameraTrack, samples: int, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return image and mask of a moving camera; every ray starts where the camera is at its moment."""
+        k = track.intrinsics
+        first = Camera(k, track.world_from_cam[0, 0])
+        view = make_view(first, self.surround_radius, samples)
+        way = make_track(track, self.surround_radius)
+        pixel_angle = 1.0 / min(k.fx, k.fy)
         texel_angle = np.pi / self._panorama_height
         surround_level = float(max(0.0, np.log2(pixel_angle / texel_angle)))
-        height, width = camera.intrinsics.height, camera.intrinsics.width
         self._ensure_openness()
-        image = wp.empty((height * width, 3), dtype=wp.uint8, device="cpu")
-        mask = wp.empty(height * width, dtype=wp.uint8, device="cpu")
-        scalars = [surround_level, samples_per_pixel, _int32(seed)]
-        inputs = [view, self._surface, self._light.struct, *scalars, image, mask]
-        self._launch(color_kernel, height * width, inputs)
-        return image.numpy().reshape(height, width, 3), mask.numpy().reshape(height, width)
+        image = wp.empty((k.height * k.width, 3), dtype=wp.uint8, device="cpu")
+        mask = wp.empty(k.height * k.width, dtype=wp.uint8, device="cpu")
+        scalars = [surround_level, samples, _int32(seed)]
+        inputs = [view, way, self._surface, self._light.struct, *scalars, image, mask]
+        self._launch(color_kernel, k.height * k.width, inputs)
+        return image.numpy().reshape(k.height, k.width, 3), mask.numpy().reshape(k.height, k.width)
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return depth, world normals and material ids at the pixel centres; see `RenderedView`."""

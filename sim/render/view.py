@@ -9,6 +9,7 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
+from sim.render.track import CameraTrack
 
 wp.set_module_options({"enable_backward": False})
 
@@ -29,6 +30,33 @@ class View:
     center: wp.vec3
     surround_radius: float  # [m], sphere around the origin
     pixel_cone: float  # spread of the cone of one sample [rad]
+
+
+@wp.struct
+class Track:
+    """Where the camera is in each band of rows at each moment of its exposure."""
+
+    rotations: wp.array2d[wp.mat33]  # [bands, moments] world_from_cam
+    centers: wp.array2d[wp.vec3]  # [bands, moments]
+    bands: wp.array[int]  # [height] band of each row
+    moments: int
+
+
+@wp.func
+def view_at(view: View, track: Track, row: int, moment: int) -> View:
+    """The camera as it stands when a row is exposed."""
+    now = View()
+    now.width = view.width
+    now.fx = view.fx
+    now.fy = view.fy
+    now.cx = view.cx
+    now.cy = view.cy
+    now.surround_radius = view.surround_radius
+    now.pixel_cone = view.pixel_cone
+    band = track.bands[row]
+    now.world_from_cam = track.rotations[band, moment]
+    now.center = track.centers[band, moment]
+    return now
 
 
 @wp.func
@@ -55,6 +83,27 @@ def check_inside(camera: Camera, surround_radius: float) -> None:
             f"camera: {distance:.3g} m from the origin, outside the surround of radius "
             f"{surround_radius:.3g} m; make the environment larger or come closer"
         )
+
+
+def make_track(track: CameraTrack, surround_radius: float) -> Track:
+    """Return a camera's way for kernels.
+
+    Raises:
+        DigsError: the camera comes outside the surround.
+    """
+    poses = track.world_from_cam
+    for pose in poses.reshape(-1, 4, 4):
+        check_inside(Camera(track.intrinsics, pose), surround_radius)
+    edges = np.array(track.edges)
+    bands = np.repeat(np.arange(len(poses)), np.diff(edges)).astype(np.int32)
+    device = Track()
+    rotations = np.ascontiguousarray(poses[..., :3, :3], np.float32)
+    centers = np.ascontiguousarray(poses[..., :3, 3], np.float32)
+    device.rotations = wp.array(rotations, dtype=wp.mat33, device="cpu")
+    device.centers = wp.array(centers, dtype=wp.vec3, device="cpu")
+    device.bands = wp.array(bands, dtype=int, device="cpu")
+    device.moments = poses.shape[1]
+    return device
 
 
 def make_view(camera: Camera, surround_radius: float, samples_per_pixel: int = 1) -> View:

@@ -14,6 +14,7 @@ from digs_warp.images import linear_from_srgb
 from sim.environment import Environment
 from sim.render.protocol import Renderer
 from sim.render.raycast import RaycastRenderer
+from sim.render.track import exposure_by_views
 from sim.scene import Material
 from sim.shutter import BandedRays, Shutter, ShutteredEye
 
@@ -97,6 +98,26 @@ def test_an_exposure_blurs_edges_by_the_motion_and_keeps_the_light(renderer: Ren
     assert blurred[1].mean() == pytest.approx(sharp[1].mean(), rel=0.01)
     light = [linear_from_srgb(image / 255.0).mean() for image, _ in (sharp, blurred)]
     assert light[1] == pytest.approx(light[0], rel=0.01)
+
+
+@pytest.mark.parametrize("see_through", [False, True])
+def test_a_moving_camera_sees_the_mean_of_many_views(see_through: bool) -> None:
+    """Rays that start along the way against whole views from there: pattern, edges, glass and surround."""
+    rng = np.random.default_rng(0)
+    pattern = rng.integers(40, 220, (24, 24, 3)).astype(np.uint8)
+    opacity = 0.5 if see_through else 1.0
+    surface = Material("pattern", np.ones(3), pattern, opacity=opacity)
+    scene = plate((0, 0, 0), (0.4, 0, 0), (0, 0, 0.3), surface)
+    sky = Environment(rng.uniform(0.3, 1.5, (16, 32, 3)).astype(np.float32), 6.0)
+    renderer = RaycastRenderer(scene, sky)
+    track = eye(renderer, Shutter(3, 8, READOUT, EXPOSURE)).track
+    image, mask = renderer.render_exposure(track, 4, seed=1)
+    expected = [exposure_by_views(renderer, track, 4, seed) for seed in (2, 3)]
+    # As close to the reference as that is to itself with other samples.
+    for found, (first, second) in zip((image, mask), zip(*expected, strict=True), strict=True):
+        noise = np.abs(first.astype(float) - second).mean()
+        assert np.abs(found.astype(float) - first).mean() < 1.1 * noise + 0.5
+        assert found.mean() == pytest.approx(first.mean(), abs=0.2)
 
 
 def test_both_eyes_read_a_row_at_the_same_time(renderer: Renderer) -> None:
