@@ -77,6 +77,13 @@ def matrix_from_quat_xyzw(quats: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def matrix_from_rotation_vector(vector: np.ndarray) -> np.ndarray:
+    """Return the rotation matrix, shape (3, 3), of a rotation vector [rad], shape (3,)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(np.asarray(vector, dtype=np.float64)).as_matrix()
+
+
 def quat_xyzw_from_matrix(rotations: np.ndarray) -> np.ndarray:
     """Return unit quaternions xyzw with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
     from scipy.spatial.transform import Rotation

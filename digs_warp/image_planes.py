@@ -35,6 +35,13 @@ class ImagePlanes:
         self.origin = PADDING * self.pitch + PADDING
         self.data = wp.zeros(self.plane * channels, dtype=float, device=device)
 
+    @staticmethod
+    def of(pixels: np.ndarray, device: str = "cpu") -> "ImagePlanes":
+        """Return planes that hold pixels, shape (height, width, channels)."""
+        planes = ImagePlanes(pixels.shape[1], pixels.shape[0], pixels.shape[2], device)
+        planes.assign(pixels)
+        return planes
+
     def resize(self, width: int, height: int) -> None:
         """Hold an image of another size; what lay outside of it becomes border.
 

@@ -145,6 +145,7 @@ class TileBinner:
             + [lists.first_tile_rows, lists.row_starts, lists.spans],
             outputs=[lists.tile_counts],
             device=self.device,
+            record_tape=False,
         )
         self._scan(lists.tile_counts, self.tiles, lists.tile_starts)
         self._key_launch.run()
@@ -165,6 +166,7 @@ class TileBinner:
             inputs=[*spans, lists.pair_starts, lists.depths, self.columns],
             outputs=[keys, values, pair_splats],
             device=self.device,
+            record_tape=False,
         )
         if pairs:
             wp.utils.radix_sort_pairs(keys, values, pairs)
@@ -175,6 +177,7 @@ class TileBinner:
             inputs=[keys, values, pair_splats],
             outputs=[lists.tile_splats, lists.pair_slots, lists.tile_counts],
             device=self.device,
+            record_tape=False,
         )
         self._scan(lists.tile_counts, self.tiles, lists.tile_starts)
 
@@ -253,6 +256,7 @@ class TileBinner:
             inputs=[counts, count],
             outputs=[starts],
             device=self.device,
+            record_tape=False,
         )
 
     def _last(self, starts: wp.array) -> int:

@@ -32,11 +32,13 @@ class DeviceGaussians:
         return str(self.means.device)
 
     @staticmethod
-    def from_numpy(gaussians: Gaussians, device: str = "cpu") -> "DeviceGaussians":
-        """Copy Gaussians to a device."""
+    def from_numpy(
+        gaussians: Gaussians, device: str = "cpu", *, requires_grad: bool = False
+    ) -> "DeviceGaussians":
+        """Copy Gaussians to a device; with ``requires_grad``, each array has one of gradients beside it."""
 
         def put(value: np.ndarray, dtype: type) -> wp.array:
-            return wp.array(value, dtype=dtype, device=device)
+            return wp.array(value, dtype=dtype, device=device, requires_grad=requires_grad)
 
         return DeviceGaussians(
             put(gaussians.means, wp.vec3),
@@ -52,4 +54,6 @@ class DeviceGaussians:
 
     def zeros_like(self) -> "DeviceGaussians":
         """Return the same arrays, filled with zeros."""
-        return DeviceGaussians(*(wp.zeros_like(array) for array in self.arrays))
+        return DeviceGaussians(
+            *(wp.zeros_like(array, requires_grad=False) for array in self.arrays)
+        )

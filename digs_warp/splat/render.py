@@ -349,6 +349,7 @@ class SplatRenderer:
             inputs=[*self._raster_inputs(), self._background],
             outputs=self._raster_outputs(),
             device=self.device,
+            record_tape=False,
         )
 
     def _backward_reference(self) -> None:
@@ -361,6 +362,7 @@ class SplatRenderer:
             + [layout.depth, layout.normal, layout.absolute],
             outputs=[self.binner.lists.pair_gradients],
             device=self.device,
+            record_tape=False,
         )
 
     def _add_background(self, behind: ImagePlanes) -> None:
@@ -410,9 +412,7 @@ def render(
     behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
     if behind.ndim == 3:
         check_shape("background", behind, (k.height, k.width, 3))
-        planes = ImagePlanes(k.width, k.height, 3, device)
-        planes.assign(behind)
-        behind = planes
+        behind = ImagePlanes.of(behind, device)
     renderer.forward(camera, near=near, background=behind)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
     depth = median = None

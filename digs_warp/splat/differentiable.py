@@ -1,0 +1,229 @@
+"""Splat rasterization as one function that a `wp.Tape` differentiates.
+
+    gaussians = DeviceGaussians.from_numpy(seeds, requires_grad=True)
+    with wp.Tape() as tape:
+        view = rasterize(tape, gaussians, camera)
+        wp.launch(my_loss_kernel, dim=..., inputs=[view.image, target], outputs=[loss])
+    tape.backward(loss)
+    gaussians.means.grad  # dL/dmeans
+
+Every call allocates what it needs; a training loop uses `digs_warp.splat.render.SplatRenderer`, which does
+not. On a CUDA device the same function runs the thread-per-pixel kernels.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import warp as wp
+
+from digs_warp.camera import Camera
+from digs_warp.checks import check_shape
+from digs_warp.geometry import matrix_from_rotation_vector
+from digs_warp.image_planes import ImagePlanes
+from digs_warp.parallel import launch_parallel
+from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.plane_kernels import add_kernel, pack_planes_kernel, unpack_planes_kernel
+from digs_warp.splat.render import WHITE, CameraGradient, SplatRenderer, near_plane
+
+
+@dataclass(frozen=True, eq=False)
+class RasterizedView:
+    """What `rasterize` returns: float32 arrays on the device of the Gaussians.
+
+    Attributes:
+        image: sRGB, shape (height, width, 3), not clipped above.
+        alpha: coverage in 0..1, shape (height, width, 1).
+        depth: expected planar depth [m], 0 where nothing is drawn, (height, width, 1); None unless asked for.
+        median_depth: depth [m] at which the coverage passes 1/2, 0 where it does not, (height, width, 1);
+            None unless asked for. It has no gradient.
+        normals: sum of the weighted unit normals, camera axes, (height, width, 3); None unless asked for.
+    """
+
+    image: wp.array
+    alpha: wp.array
+    depth: wp.array | None = None
+    median_depth: wp.array | None = None
+    normals: wp.array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Output:
+    """One output: scale * plane + offset; its gradient times ``scale`` goes back into ``adjoint``."""
+
+    pixels: wp.array
+    adjoint: ImagePlanes
+    scale: float
+
+
+def rasterize(
+    tape: wp.Tape | None,
+    gaussians: DeviceGaussians,
+    camera: Camera,
+    *,
+    pose: wp.array | None = None,
+    intrinsics: wp.array | None = None,
+    near: float | None = None,
+    background: tuple[float, float, float] | np.ndarray = WHITE,
+    options: RasterOptions = DEFAULT_OPTIONS,
+) -> RasterizedView:
+    """Draw Gaussians; with a tape, its backward pass adds dL/d(input) to ``.grad`` of the inputs.
+
+    Args:
+        tape: the tape that records the caller's kernels; None: no gradients.
+        gaussians: what to draw. Arrays made with ``requires_grad`` receive gradients.
+        camera: from where.
+        pose: motion of the camera in its own frame, shape (6,), float32: a rotation vector w [rad] and a
+            translation t [m]; the view is that of ``world_from_cam @ [[R(w), t], [0, 1]]``. Default: none.
+        intrinsics: fx, fy, cx, cy [px] in place of the camera's, shape (4,), float32.
+        near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
+        background: sRGB colour, shape (3,), or image, shape (height, width, 3).
+        options: how splats are drawn, and whether depth and normals are wanted.
+
+    Raises:
+        DigsError: pose, intrinsics or background have another shape, or the camera cannot be.
+    """
+    moved = _moved_camera(camera, pose, intrinsics)
+    if near is None:
+        means = gaussians.means.numpy()
+        center = means.mean(axis=0) if len(means) else np.zeros(3)
+        near = near_plane(moved, center, options.near_share)
+    k = moved.intrinsics
+    renderer = SplatRenderer(
+        gaussians,
+        k.width,
+        k.height,
+        options=options,
+        camera_gradient=pose is not None or intrinsics is not None,
+    )
+    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
+    if behind.ndim == 3:
+        check_shape("background", behind, (k.height, k.width, 3))
+        behind = ImagePlanes.of(behind, gaussians.device)
+    renderer.forward(moved, near=near, background=behind)
+
+    image = _output(renderer.image, renderer.adj_image)
+    alpha = _output(renderer.transmittance, renderer.adj_transmittance, scale=-1.0, offset=1.0)
+    outputs = [image, alpha]
+    view = RasterizedView(image.pixels, alpha.pixels)
+    if options.has_depth:
+        depth = _output(renderer.depth, renderer.adj_depth, channels=1)
+        outputs.append(depth)
+        median = _output(renderer.depth, renderer.adj_depth, channels=1, first=1)
+        view = replace(view, depth=depth.pixels, median_depth=median.pixels)
+    if options.has_normals:
+        normals = _output(renderer.normals, renderer.adj_normals)
+        outputs.append(normals)
+        view = replace(view, normals=normals.pixels)
+    if tape is not None:
+        _record(tape, renderer, outputs, pose, intrinsics)
+    return view
+
+
+def _moved_camera(camera: Camera, pose: wp.array | None, intrinsics: wp.array | None) -> Camera:
+    """Return the camera with the motion and the intrinsics of the arrays."""
+    if pose is not None:
+        check_shape("pose", pose.numpy(), (6,))
+        motion = np.eye(4)
+        motion[:3, :3] = matrix_from_rotation_vector(pose.numpy()[:3])
+        motion[:3, 3] = pose.numpy()[3:]
+        camera = replace(camera, world_from_cam=camera.world_from_cam @ motion)
+    if intrinsics is not None:
+        check_shape("intrinsics", intrinsics.numpy(), (4,))
+        fx, fy, cx, cy = (float(value) for value in intrinsics.numpy())
+        camera = replace(camera, intrinsics=replace(camera.intrinsics, fx=fx, fy=fy, cx=cx, cy=cy))
+    return camera
+
+
+def _output(
+    planes: ImagePlanes,
+    adjoint: ImagePlanes,
+    *,
+    channels: int = 0,
+    first: int = 0,
+    scale: float = 1.0,
+    offset: float = 0.0,
+) -> _Output:
+    """Copy some channels of planes into a new array."""
+    shape = (planes.height, planes.width, channels or planes.channels)
+    device = str(planes.data.device)
+    pixels = wp.zeros(shape, dtype=float, device=device, requires_grad=True)
+    layout = [planes.pitch, planes.plane, planes.origin + first * planes.plane]
+    inputs = [*layout, planes.data, scale, offset, pixels]
+    launch_parallel(unpack_planes_kernel, planes.height, inputs, device)
+    return _Output(pixels, adjoint, scale)
+
+
+def _record(
+    tape: wp.Tape,
+    renderer: SplatRenderer,
+    outputs: list[_Output],
+    pose: wp.array | None,
+    intrinsics: wp.array | None,
+) -> None:
+    """Make the tape call the renderer's backward pass."""
+    device = renderer.device
+    inputs = [a for a in (*renderer.gaussians.arrays, pose, intrinsics) if a is not None]
+
+    def backward() -> None:
+        for output in outputs:
+            planes = output.adjoint
+            layout = [planes.pitch, planes.plane, planes.origin]
+            arguments = [*layout, output.pixels.grad, output.scale, planes.data]
+            launch_parallel(pack_planes_kernel, planes.height, arguments, device)
+        renderer.backward()
+        pairs = zip(renderer.gaussians.arrays, renderer.gradients.arrays, strict=True)
+        for array, gradient in pairs:
+            _add(gradient, array.grad)
+        if pose is not None or intrinsics is not None:
+            _add_camera_gradient(renderer.camera_gradient(), pose, intrinsics)
+
+    differentiable = [array for array in inputs if array.grad is not None]
+    tape.record_func(backward, [*differentiable, *(output.pixels for output in outputs)])
+
+
+def _add_camera_gradient(
+    gradient: CameraGradient, pose: wp.array | None, intrinsics: wp.array | None
+) -> None:
+    """Add the gradient at the moved camera, turned back to where the motion starts."""
+    if pose is not None:
+        turn = pose.numpy()[:3]
+        back = matrix_from_rotation_vector(turn) @ gradient.translation
+        _add_numpy(np.concatenate([rotation_jacobian(turn).T @ gradient.rotation, back]), pose.grad)
+    if intrinsics is not None:
+        _add_numpy(np.concatenate([gradient.focal, gradient.center]), intrinsics.grad)
+
+
+def rotation_jacobian(vector: np.ndarray) -> np.ndarray:
+    """Return J with R(w + dw) = R(w) R(J dw) to first order, shape (3, 3); w in rad, shape (3,).
+
+    The right Jacobian of SO(3) (Chirikjian 2011, section 10.6.7): with the angle a and the cross-product
+    matrix W of w, J = I - (1 - cos a) / a^2 W + (a - sin a) / a^3 W^2.
+    """
+    x, y, z = np.asarray(vector, dtype=np.float64)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = float(np.sqrt(x * x + y * y + z * z))
+    if angle < 1e-4:  # the series, where the quotients cancel
+        return np.eye(3) - 0.5 * cross + cross @ cross / 6.0
+    first = (1.0 - np.cos(angle)) / angle**2
+    second = (angle - np.sin(angle)) / angle**3
+    return np.eye(3) - first * cross + second * cross @ cross
+
+
+def _add_numpy(values: np.ndarray, target: wp.array | None) -> None:
+    if target is not None:
+        _add(wp.array(values, dtype=float, device=target.device), target)
+
+
+def _add(source: wp.array, target: wp.array | None) -> None:
+    """Add one array of floats or vectors to another; a target of None wants nothing."""
+    if target is None or target.size == 0:
+        return
+    flat = [array.view(wp.float32).flatten() for array in (source, target)]
+    wp.launch(
+        add_kernel,
+        dim=flat[0].size,
+        inputs=flat,
+        device=target.device,
+        record_tape=False,
+    )
