@@ -66,6 +66,8 @@ def is_field(prim: "Usd.Prim") -> bool:
     """Whether a prim holds splats: by its type, or without a type by its attributes."""
     if prim.GetTypeName() == names.FIELD_TYPE:
         return True
+    if prim.GetTypeName() == names.GENERAL_FIELD_TYPE:
+        return names.KERNEL_SCHEMA in prim.GetAppliedSchemas()
     # Positions alone would also fit other prims.
     own = (names.SH_COEFFICIENTS, names.OPACITIES)
     return (

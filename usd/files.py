@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError, UsdError, require_file
 from usd import names
+from usd.memory_guard import limited_memory
+from usd.structure import check_structure
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -27,19 +29,34 @@ MAX_PACKAGE = 2**32 - 2**16
 _PACKAGE_TIME = (1980, 1, 1, 0, 0, 0, 0, 1, -1)
 
 
-def open_stage(path: Path) -> "Usd.Stage":
-    """Open a scene, or raise a `UsdError` that names the file and what is wrong with it."""
+@contextmanager
+def opened_stage(path: Path) -> Iterator["Usd.Stage"]:
+    """Open a scene for the block.
+
+    Files may come from anywhere: what USD finds broken in the block, at once or when a value is
+    fetched, becomes a `UsdError` that names the file, and memory is limited by the size of the file.
+    """
     from pxr import Tf, Usd
 
     try:
-        require_file(path, "USD scene", HINT)
+        size = require_file(path, "USD scene", HINT).stat().st_size
+        check_structure(path)
     except DigsError as error:
         raise UsdError(str(error)) from None
     try:
-        return Usd.Stage.Open(os.path.abspath(path))
+        with limited_memory(size):
+            yield Usd.Stage.Open(os.path.abspath(path))
     except Tf.ErrorException as error:
         raise UsdError(
             f"USD scene '{path}': truncated or not a USD file ({reason(error)}). {HINT}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise UsdError(
+            f"USD scene '{path}': text in it is not UTF-8 ({error.reason}). Export it again."
+        ) from error
+    except MemoryError as error:
+        raise UsdError(
+            f"USD scene '{path}': promises far more values than its {size} bytes hold; it is broken."
         ) from error
 
 
@@ -135,5 +152,8 @@ def _package(folder: Path, package: Path, path: Path) -> None:
 
 def reason(error: Exception) -> str:
     """Return the first line of what USD says, without the place in its own source."""
-    first = str(error).strip().splitlines()[0]
+    try:
+        first = str(error).strip().splitlines()[0]
+    except UnicodeDecodeError:  # USD quotes the broken bytes
+        return "text in it is not UTF-8"
     return first.rsplit(" : ", 1)[-1].strip(" '")

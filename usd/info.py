@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from usd import names
 from usd.convert import Precision
 from usd.field import find_field, splat_count, stored_sh_degree
-from usd.files import open_stage
+from usd.files import opened_stage
 from usd.reader import read_metadata
 from usd.variants import variant_sets
 
@@ -27,10 +27,14 @@ def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
     Raises:
         UsdError: the file cannot be opened, holds no splats, or several fields and no ``prim_path``.
     """
+    path = Path(path)
+    with opened_stage(path) as stage:
+        return _facts(stage, path, prim_path)
+
+
+def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, Any]:
     from pxr import Usd, UsdGeom
 
-    path = Path(path)
-    stage = open_stage(path)
     prim = find_field(stage, path, prim_path)
     count = splat_count(prim)
     attribute = prim.GetAttribute(names.EXTENT)

@@ -24,6 +24,9 @@ PACKAGE_ROOT = "default.usdc"
 
 # The prim type and its attributes.
 FIELD_TYPE = "ParticleField3DGaussianSplat"
+# The same attributes may be put together by hand, on the general type with the kernel of ellipsoids.
+GENERAL_FIELD_TYPE = "ParticleField"
+KERNEL_SCHEMA = "ParticleFieldKernelGaussianEllipsoidAPI"
 POSITIONS = "positions"  # point3f[], local frame; its length is the number of splats
 ORIENTATIONS = "orientations"  # quatf[]: wxyz in text and Gf, xyzw in the buffer
 SCALES = "scales"  # float3[], linear standard deviations

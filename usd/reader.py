@@ -20,7 +20,7 @@ from usd.convert import (
     transformed,
 )
 from usd.field import find_field, find_fields, read_arrays
-from usd.files import HINT, open_stage
+from usd.files import HINT, opened_stage
 from usd.frames import similarity_from_matrix, world_from_prim
 from usd.metadata import json_from_usd
 from usd.variants import select_variants
@@ -89,9 +89,9 @@ def read_scene(
             the transform is not a similarity.
     """
     options = options or ReadOptions()
-    stage = open_stage(path)
-    select_variants(stage, options.variants, path)
-    return _read(stage, find_field(stage, path, prim_path), path, options)
+    with opened_stage(path) as stage:
+        select_variants(stage, options.variants, path)
+        return _read(stage, find_field(stage, path, prim_path), path, options)
 
 
 def read_fields(path: Path, options: ReadOptions | None = None) -> list[UsdScene]:
@@ -101,12 +101,12 @@ def read_fields(path: Path, options: ReadOptions | None = None) -> list[UsdScene
         UsdError: as `read_scene`, but several fields are welcome.
     """
     options = options or ReadOptions()
-    stage = open_stage(path)
-    select_variants(stage, options.variants, path)
-    prims = find_fields(stage)
-    if not prims:
-        raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
-    return [_read(stage, prim, path, options) for prim in prims]
+    with opened_stage(path) as stage:
+        select_variants(stage, options.variants, path)
+        prims = find_fields(stage)
+        if not prims:
+            raise UsdError(f"USD scene '{path}': holds no Gaussian splats. {HINT}")
+        return [_read(stage, prim, path, options) for prim in prims]
 
 
 def merged(parts: Sequence[Gaussians]) -> Gaussians:

@@ -1,0 +1,176 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""Rules for fields of splats and for whole stages; the values themselves are for `usd.splat_rules`."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import PurePosixPath, PureWindowsPath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from digs_warp.checks import UsdError
+from usd import names
+from usd.field import find_fields, time_code, value_of
+from usd.findings import Finding
+from usd.frames import similarity_from_matrix
+from usd.splat_rules import FieldValues, check_values
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+_ANIMATED = (
+    names.POSITIONS,
+    names.ORIENTATIONS,
+    names.SCALES,
+    names.OPACITIES,
+    names.SH_COEFFICIENTS,
+    names.EXTENT,
+)
+_HINTS = {
+    names.PROJECTION_HINT: ("perspective", "tangential"),
+    names.SORTING_HINT: ("zDepth", "cameraDistance", "rayHitDistance"),
+}
+
+
+def sample_times(prim: "Usd.Prim") -> list[float | None]:
+    """Return all time codes at which a field has samples; [None] for one without animation."""
+    times: set[float] = set()
+    for name in _ANIMATED:
+        for twin in (name, name + names.HALF_SUFFIX):
+            attribute = prim.GetAttribute(twin)
+            if attribute:
+                times.update(attribute.GetTimeSamples())
+    return [*sorted(times)] or [None]
+
+
+def check_field(prim: "Usd.Prim") -> Iterator[Finding]:
+    """Yield what is wrong with a field, at all of its time samples."""
+    where = str(prim.GetPath())
+    for time in sample_times(prim):
+        at = where if time is None else f"{where} at time {time:g}"
+        try:
+            values = _values(prim, time)
+        except UsdError as error:
+            yield Finding("attribute-type", "error", str(error), at)
+            continue
+        for finding in check_values(values):
+            yield replace(finding, where=at)
+    for finding in (*_check_hints(prim), *_check_color_space(prim), *_check_transform(prim)):
+        yield replace(finding, where=where)
+
+
+def check_stage(stage: "Usd.Stage") -> Iterator[Finding]:
+    """Yield what is wrong with a scene as a whole."""
+    fields = [str(prim.GetPath()) for prim in find_fields(stage)]
+    if not fields:
+        yield Finding("one-field", "error", "no field of splats in the scene")
+    elif len(fields) > 1:
+        message = (
+            f"{len(fields)} fields of splats ({', '.join(fields)}); some importers refuse that, or "
+            "take the first"
+        )
+        yield Finding("one-field", "warning", message)
+    for layer in stage.GetUsedLayers():
+        for asset in sorted(layer.GetExternalReferences()):
+            if _leaves_the_scene(asset):
+                message = f"refers to '{asset}', expected a relative path below the scene"
+                yield Finding("asset-path", "error", message, layer.GetDisplayName())
+
+
+def _values(prim: "Usd.Prim", time: float | None) -> FieldValues:
+    coefficients = prim.GetAttribute(names.SH_COEFFICIENTS)
+    if not (coefficients and coefficients.HasAuthoredValue()):
+        half = prim.GetAttribute(names.SH_COEFFICIENTS + names.HALF_SUFFIX)
+        coefficients = half or coefficients
+    degree = prim.GetAttribute(names.SH_DEGREE)
+    extent = prim.GetAttribute(names.EXTENT)
+    box = extent.Get(time_code(time)) if extent else None
+    return FieldValues(
+        positions=_rows(prim, names.POSITIONS, 3, time),
+        orientations=_rows(prim, names.ORIENTATIONS, 4, time),
+        scales=_rows(prim, names.SCALES, 3, time),
+        opacities=_rows(prim, names.OPACITIES, None, time),
+        sh=_rows(prim, names.SH_COEFFICIENTS, 3, time),
+        degree=degree.Get() if degree and degree.HasAuthoredValue() else None,
+        element_size=coefficients.GetMetadata("elementSize") if coefficients else None,
+        interpolation=coefficients.GetMetadata("interpolation") if coefficients else None,
+        extent=np.array(box, dtype=np.float64) if box is not None and len(box) == 2 else None,
+    )
+
+
+def _rows(prim: "Usd.Prim", name: str, width: int | None, time: float | None) -> np.ndarray | None:
+    value = value_of(prim, name, time)
+    if value is None:
+        return None
+    array = np.asarray(value)
+    if array.dtype.kind != "f" or array.shape[1:] != (() if width is None else (width,)):
+        raise UsdError(f"'{name}' holds {type(value).__name__}")
+    return array
+
+
+def _check_hints(prim: "Usd.Prim") -> Iterator[Finding]:
+    for name, allowed in _HINTS.items():
+        attribute = prim.GetAttribute(name)
+        if not (attribute and attribute.HasAuthoredValue()):
+            message = f"'{name}' is not authored; renderers will take '{allowed[0]}'"
+            yield Finding("hints", "warning", message)
+        elif attribute.Get() not in allowed:
+            message = f"'{name}' is '{attribute.Get()}', expected one of {', '.join(allowed)}"
+            yield Finding("hints", "error", message)
+
+
+def _check_color_space(prim: "Usd.Prim") -> Iterator[Finding]:
+    from pxr import Gf, Usd
+
+    cache = Usd.ColorSpaceHashCache()
+    name = str(Usd.ColorSpaceAPI.ComputeColorSpaceName(prim, cache))
+    if not name:
+        message = "no colour space is authored; sRGB and linear colours cannot be told apart"
+        yield Finding("color-space", "warning", message)
+        return
+    defined = [
+        Usd.ColorSpaceDefinitionAPI(ancestor, instance).GetNameAttr().Get()
+        for ancestor in _with_ancestors(prim)
+        for instance in _definitions(ancestor)
+    ]
+    if name not in defined and not Gf.ColorSpace.IsValid(name):
+        message = f"colour space '{name}' is neither OpenUSD's nor defined in the scene"
+        yield Finding("color-space", "error", message)
+
+
+def _with_ancestors(prim: "Usd.Prim") -> Iterator["Usd.Prim"]:
+    while prim:
+        yield prim
+        prim = prim.GetParent()
+
+
+def _definitions(prim: "Usd.Prim") -> list[str]:
+    prefix = "ColorSpaceDefinitionAPI:"
+    return [s.removeprefix(prefix) for s in prim.GetAppliedSchemas() if s.startswith(prefix)]
+
+
+def _check_transform(prim: "Usd.Prim") -> Iterator[Finding]:
+    from pxr import Usd, UsdGeom
+
+    cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
+    matrix = np.array(cache.GetLocalToWorldTransform(prim)).T
+    try:
+        similarity = similarity_from_matrix(matrix, "the field")
+    except UsdError as error:
+        yield Finding("transform", "error", str(error))
+        return
+    if np.abs(similarity.rotation - np.eye(3)).max() > 1e-6:
+        message = (
+            "the field is rotated by a transform; renderers differ on whether colours turn along"
+        )
+        yield Finding("transform", "warning", message)
+
+
+def _leaves_the_scene(asset: str) -> bool:
+    return (
+        PurePosixPath(asset).is_absolute()
+        or PureWindowsPath(asset).is_absolute()
+        or ".." in PurePosixPath(asset.replace("\\", "/")).parts
+        or "://" in asset
+    )

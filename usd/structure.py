@@ -1,0 +1,74 @@
+"""Looks at the frame of a USD file before the USD library maps it: sizes and offsets that cannot be.
+
+A crate (``.usdc``) begins with a header that points to a table of sections; a package (``.usdz``) ends with a
+directory of its members. Both are a few hundred bytes, whatever the size of the file.
+"""
+
+import mmap
+import struct
+from pathlib import Path
+
+from digs_warp.checks import UsdError
+from usd.package import Member, leaves_package, mapped, read_members
+
+CRATE_MAGIC = b"PXR-USDC"
+_HEADER = struct.Struct("<8s8Bq")
+_HEADER_SIZE = 88  # with the reserved words
+_SECTION = struct.Struct("<16sqq")
+# Six kinds of sections exist; a count beyond this is not one of them.
+_MAX_SECTIONS = 64
+
+
+def check_structure(path: Path) -> None:
+    """Raise a `UsdError` when the header or the directory of a ``.usdc`` or ``.usdz`` file is broken.
+
+    Text files have no frame. What lies inside the sections is left to the USD library.
+    """
+    suffix = path.suffix.lower()
+    try:
+        with mapped(path) as data:
+            if suffix == ".usdz":
+                for member in read_members(data):
+                    _check_member(data, member)
+            elif suffix == ".usdc" or (suffix == ".usd" and data[:8] == CRATE_MAGIC):
+                _check_crate(data, Member("the file", 0, len(data), False, False))
+    except ValueError as error:
+        raise UsdError(
+            f"USD scene '{path}': truncated or not a USD file ({error}). Copy or export it again."
+        ) from error
+
+
+def _check_member(data: mmap.mmap, member: Member) -> None:
+    if leaves_package(member.name):
+        raise ValueError(f"member '{member.name}' leads out of the package")
+    if member.encrypted or member.compressed:
+        raise ValueError(f"member '{member.name}' is compressed or encrypted")
+    is_crate = data[member.start : member.start + 8] == CRATE_MAGIC
+    if is_crate or member.name.lower().endswith(".usdc"):
+        _check_crate(data, member)
+
+
+def _check_crate(data: mmap.mmap, crate: Member) -> None:
+    """Check that header, table and sections lie inside the crate.
+
+    Raises:
+        ValueError: they do not; says which.
+    """
+    what, size = crate.name, crate.size
+    if size < _HEADER_SIZE:
+        raise ValueError(f"{what} has {size} bytes, fewer than the header of a crate")
+    magic, *_, table = _HEADER.unpack_from(data, crate.start)
+    if magic != CRATE_MAGIC:
+        raise ValueError(f"{what} does not begin as a crate")
+    if not _HEADER_SIZE <= table <= size - 8:
+        raise ValueError(f"the table of {what} is said to lie at {table} of {size} bytes")
+    (count,) = struct.unpack_from("<Q", data, crate.start + table)
+    first = table + 8
+    if count > _MAX_SECTIONS or first + count * _SECTION.size > size:
+        raise ValueError(f"the table of {what} is said to have {count} sections")
+    for i in range(count):
+        at = crate.start + first + i * _SECTION.size
+        name, start, length = _SECTION.unpack_from(data, at)
+        if start < _HEADER_SIZE or length < 0 or start + length > size:
+            label = name.rstrip(b"\0").decode("ascii", "replace")
+            raise ValueError(f"section '{label}' of {what} reaches beyond its end")
