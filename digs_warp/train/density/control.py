@@ -150,14 +150,14 @@ class MonteCarlo:
     def _explore(self, gaussians: DeviceGaussians, step: int, means_rate: float) -> None:
         random = np.random.default_rng([self._config.seed, EXPLORE, step])
         draws = random.standard_normal((len(gaussians), 3), dtype=np.float32)
-        factor = np.array([NOISE * means_rate / self._extent], dtype=np.float32)
+        factors = np.array([NOISE * means_rate / self._extent, self._extent], dtype=np.float32)
         device = gaussians.device
         inputs = [
             gaussians.log_scales,
             gaussians.quats,
             gaussians.opacity_logits,
             wp.array(draws, dtype=wp.vec3, device=device),
-            wp.array(factor, dtype=float, device=device),
+            wp.array(factors, dtype=float, device=device),
             gaussians.means,
         ]
         launch_parallel(noise_kernel, len(gaussians), inputs, device)

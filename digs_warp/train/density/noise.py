@@ -33,14 +33,20 @@ def noise_kernel(
     quats: wp.array[wp.vec4],  # [n]
     opacity_logits: wp.array[float],  # [n]
     draws: wp.array[wp.vec3],  # [n] eta
-    factors: wp.array[float],  # [1] NOISE * rate / E
+    factors: wp.array[float],  # [2] NOISE * rate / E, and E
     # outputs
     means: wp.array[wp.vec3],  # [n]
 ):
     """Move one centre."""
     g = first + wp.tid()
     rotation = rotation_of(quats[g])
-    scale = wp.vec3(wp.exp(log_scales[g][0]), wp.exp(log_scales[g][1]), wp.exp(log_scales[g][2]))
+    # What is larger than the scene has nothing to explore; its square might overflow.
+    largest = wp.log(factors[1])
+    scale = wp.vec3(
+        wp.exp(wp.min(log_scales[g][0], largest)),
+        wp.exp(wp.min(log_scales[g][1], largest)),
+        wp.exp(wp.min(log_scales[g][2], largest)),
+    )
     local = wp.cw_mul(wp.cw_mul(scale, scale), wp.transpose(rotation) * draws[g])
     share = sigmoid(-_STEEPNESS * (sigmoid(opacity_logits[g]) - _DEAD_OPACITY))
     means[g] = means[g] + factors[0] * share * (rotation * local)

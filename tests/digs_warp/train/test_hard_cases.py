@@ -1,0 +1,203 @@
+"""What training must survive: odd views, odd images, degenerate Gaussians; and crops that change nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.tiny_capture import ball
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.capture import Frame
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.geometry import look_at
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import ViewStore, view_index
+from digs_warp.train.views import View, half_size, halved, packed_view
+
+
+def camera(number: int, width: int = 40, height: int = 30) -> Camera:
+    angle = 0.7 * number
+    eye = 0.9 * np.array([np.cos(angle), np.sin(angle), 0.4])
+    world_from_cam = look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    return Camera(Intrinsics.from_fov(width, height, 40.0), world_from_cam)
+
+
+def store(views: list[View]) -> ViewStore:
+    """The views, as if they had been read from files."""
+    frames = [Frame(view.name, view.camera, 0.0, {}) for view in views]
+    by_name = {view.name: view for view in views}
+    return ViewStore(
+        frames, lambda step: view_index(0, len(views), step), lambda f: by_name[f.name], 100.0
+    )
+
+
+def disc(width: int = 40, height: int = 30, share: float = 0.35) -> np.ndarray:
+    """A mask: a soft disc in the middle."""
+    v, u = np.mgrid[:height, :width]
+    radius = np.hypot(u - width / 2, v - height / 2)
+    return np.clip(255 * (share * height - radius), 0, 255).astype(np.uint8)
+
+
+def painted(number: int, width: int = 40, height: int = 30, color: int | None = None) -> View:
+    rng = np.random.default_rng(number)
+    image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
+    if color is not None:
+        image[:] = color
+    return packed_view(f"{number:04d}", camera(number, width, height), image, disc(width, height))
+
+
+def train(views: list[View], config: TrainConfig, seeds: Gaussians | None = None) -> Trainer:
+    trainer = Trainer(ball(200) if seeds is None else seeds, store(views), config)
+    for _ in range(config.iterations):
+        trainer.step()
+    return trainer
+
+
+def assert_finite(gaussians: Gaussians) -> None:
+    for name in FIELDS:
+        assert np.isfinite(getattr(gaussians, name)).all(), name
+
+
+@pytest.mark.parametrize("color", [0, 127, 255])
+@pytest.mark.parametrize("background", ["random", "white", "black"])
+def test_images_of_one_colour(color: int, background: str) -> None:
+    """SSIM of constants: no variance, and for black no mean either."""
+    config = TrainConfig(iterations=25, background=background)  # pyright: ignore[reportArgumentType]
+    trainer = train([painted(n, color=color) for n in range(3)], config)
+    assert_finite(trainer.gaussians.to_numpy())
+    assert np.isfinite(trainer.loss_value())
+
+
+def test_one_view() -> None:
+    config = TrainConfig(iterations=30, background="white", colors_rate=0.05)
+    start = train([painted(1)], replace(config, iterations=1))
+    first = start.loss_value()
+    assert train([painted(1)], config).loss_value() < 0.8 * first
+
+
+def test_views_without_foreground_push_everything_away() -> None:
+    empty = [
+        packed_view(
+            f"{n}", camera(n), np.zeros((30, 40, 3), np.uint8), np.zeros((30, 40), np.uint8)
+        )
+        for n in range(2)
+    ]
+    trainer = train(empty, TrainConfig(iterations=80))
+    gaussians = trainer.gaussians.to_numpy()
+    assert_finite(gaussians)
+    assert np.median(gaussians.opacities) < 0.5 * np.median(ball(200).opacities)
+
+
+def test_views_of_several_sizes() -> None:
+    """A smaller view is compared as if it were alone: nothing of a larger one reaches it."""
+    sizes = [(40, 30), (64, 48), (17, 33), (40, 30), (1, 1), (90, 7)]
+    mixed = [painted(n, *size) for n, size in enumerate(sizes)]
+    config = TrainConfig(iterations=1)
+    trainer = Trainer(ball(200), store(mixed), config)
+    for step in (*range(len(mixed)), *range(len(mixed))):
+        trainer.optimizer.step = step
+        view = trainer._view()
+        alone = Trainer(ball(200), store([view]), config)
+        for one in (trainer, alone):
+            background = np.array([0.2, 0.5, 0.7])
+            one.renderer.forward(view.camera, near=0.01, background=background)
+            one.objective.compare(view, background)
+            one.renderer.backward()
+        assert trainer.loss_value() == pytest.approx(alone.loss_value(), rel=1e-6)
+        for name in FIELDS:
+            np.testing.assert_allclose(
+                getattr(trainer.renderer.gradients, name).numpy(),
+                getattr(alone.renderer.gradients, name).numpy(),
+                rtol=1e-4,
+                atol=1e-9,
+                err_msg=name,
+            )
+
+
+@pytest.mark.parametrize("stray", [False, True])
+def test_the_crop_changes_no_gradient(stray: bool) -> None:
+    """A view cropped to its mask, and the same one kept whole, give the same loss and gradients."""
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (70, 200, 3), dtype=np.uint8)
+    mask = np.zeros((70, 200), np.uint8)
+    mask[25:44, 70:97] = rng.integers(1, 256, (19, 27))
+    cropped = packed_view("0", camera(0, 200, 70), image, mask)
+    marked = mask.copy()
+    marked[0, 0] = marked[-1, -1] = 1  # two nearly transparent pixels make the box the whole image
+    image[0, 0] = image[-1, -1] = 0
+    whole = packed_view("0", camera(0, 200, 70), image, marked)
+    assert cropped.box == (70, 25, 97, 44) and whole.box == (0, 0, 200, 70)
+    seeds = ball(200)
+    seeds = replace(seeds, means=seeds.means * (2.5 if stray else 0.3))
+    results = []
+    for view in (cropped, whole):
+        trainer = Trainer(seeds, store([view]), TrainConfig())
+        background = np.zeros(3)  # black, as the two pixels are
+        trainer.renderer.forward(view.camera, near=0.01, background=background)
+        trainer.objective.compare(view, background)
+        trainer.renderer.backward()
+        results.append((trainer.loss_value(), trainer.renderer.gradients.to_numpy()))
+    assert results[0][0] == pytest.approx(results[1][0], rel=1e-5)
+    for name in FIELDS:
+        one, other = (getattr(gradients, name) for _, gradients in results)
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-6 * np.abs(other).max())
+        assert np.abs(one).max() > 0
+
+
+def test_training_at_half_the_size_serves_the_whole() -> None:
+    views = []
+    for n in range(3):
+        view = painted(n, 64, 48, color=90)
+        image = np.full((48, 64, 3), 90, np.uint8)
+        small = packed_view(
+            view.name,
+            Camera(halved(view.camera.intrinsics), view.camera.world_from_cam),
+            *half_size(image, disc(64, 48)),
+        )
+        views.append(replace(view, half=small))
+    config = TrainConfig(iterations=40, half_size_until=0.5, colors_rate=0.05, background="white")
+    untrained = train(views, replace(config, iterations=1, half_size_until=0.0)).loss_value()
+    trainer = Trainer(ball(200), store(views), config)
+    seen = []
+    for _ in range(40):
+        seen.append(trainer._view().size)
+        trainer.step()
+    assert seen == [(32, 24)] * 20 + [(64, 48)] * 20
+    assert trainer.loss_value() < 0.8 * untrained
+
+
+def degenerate() -> Gaussians:
+    """Needles, dots, giants, coincident and opaque ones, zero rotations, saturated opacities."""
+    rng = np.random.default_rng(0)
+    usual = ball(160)
+    log_scales = usual.log_scales.copy()
+    log_scales[:20, 0] += np.log(1e3)
+    log_scales[20:40] = np.log(1e-12)
+    log_scales[40:45] = np.log(1e3)
+    log_scales[45:60, 1:] -= np.log(1e4)
+    log_scales[60:65] = 60.0  # e^60 squared overflows
+    quats = rng.normal(size=(160, 4))
+    quats[65:75] = 0.0
+    means = usual.means.copy()
+    means[75:100] = means[75]
+    means[100:105] *= 1e6
+    logits = usual.opacity_logits.copy()
+    logits[105:115] = 40.0
+    logits[115:125] = -40.0
+    sh = np.concatenate([usual.sh, np.zeros((160, 3, 3))], axis=1)
+    sh[125:135] = 1e4
+    return Gaussians(means, log_scales, quats, logits, sh)
+
+
+@pytest.mark.parametrize("density", ["fixed", "default", "mcmc"])
+def test_ten_thousand_steps_with_degenerate_gaussians(
+    density: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not one value becomes NaN or infinite; steps raise if one does."""
+    monkeypatch.setenv("DIGS_WARP_THREADS", "1")  # such tiny images gain nothing from more
+    views = [painted(n, 12, 9) for n in range(4)]
+    steps = 10_000 if density == "fixed" else 600
+    config = TrainConfig(iterations=steps, density=density, max_splats=400)  # pyright: ignore[reportArgumentType]
+    trainer = train(views, config, degenerate())
+    assert_finite(trainer.gaussians.to_numpy())

@@ -1,0 +1,133 @@
+"""A run in a folder: budgets, Ctrl-C from outside, and a training that diverges."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.tiny_capture import ball, write_tiny_capture
+
+from digs_warp.capture import Capture
+from digs_warp.checks import DigsError
+from digs_warp.cli import main
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.log import RunLog
+from digs_warp.train.config import TrainConfig, seconds_of
+from digs_warp.train.evaluate import load_test_views
+from digs_warp.train.session import CHECKPOINT, GAUSSIANS, TRAINING, train_gaussians
+from digs_warp.train.trainer import Trainer
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
+
+
+def run(capture: Capture, folder: Path, config: TrainConfig) -> tuple[Gaussians, RunLog]:
+    log = RunLog("test", config)
+    test_views = load_test_views(capture.frames[:1])
+    gaussians = train_gaussians(ball(300), capture.frames[1:], test_views, config, folder, log)
+    return gaussians, log
+
+
+def course(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / TRAINING).read_text().splitlines()]
+
+
+def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: Path) -> None:
+    config = TrainConfig(iterations=100_000, time_budget="0.3s")
+    gaussians, log = run(capture, tmp_path, config)
+    assert log.results["stopped by"] == "time budget"
+    assert 1 <= log.results["iterations"] < 100_000
+    last = course(tmp_path)[-1]
+    assert last["iteration"] == log.results["iterations"]
+    assert last["seconds"] >= 0.3 and "psnr" in last
+    assert len(gaussians) == log.results["gaussians"]
+    assert not (tmp_path / CHECKPOINT).exists()
+
+
+def test_a_target_quality_ends_the_run(capture: Capture, tmp_path: Path) -> None:
+    _, log = run(capture, tmp_path, TrainConfig(iterations=5000, target_psnr=24.0))
+    measured = [line["psnr"] for line in course(tmp_path) if "psnr" in line]
+    assert log.results["stopped by"] == "target psnr"
+    assert measured[-1] >= 24.0 > max(measured[:-1])
+
+
+def test_a_run_without_budgets_ends_with_its_iterations(capture: Capture, tmp_path: Path) -> None:
+    _, log = run(capture, tmp_path, TrainConfig(iterations=3))
+    assert (log.results["stopped by"], log.results["iterations"]) == ("iterations", 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("60s", 60.0), ("90", 90.0), ("1.5m", 90.0), ("2h", 7200.0), ("", np.inf)]
+)
+def test_times(text: str, seconds: float) -> None:
+    assert seconds_of(text) == seconds
+    assert TrainConfig(time_budget=text).time_budget_seconds == seconds
+
+
+@pytest.mark.parametrize("text", ["0s", "-3s", "soon", "5 days", "1e9s", "nan"])
+def test_no_times(text: str) -> None:
+    with pytest.raises(DigsError, match="expected a time such as 60s"):
+        TrainConfig(time_budget=text)
+
+
+def test_ctrl_c_saves_and_says_how_to_go_on(capture: Capture, tmp_path: Path) -> None:
+    """A real SIGINT to a real process; the resumed run equals one that was never interrupted."""
+    options = "--iterations 300 --sh-degree 0 --voxel-size 0.02 --evaluate-at 300".split()
+    whole, stopped = tmp_path / "whole", tmp_path / "stopped"
+    assert main(["reconstruct", str(capture.folder), "--out", str(whole), *options]) == 0
+    again = ["reconstruct", str(capture.folder), "--out", str(stopped), *options]
+    script = "import sys; from digs_warp.cli import main; sys.exit(main(sys.argv[1:]))"
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, *again], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        deadline = time.monotonic() + 60
+        while not (stopped / TRAINING).is_file() or len(course(stopped)) < 4:
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.01)
+        os.kill(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert re.search(
+        r"interrupted\. To go on where it stopped: digs-warp reconstruct .*--resume", errors
+    )
+    with np.load(stopped / CHECKPOINT) as state:
+        assert 30 <= int(state["step"]) < 300
+    assert main([*again, "--resume"]) == 0
+    one, other = (Gaussians.load(folder / GAUSSIANS) for folder in (whole, stopped))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def test_a_diverging_run_leaves_its_last_good_state(
+    capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from digs_warp.train import session
+
+    step = Trainer.step
+
+    def step_until_spoiled(trainer: Trainer) -> None:
+        if trainer.optimizer.step == 12:
+            values = trainer.gaussians.means.numpy()
+            values[5, 0] = np.nan
+            trainer.gaussians.means.assign(values)
+        step(trainer)
+
+    monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(Trainer, "step", step_until_spoiled)
+    with pytest.raises(DigsError, match=r"iteration 13, view '\d+'.*means of 1 Gaussians"):
+        run(capture, tmp_path, TrainConfig(iterations=50))
+    with np.load(tmp_path / CHECKPOINT) as state:
+        assert int(state["step"]) == 12
+        assert np.isfinite(state["value_means"]).all()
+    assert not (tmp_path / GAUSSIANS).exists()
