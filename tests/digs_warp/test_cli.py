@@ -19,6 +19,7 @@ from digs_warp.commands.simulate import Simulate
 from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import look_at
 from digs_warp.log import RunLog
+from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import TrainConfig
 
 WIDTH, HEIGHT = 32, 24
@@ -339,7 +340,9 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     command = cli.parse(["run", "--out", "x", "--seed", "5", "--iterations", "7"])
     assert isinstance(command, Run)
     assert command.recording.seed == 5
-    assert command.training.with_seed(5) == TrainConfig(iterations=7, seed=5)
+    config = command.reconstruct_config(command.recording.seed)
+    assert config.train == TrainConfig(iterations=7, seed=5)
+    assert config.sfm == SfmConfig(poses="capture", seed=5)
 
 
 def test_an_interrupted_command_says_how_to_go_on(
