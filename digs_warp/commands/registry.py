@@ -6,11 +6,13 @@ from digs_warp.commands.bench import Bench
 from digs_warp.commands.convert import Convert
 from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
+from digs_warp.commands.mesh import Mesh
 from digs_warp.commands.plan import Plan
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.render import Render
 from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
+from digs_warp.commands.usd_scene import Usd
 
 
 class Command(Protocol):
@@ -31,6 +33,8 @@ COMMANDS: dict[str, type[Command]] = {
     "export-usd": ExportUsd,
     "convert": Convert,
     "render": Render,
+    "mesh": Mesh,
     "info": Info,
+    "usd": Usd,
     "bench": Bench,
 }

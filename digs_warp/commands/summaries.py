@@ -1,6 +1,7 @@
 """What `digs-warp info` says about each kind of thing."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -109,19 +110,28 @@ def of_run(folder: Path) -> Facts:
 
 
 def of_usd(path: Path) -> Facts:
-    """The Gaussians that the scene holds, without loading them."""
+    """What the scene holds, without loading the Gaussians."""
     from usd.info import describe
 
-    scene = describe(path)
+    return facts_of_usd(describe(path))
+
+
+def facts_of_usd(scene: dict[str, Any]) -> Facts:
+    """Return what `usd.info.describe` found, in words."""
     facts = {
         "kind": "USD scene",
         "Gaussians": f"{scene['splats']:,} at {scene['prim_path']}",
         "spherical harmonics": f"degree {scene['sh_degree']}",
+        "precision": scene["precision"],
         "axes and unit": f"{scene['up_axis']} up, {scene['meters_per_unit']:g} m per unit",
-        "file size": _megabytes(path),
+        "file size": f"{scene['bytes'] / 1e6:.1f} MB",
     }
     if scene["extent"]:
         facts["extent"] = _extent(np.array(scene["extent"]) * scene["meters_per_unit"])
+    for name, variants in scene["variants"].items():
+        facts[f"variants of {name}"] = ", ".join(variants)
+    if scene["cameras"]:
+        facts["cameras"] = f"{', '.join(scene['cameras'])}; {scene['views']} views"
     return facts
 
 
