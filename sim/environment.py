@@ -1,5 +1,6 @@
 """The surround of the scene: a panorama on a sphere, which is also the light."""
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import numpy as np
 from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
 from digs_warp.images import linear_from_srgb, read_image
 from sim.studio_room import studio_room_radiance
+
+_log = logging.getLogger(__name__)
 
 # Near enough that the walls shift from frame to frame (structure from motion holds on to them), far
 # enough that three orbits at about 0.9 m stay well inside.
@@ -42,8 +45,8 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
     """Read an equirectangular panorama: HDR and EXR are linear, 8- and 16-bit images are sRGB.
 
     Raises:
-        DigsError: the file is missing, truncated, no image, not twice as wide as high, completely
-            black, or holds NaN or infinite values.
+        DigsError: the file is missing, truncated, no image, not twice as wide as high, or holds NaN or
+            infinite values.
     """
     path = Path(path)
     pixels = read_image(path, what="environment")
@@ -60,7 +63,12 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
     # One channel is grey, two are grey and alpha, four are colour and alpha.
     linear = linear[..., :3] if channels >= 3 else np.repeat(linear[..., :1], 3, axis=-1)
     if not (linear > 0).any():
-        raise DigsError(f"environment '{path}': every pixel is black, so nothing could be seen")
+        # A legitimate test of the sensor, but more often a wrong file.
+        _log.warning(
+            "environment '%s': every pixel is black; without light only glowing parts of the object are "
+            "seen, and a stereo camera measures nothing",
+            path,
+        )
     return Environment(linear, radius)
 
 

@@ -2,7 +2,8 @@
 
 import math
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,9 @@ QUEUE = 4
 SAVE_EVERY = 10
 
 
-def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capture:
+def simulate(
+    config: SimulateConfig, folder: Path, resume: bool = False, session: Session | None = None
+) -> Capture:
     """Render and sense every frame, and write the capture folder.
 
     Args:
@@ -42,6 +45,8 @@ def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capt
         folder: where to; created when missing.
         resume: go on where a run with the same settings was cut off: complete frames are kept, and the
             result is the same, byte for byte.
+        session: already prepared, for settings that differ from ``config`` in tier, effects or strength
+            at most; None: prepare one.
 
     Raises:
         DigsError: bad input, a folder that holds another recording, or settings that differ on resume.
@@ -53,11 +58,14 @@ def simulate(config: SimulateConfig, folder: Path, resume: bool = False) -> Capt
     if resume and _is_finished(folder, config):
         return read_capture(folder)
     with log.stage("load"):
-        inputs = load_inputs(config)
+        if session is None:
+            prepare = partial(prepare_session, config, load_inputs(config))
+        else:
+            prepare = partial(replace, session, config=config)
     log.save(record)  # from here on the folder belongs to these settings
     try:
         with log.stage("prepare"):
-            session = prepare_session(config, inputs)
+            session = prepare()
         with log.stage("plan"):
             plan = make_plan(session)
         if config.plans_effects:

@@ -118,7 +118,15 @@ class Inputs:
 
 
 def load_inputs(config: SimulateConfig) -> Inputs:
-    """Return object, surround and camera."""
+    """Return object, surround and camera.
+
+    Raises:
+        DigsError: a wrong path or figure, or no OpenGL where the settings ask for it.
+    """
+    if config.renderer == "gl":
+        from sim.render.gl import check_opengl
+
+        check_opengl()
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = _make_rig(config, profile)
     if config.mesh is None:

@@ -54,8 +54,8 @@ class GlRenderer:
     """
 
     def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
+        check_opengl()
         self._pyrender = import_pyrender()
-        _canvas()  # says so at once where there is no EGL
         self._scene = scene
         self._threads = threads
         self.surround_radius = environment.radius
@@ -173,6 +173,11 @@ class GlRenderer:
         rays = camera.unproject(px, np.ones(px.shape[:2])) - eye
         a, b = (rays**2).sum(axis=-1), rays @ eye
         return rays, (-b + np.sqrt(b * b + a * (self.surround_radius**2 - eye @ eye))) / a
+
+
+def check_opengl() -> None:
+    """Raise a `MissingLibraryError` where OpenGL cannot draw off-screen; the message names the packages."""
+    _canvas()
 
 
 @cache

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import shutil
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ from digs_warp.capture import Capture, read_capture
 from digs_warp.log import to_json, versions
 from sim.config import SimulateConfig
 from sim.record import simulate
+from sim.session import Session
 
 KEY_LENGTH = 20  # hexadecimal digits
 
@@ -28,12 +30,20 @@ class CaptureCache:
 
     folder: Path
 
-    def capture(self, config: SimulateConfig) -> Capture:
-        """Return the capture of these settings; simulates it when it is not there yet."""
+    def capture(
+        self, config: SimulateConfig, session: Callable[[], Session] | None = None
+    ) -> Capture:
+        """Return the capture of these settings; simulates it when it is not there yet.
+
+        Args:
+            config: settings.
+            session: returns what `sim.record.simulate` may use instead of loading the scene anew; only
+                asked when something is simulated.
+        """
         folder = self.folder / _code_key() / _key(config)
         if not folder.is_dir():
             self._remove_others(folder.parent)
-            self._simulate(config, folder)
+            self._simulate(config, folder, session() if session else None)
         return read_capture(folder)
 
     def _remove_others(self, current: Path) -> None:
@@ -42,11 +52,11 @@ class CaptureCache:
                 if other != current:
                     shutil.rmtree(other, ignore_errors=True)
 
-    def _simulate(self, config: SimulateConfig, folder: Path) -> None:
+    def _simulate(self, config: SimulateConfig, folder: Path, session: Session | None) -> None:
         # Test processes may run side by side: each makes its own, the first one to finish wins.
         unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
         try:
-            simulate(config, unfinished)
+            simulate(config, unfinished, session=session)
             try:
                 os.replace(unfinished, folder)
             except OSError:

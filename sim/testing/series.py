@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
 from sim.config import SimulateConfig
+from sim.session import Session, load_inputs, prepare_session
 from sim.testing.cache import CaptureCache
 from sim.testing.curve import DegradationCurve
 
@@ -37,7 +39,13 @@ class NoiseSeries:
 
     def capture(self, strength: float) -> Capture:
         """Return the capture at one strength."""
-        return self.cache.capture(replace(self.config, strength=float(strength)))
+        config = replace(self.config, strength=float(strength))
+        return self.cache.capture(config, lambda: self._session)
+
+    @cached_property
+    def _session(self) -> Session:
+        """Scene, light and walk: the same at every strength, and slow to load."""
+        return prepare_session(self.config, load_inputs(self.config))
 
     def measure(self, error: Callable[[Capture], float]) -> DegradationCurve:
         """Return how ``error(capture)`` grows with the noise; less is better."""

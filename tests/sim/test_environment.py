@@ -66,10 +66,12 @@ def test_a_photo_is_no_panorama(tmp_path: Path) -> None:
         load_environment(tmp_path / "photo.png")
 
 
-def test_a_black_panorama_is_refused(tmp_path: Path) -> None:
+def test_a_black_panorama_is_taken_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     write_image(tmp_path / "night.png", np.zeros((8, 16, 3), np.uint8))
-    with pytest.raises(DigsError, match="every pixel is black"):
-        load_environment(tmp_path / "night.png")
+    assert not load_environment(tmp_path / "night.png").radiance.any()
+    assert "night.png" in caplog.text and "every pixel is black" in caplog.text
 
 
 def test_an_empty_surround_sphere_is_refused() -> None:

@@ -200,17 +200,18 @@ def test_a_renderer_outlives_another(vase: tuple[GlRenderer, RaycastRenderer]) -
     np.testing.assert_array_equal(vase[0].render_geometry(camera)[0], before)
 
 
-def test_without_a_driver_the_message_names_the_packages() -> None:
+def test_without_a_driver_the_message_names_the_packages_and_the_folder_is_untouched(
+    tmp_path: Path,
+) -> None:
     """A fresh process in which EGL finds no vendor's driver."""
     code = (
-        "from sim.render.gl import GlRenderer\n"
-        "from sim.procedural import procedural_scene\n"
-        "from sim.environment import procedural_environment\n"
-        "GlRenderer(procedural_scene(), procedural_environment())\n"
+        "import sys; from pathlib import Path\n"
+        "from sim.record import SimulateConfig, simulate\n"
+        "simulate(SimulateConfig(renderer='gl', frames=1, width=8), Path(sys.argv[1]))\n"
     )
     without = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}
     result = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-c", code, str(tmp_path / "capture")],
         check=False,
         env=without,
         capture_output=True,
@@ -221,3 +222,4 @@ def test_without_a_driver_the_message_names_the_packages() -> None:
     assert result.returncode != 0
     assert last.startswith("digs_warp.imports.MissingLibraryError")
     assert "libegl1 libgl1-mesa-dri" in last
+    assert not (tmp_path / "capture").exists()

@@ -109,6 +109,20 @@ def test_a_capture_is_simulated_once(config: SimulateConfig, tmp_path: Path) -> 
     assert (captures.capture(config).folder / "mark").exists()
 
 
+def test_a_series_loads_its_scene_once_and_the_captures_are_those_of_their_own(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
+    series = NoiseSeries(config, (0.5, 2.0), CaptureCache(tmp_path / "series"))
+    first = series.capture(0.5)
+    assert config.mesh is not None
+    config.mesh.unlink()  # is not read again
+    second = series.capture(2.0)
+    config.mesh.write_text(TETRAHEDRON)
+    for shared, strength in ((first, 0.5), (second, 2.0)):
+        alone = CaptureCache(tmp_path / "alone").capture(replace(config, strength=strength))
+        assert file_hashes(shared.folder) == file_hashes(alone.folder)
+
+
 def test_whatever_decides_the_bytes_decides_the_name(
     config: SimulateConfig, tmp_path: Path
 ) -> None:
