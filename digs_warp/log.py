@@ -106,6 +106,29 @@ def versions() -> dict[str, str]:
     return found
 
 
+def source_commit(package: Path = Path(__file__).parent) -> str | None:
+    """Return the git commit that is checked out where the code lies; None for an installed package.
+
+    Reads git's own files: no program to be missing, and nothing to wait for.
+    """
+    try:
+        git = package.parent / ".git"
+        if git.is_file():  # a worktree: "gitdir: PATH"
+            git = package.parent / git.read_text().removeprefix("gitdir:").strip()
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        branch = head.removeprefix("ref: ")
+        common = git / "commondir"
+        shared = git / common.read_text().strip() if common.is_file() else git
+        if (shared / branch).is_file():
+            return (shared / branch).read_text().strip()
+        packed = (line.split() for line in (shared / "packed-refs").read_text().splitlines())
+        return next((fields[0] for fields in packed if fields[1:] == [branch]), None)
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
 @dataclass
 class RunLog:
     """The record of one run: settings, versions, stage times [s], results. Saved as run.json."""
@@ -146,6 +169,7 @@ class RunLog:
         record = {
             "command": self.command,
             "versions": versions(),
+            "commit": source_commit(),
             "machine": {"system": platform.platform(), "cores": os.cpu_count()},
             "settings": self.settings,
             "seconds": {name: round(value, 4) for name, value in self.seconds.items()},

@@ -2,6 +2,8 @@
 
 import json
 import math
+import shutil
+import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 
 from digs_warp import log
 from digs_warp.checks import DigsError
-from digs_warp.log import RunLog, read_json, to_json, write_atomically
+from digs_warp.log import RunLog, read_json, source_commit, to_json, write_atomically
 
 
 @dataclass(frozen=True)
@@ -139,3 +141,25 @@ def test_bars_are_silent_until_turned_on(capfd: pytest.CaptureFixture[str]) -> N
     finally:
         log.show_progress(False)
     assert "loud: 100%" in capfd.readouterr().err
+
+
+def git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@b", *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git to make a repository")
+def test_the_commit_is_that_of_the_checkout(tmp_path: Path) -> None:
+    repository, tree = tmp_path / "repository", tmp_path / "tree"
+    (repository / "package").mkdir(parents=True)
+    assert source_commit(repository / "package") is None
+    git(repository, "init", "-b", "main")
+    git(repository, "commit", "--allow-empty", "-m", "first")
+    expected = git(repository, "rev-parse", "HEAD")
+    assert source_commit(repository / "package") == expected
+    git(repository, "pack-refs", "--all")
+    assert source_commit(repository / "package") == expected
+    git(repository, "worktree", "add", str(tree), "-b", "side")
+    assert source_commit(tree / "package") == expected
+    git(repository, "checkout", "--detach")
+    assert source_commit(repository / "package") == expected
