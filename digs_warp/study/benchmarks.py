@@ -56,6 +56,23 @@ BENCHMARKS = (
         "a training step, stage by stage, at three image sizes",
     ),
     Benchmark(
+        "init",
+        "digs_warp.study.bench_init:bench_init",
+        "from 200 depth maps of 2208x1242 to points: seconds, memory, distance to the true surface",
+    ),
+    Benchmark(
+        "init-noise",
+        "digs_warp.study.init_strategies:init_strategies",
+        "all initializations at rising sensor noise and with calibration errors, against true surfaces",
+        wide=True,
+    ),
+    Benchmark(
+        "init-ablation",
+        "digs_warp.study.ablation:init_ablation",
+        "what each component of the initialization is worth: distances, and PSNR after 100 and 300 steps",
+        wide=True,
+    ),
+    Benchmark(
         "sim",
         "digs_warp.study.bench_sim:bench_sim",
         "the simulated depth sensor: time and scores of every tier and effect, against real matching",

@@ -1,0 +1,118 @@
+"""The studies of the initialization, small: rows, units, and findings that must not depend on the size."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.init.config import InitConfig
+from digs_warp.study.ablation import PAPER, Variant, init_ablation, with_leaking_masks
+from digs_warp.study.bench_init import PeakMemory, bench_init
+from digs_warp.study.init_cases import InitCase, render_case
+from digs_warp.study.init_strategies import SFM_PER_METRE, scaled
+from digs_warp.study.results import Result
+from digs_warp.study.synthetic_sfm import sfm_from_truth
+from sim.config import SimulateConfig
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> InitCase:
+    config = SimulateConfig(frames=5, width=320, samples_per_pixel=1)
+    return render_case(config, tmp_path_factory.mktemp("case"))
+
+
+def values(results: list[Result], name: str) -> dict[str, float]:
+    return {str(r.settings.get("variant", "")): r.value for r in results if r.name == name}
+
+
+def test_a_case_is_sensed_at_any_strength_and_its_surface_is_the_true_one(case: InitCase) -> None:
+    perfect, noisy = case.capture(0.0), case.capture(4.0)
+    assert case.capture(4.0) is noisy
+    for frame in perfect.frames:
+        np.testing.assert_array_equal(frame.load_depth(), frame.load_depth_true())
+    assert not np.array_equal(noisy.frames[1].load_depth(), perfect.frames[1].load_depth())
+    # Well inside the mask the first ray's depth is the object's.
+    frame = perfect.frames[1]
+    depth, mask = frame.load_depth(), frame.load_mask()
+    rows, columns = np.nonzero((mask == 255) & (depth < 1.5))
+    px = np.stack([columns + 0.5, rows + 0.5], axis=-1)
+    points = frame.camera.unproject(px, depth[rows, columns].astype(np.float64))
+    assert case.score(points).accuracy < 2e-4
+
+
+def test_the_synthetic_model_projects_onto_its_observations(case: InitCase) -> None:
+    frames = case.capture(0.0).frames
+    sfm = sfm_from_truth(frames, SFM_PER_METRE, points=500, feature_noise=0.5, mismatches=0.1)
+    errors = np.concatenate(
+        [
+            sfm.cameras[i].project(sfm.points.points_world[sfm.observations.points[rows]])[0]
+            - sfm.observations.px[rows]
+            for i in range(len(frames))
+            for rows in [sfm.observations.cameras == i]
+        ]
+    )
+    wrong = np.linalg.norm(errors, axis=1) > 5
+    assert wrong.mean() == pytest.approx(0.1, abs=0.04)
+    assert errors[~wrong].std() == pytest.approx(0.5, rel=0.1)
+    assert len(sfm.observations) > 1.3 * len(sfm.points)
+
+
+def test_scaled_frames_live_in_recovered_metres(case: InitCase) -> None:
+    capture = case.capture(0.0)
+    sfm = sfm_from_truth(capture.frames, SFM_PER_METRE)
+    seen = scaled(capture, sfm, SFM_PER_METRE)
+    assert seen.true_per_metre == pytest.approx(1.0, abs=1e-3)
+    assert [frame.name for frame in seen.frames] == [f.name for f in capture.frames[1:]]
+    half = scaled(capture, sfm, SFM_PER_METRE, found=2 * SFM_PER_METRE)
+    np.testing.assert_allclose(
+        2 * half.frames[0].camera.center_world, capture.frames[1].camera.center_world, rtol=1e-6
+    )
+
+
+def test_leaking_masks_leave_the_held_out_ones_alone(case: InitCase, tmp_path: Path) -> None:
+    capture = case.capture(0.0)
+    leaking = with_leaking_masks(capture, tmp_path)
+    grown = [
+        np.count_nonzero(a.load_mask()) - np.count_nonzero(b.load_mask())
+        for a, b in zip(leaking.frames, capture.frames, strict=True)
+    ]
+    assert grown[0] == grown[2] == grown[4] == 0
+    assert grown[1] > 1000 and grown[3] > 1000
+
+
+def test_the_bench_tells_times_memory_and_distances() -> None:
+    results = bench_init(width=128, height=72, frames=6, distinct=2)
+    names = [r.name for r in results]
+    assert names.count("wall clock") == 3 and names.count("Chamfer distance") == 3
+    assert {r.settings["frames"] for r in results} == {6}
+    (error,) = (r.value for r in results if r.name == "scale error")
+    assert error < 0.01
+    assert all(r.value < 20 for r in results if r.name == "Chamfer distance")  # [mm]
+
+
+def test_the_ablation_compares_variants_and_trains() -> None:
+    variants = (
+        Variant("paper"),
+        Variant("mean", scale="mean"),
+        Variant("thin", replace(PAPER, voxel_size=1e-5), thinned=True),
+        Variant("no filters", InitConfig(edge_filter=False, foreground_filter=False)),
+    )
+    results = init_ablation(frames=5, width=160, iterations=(2, 4), variants=variants)
+    chamfer, points = values(results, "Chamfer [mm]"), values(results, "points")
+    assert set(chamfer) == {"paper", "mean", "thin", "no filters"}
+    # Two of a hundred features are mismatched: that is enough to spoil the mean of the ratios.
+    assert chamfer["mean"] > 1.5 * chamfer["paper"]
+    assert chamfer["no filters"] > 5 * chamfer["paper"]  # the leaks reach the wall
+    assert points["thin"] == points["paper"]
+    assert set(values(results, "PSNR at 2 [dB]")) == set(values(results, "PSNR at 4 [dB]"))
+    assert all(5 < value < 40 for value in values(results, "PSNR at 4 [dB]").values())
+
+
+def test_peak_memory_sees_what_a_block_took() -> None:
+    memory = PeakMemory()
+    with memory.watch():
+        block = np.ones(30_000_000)
+        total = sum(float(block.sum()) for _ in range(10))
+    assert total == 3e8
+    assert memory.peak - memory.start > 0.9 * block.nbytes
