@@ -121,22 +121,27 @@ def _check_hints(prim: "Usd.Prim") -> Iterator[Finding]:
 
 
 def _check_color_space(prim: "Usd.Prim") -> Iterator[Finding]:
+    """By hand: USD's own resolution takes an unknown name for none."""
     from pxr import Gf, Usd
 
-    cache = Usd.ColorSpaceHashCache()
-    name = str(Usd.ColorSpaceAPI.ComputeColorSpaceName(prim, cache))
-    if not name:
+    line = list(_with_ancestors(prim))
+    authored = [value for each in line if (value := _value(each.GetAttribute("colorSpace:name")))]
+    if not authored:
         message = "no colour space is authored; sRGB and linear colours cannot be told apart"
         yield Finding("color-space", "warning", message)
         return
     defined = [
-        Usd.ColorSpaceDefinitionAPI(ancestor, instance).GetNameAttr().Get()
-        for ancestor in _with_ancestors(prim)
-        for instance in _definitions(ancestor)
+        Usd.ColorSpaceDefinitionAPI(each, instance).GetNameAttr().Get()
+        for each in line
+        for instance in _definitions(each)
     ]
-    if name not in defined and not Gf.ColorSpace.IsValid(name):
-        message = f"colour space '{name}' is neither OpenUSD's nor defined in the scene"
+    if authored[0] not in defined and not Gf.ColorSpace.IsValid(authored[0]):
+        message = f"colour space '{authored[0]}' is neither OpenUSD's nor defined in the scene"
         yield Finding("color-space", "error", message)
+
+
+def _value(attribute: "Usd.Attribute") -> str:
+    return str(attribute.Get() or "") if attribute else ""
 
 
 def _with_ancestors(prim: "Usd.Prim") -> Iterator["Usd.Prim"]:
