@@ -148,7 +148,7 @@ def match_pairs(
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = threads
     verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = config.seed
+    verification.ransac.random_seed = config.sfm_seed
     pair_list = database.with_name("pairs.txt")
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = pair_list
@@ -178,7 +178,7 @@ def map_images(
         pycolmap.Reconstruction objects; COLMAP also writes them into ``folder``.
     """
     pycolmap = quiet_pycolmap()
-    pycolmap.set_random_seed(config.seed)
+    pycolmap.set_random_seed(config.sfm_seed)
     folder.mkdir(parents=True, exist_ok=True)
     map_them = _map_globally if config.mapper == "global" else _map_one_by_one
     with progress(len(images.names), "Placing cameras", "image") as bar:
@@ -221,7 +221,7 @@ def _map_globally(
 ) -> dict[int, Any]:
     options = pycolmap.GlobalPipelineOptions()
     options.num_threads = threads
-    options.random_seed = config.seed
+    options.random_seed = config.sfm_seed
     options.min_model_size = SMALLEST_MODEL
     options.image_path = str(images.root)  # for the colours of the points
     adjustment = options.mapper.bundle_adjustment
@@ -241,7 +241,7 @@ def incremental_options(pycolmap: Any, config: SfmConfig, threads: int) -> Any:
     """Return how COLMAP places cameras one by one, and triangulates points."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = threads
-    options.random_seed = config.seed
+    options.random_seed = config.sfm_seed
     options.min_model_size = SMALLEST_MODEL
     # A capture's images are free of distortion.
     options.ba_refine_focal_length = config.refine_focal

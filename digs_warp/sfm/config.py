@@ -54,7 +54,7 @@ class SfmConfig:
     translation_error: float = 0.005
     """For 'perturbed': standard deviation of the camera's position along each axis [m]."""
 
-    seed: int = 0
+    sfm_seed: int = 0
     """Seed of everything random: matching, mapping, and the error of 'perturbed'."""
 
     def __post_init__(self) -> None:
@@ -75,5 +75,5 @@ class SfmConfig:
             raise DigsError(
                 f"sfm.rotation_error_deg, sfm.translation_error: {errors}, expected finite, >= 0"
             )
-        if self.seed < 0:
-            raise DigsError(f"sfm.seed: {self.seed}, expected 0 or above")
+        if self.sfm_seed < 0:
+            raise DigsError(f"sfm.sfm_seed: {self.sfm_seed}, expected 0 or above")

@@ -19,7 +19,13 @@ from digs_warp.sfm.convert import sfm_model
 from digs_warp.sfm.failure import no_model_error
 from digs_warp.sfm.pairs import EXHAUSTIVE_UP_TO, all_pairs, loop_pairs, sequential_pairs
 from digs_warp.sfm.perturb import perturbed_poses
-from digs_warp.sfm.quality import SfmQuality, check_completeness, check_motion, measure_quality
+from digs_warp.sfm.quality import (
+    SfmQuality,
+    check_agreement,
+    check_completeness,
+    check_motion,
+    measure_quality,
+)
 from digs_warp.sfm.workspace import Workspace, stage_keys
 from digs_warp.sfm_model import SfmModel
 
@@ -66,6 +72,7 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
         raise DigsError(
             f"structure from motion: {len(frames)} images, expected at least {FEWEST_IMAGES}"
         )
+    _check_names_differ(frames)
     log = RunLog("sfm", config)
     images, place = ImageSet.of(frames), Workspace(workspace, stage_keys(frames, config))
     place.prepare()
@@ -82,13 +89,21 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
     if not is_metric:
         check_completeness(quality, config.min_registered)
         check_motion(model)
-    elif quality.points == 0:
-        raise DigsError(
-            f"structure from motion: no point fits the given poses of {len(frames)} images; their errors "
-            "are too large, or the axes are not OpenCV's. Let --poses sfm estimate them"
-        )
+    else:
+        check_agreement(quality)
     logger.info("structure from motion: %s", quality)
     return SfmResult(model, is_metric, quality, log.seconds)
+
+
+def _check_names_differ(frames: Sequence[Frame]) -> None:
+    seen: set[str] = set()
+    for frame in frames:
+        if frame.name in seen:
+            raise DigsError(
+                f"structure from motion: two images share the name '{frame.name}', by which their cameras "
+                "are found again; rename one of the files"
+            )
+        seen.add(frame.name)
 
 
 def _find_and_match(images: ImageSet, config: SfmConfig, place: Workspace, log: RunLog) -> None:
@@ -109,7 +124,9 @@ def choose_pairs(images: ImageSet, config: SfmConfig, database: Path) -> list[tu
     pairs = set(sequential_pairs(count, config.overlap))
     if config.loop_images:
         descriptors = colmap.read_descriptors(images, database)
-        pairs |= set(loop_pairs(descriptors, config.loop_images, config.overlap + 1, config.seed))
+        pairs |= set(
+            loop_pairs(descriptors, config.loop_images, config.overlap + 1, config.sfm_seed)
+        )
     return sorted(pairs)
 
 
@@ -139,4 +156,6 @@ def _given_poses(frames: Sequence[Frame], config: SfmConfig) -> list[Any]:
     poses = [frame.camera.world_from_cam for frame in frames]
     if config.poses == "capture":
         return poses
-    return perturbed_poses(poses, config.rotation_error_deg, config.translation_error, config.seed)
+    return perturbed_poses(
+        poses, config.rotation_error_deg, config.translation_error, config.sfm_seed
+    )

@@ -14,6 +14,9 @@ logger = logging.getLogger(__name__)
 # motion is the camera's turning, which tells nothing about depth.
 LEAST_MOTION = 0.01
 
+# Points that an image sees on average, below which given poses and images have nothing to do with each other.
+FEWEST_OBSERVATIONS = 10
+
 # Second against first extent of the path of the cameras, from where on it counts as a straight line.
 STRAIGHT = 0.01
 
@@ -108,6 +111,20 @@ def check_completeness(quality: SfmQuality, min_registered: float) -> None:
         logger.warning(
             "structure from motion: only the largest model is used: %d of %d images; the others are left out",
             *(quality.registered, quality.images),
+        )
+
+
+def check_agreement(quality: SfmQuality) -> None:
+    """Refuse given poses that hardly any match of features fits.
+
+    Raises:
+        DigsError: with the number of points that do fit.
+    """
+    if quality.observations_per_image < FEWEST_OBSERVATIONS:
+        raise DigsError(
+            f"structure from motion: with the given poses {quality.images} images share only "
+            f"{quality.points} points; the poses' errors are too large, their axes are not OpenCV's, or "
+            "they belong to other images. Let --poses sfm estimate them"
         )
 
 

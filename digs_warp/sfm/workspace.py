@@ -47,7 +47,7 @@ def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:
         config.feature_size, config.features, config.double_size,
     )  # fmt: skip
     matches = _key(
-        features, config.pairing, config.overlap, config.loop_images, config.seed,
+        features, config.pairing, config.overlap, config.loop_images, config.sfm_seed,
     )  # fmt: skip
     poses: list[Any] = [config.poses]
     if config.poses == "sfm":
