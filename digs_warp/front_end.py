@@ -8,6 +8,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
@@ -18,13 +19,20 @@ from digs_warp.init.scale import estimate_scale
 from digs_warp.log import RunLog
 from digs_warp.point_cloud import PointCloud
 from digs_warp.posed_frames import CAMERAS, PosedFrames
+from digs_warp.segment.config import SegmentConfig
+from digs_warp.segment.masks import segment, with_masks
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm_model import SfmModel
+
+if TYPE_CHECKING:
+    from digs_warp.sfm.estimate import SfmResult
 
 logger = logging.getLogger(__name__)
 
 POINTS = "initial_points.npz"
 SFM = "sfm"
+MASKS = "masks"
+HELD_OUT = "held_out"
 
 # Strategies that start from sparse points, or from as many.
 NEED_SFM = ("default", "random", "fusion")
@@ -35,6 +43,7 @@ class FrontEndConfig:
     """How a capture becomes posed frames and points."""
 
     sfm: SfmConfig = field(default_factory=lambda: SfmConfig(poses="capture"))
+    segment: SegmentConfig = field(default_factory=SegmentConfig)
     init: InitConfig = field(default_factory=InitConfig)
     test_every: int = 8
     """Every n-th view, from the first on, is held out for the evaluation."""
@@ -53,8 +62,8 @@ def front_end(
 ) -> tuple[PosedFrames, PointCloud]:
     """Return the frames as the reconstruction sees them, and the points that it starts from.
 
-    Leaves cameras.json, initial_points.npz and, where structure from motion ran, its workspace in
-    ``folder``; ``resume`` takes from there what is finished.
+    Leaves cameras.json and initial_points.npz in ``folder``, beside the workspace of structure from motion
+    and new masks, if any; ``resume`` takes from there what is finished.
 
     Raises:
         DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
@@ -62,9 +71,18 @@ def front_end(
     if resume and (folder / POINTS).is_file() and (folder / CAMERAS).is_file():
         return PosedFrames.load(capture, folder), PointCloud.load(folder / POINTS)
     frames = _split(capture, config.test_every)
-    model: _Model | None = None
+    sparse = None
     if config.sfm.poses != "capture" or config.init.strategy in NEED_SFM:
-        frames, model = _structure_from_motion(capture, frames, config, folder, log)
+        with log.stage("structure from motion"):
+            sparse = _structure_from_motion(capture, config.sfm, folder / SFM, log)
+    if config.segment.masks != "capture":
+        with log.stage("masks"):
+            frames = _masked(frames, config.segment, folder / MASKS)
+    model: _Model | None = None
+    if sparse is not None:
+        with log.stage("scale"):
+            model = _in_metres(sparse, capture, frames, config.init, log)
+        frames = _registered(frames, model)
     with log.stage("initialize"):
         start = initialize(
             frames.training,
@@ -92,44 +110,56 @@ def _split(capture: Capture, test_every: int) -> PosedFrames:
 
 
 def _structure_from_motion(
-    capture: Capture, frames: PosedFrames, config: FrontEndConfig, folder: Path, log: RunLog
-) -> tuple[PosedFrames, _Model]:
+    capture: Capture, config: SfmConfig, workspace: Path, log: RunLog
+) -> "SfmResult":
     """Pose all frames, those held out as well: without a pose they could not be compared."""
     from digs_warp.sfm.estimate import structure_from_motion
 
-    with log.stage("structure from motion"):
-        result = structure_from_motion(capture.frames, config.sfm, folder / SFM)
+    result = structure_from_motion(capture.frames, config, workspace)
     log.results["sfm"] = asdict(result.quality)
-    model = _Model(result.model, 1.0)
-    if not result.is_metric:
-        with log.stage("scale"):
-            scale = estimate_scale(local_scales(result.model, frames.training, config.init))
-            model = _Model(result.model.in_metres(scale.sfm_per_metre), scale.sfm_per_metre)
-        log.results["scale"] = asdict(scale)
-        model = replace(model, sfm=_placed(model.sfm, capture))
-    training = _registered(frames.training, model.sfm)
+    return result
+
+
+def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
+    """Give the frames masks. Those held out keep their own: what is tested must not be the yardstick."""
+    training = with_masks(frames.training, segment(frames.training, config, folder))
+    held_out = list(frames.held_out)
+    if any(not frame.has("mask_path") for frame in held_out):
+        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
+    return replace(frames, training=tuple(training), held_out=tuple(held_out))
+
+
+def _in_metres(
+    sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig, log: RunLog
+) -> _Model:
+    """Scale the model by what the depth maps say (eq. 6 and 7), and lay it into the recording's world."""
+    from digs_warp.sfm.world import world_as_recorded
+
+    if sparse.is_metric:
+        return _Model(sparse.model, 1.0)
+    scale = estimate_scale(local_scales(sparse.model, frames.training, config))
+    log.results["scale"] = asdict(scale)
+    sfm = sparse.model.in_metres(scale.sfm_per_metre)
+    recorded = {frame.name: frame.camera for frame in capture.frames}
+    world = world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names])
+    return _Model(sfm.moved(world), scale.sfm_per_metre)
+
+
+def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:
+    """Return the frames that the model has a camera for, with it; warn of the others."""
+    cameras = dict(zip(model.sfm.names, model.sfm.cameras, strict=True))
+
+    def posed(group: Sequence[Frame]) -> tuple[Frame, ...]:
+        known = [frame for frame in group if frame.name in cameras]
+        return tuple(replace(frame, camera=cameras[frame.name]) for frame in known)
+
+    every = (*frames.training, *frames.held_out)
+    lost = [frame.name for frame in every if frame.name not in cameras]
+    if lost:
+        logger.warning("%d frames were not registered and are left out: %s", len(lost), lost[:5])
+    training = posed(frames.training)
     if not training:
         raise DigsError(
             f"structure from motion: none of the {len(frames.training)} training frames was registered"
         )
-    held_out = _registered(frames.held_out, model.sfm)
-    return PosedFrames(training, held_out, model.sfm_per_metre), model
-
-
-def _placed(sfm: SfmModel, capture: Capture) -> SfmModel:
-    """Lay the world's axes as the recording has them."""
-    from digs_warp.sfm.world import world_as_recorded
-
-    recorded = {frame.name: frame.camera for frame in capture.frames}
-    return sfm.moved(world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names]))
-
-
-def _registered(frames: Sequence[Frame], sfm: SfmModel) -> tuple[Frame, ...]:
-    """Return the frames that have a camera, with it; warn of the others."""
-    cameras = dict(zip(sfm.names, sfm.cameras, strict=True))
-    lost = [frame.name for frame in frames if frame.name not in cameras]
-    if lost:
-        logger.warning("%d frames were not registered and are left out: %s", len(lost), lost[:5])
-    return tuple(
-        replace(frame, camera=cameras[frame.name]) for frame in frames if frame.name in cameras
-    )
+    return PosedFrames(training, posed(frames.held_out), model.sfm_per_metre)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import tyro
 
 from digs_warp.init.config import InitConfig
+from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import TrainConfig
 
@@ -16,7 +17,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SfmOptions(SfmConfig):
+class _SfmOptions(SfmConfig):
     """Where camera poses and sparse points come from.
 
     Images are matched only with --poses sfm, or for a strategy that starts from sparse points.
@@ -27,7 +28,14 @@ class SfmOptions(SfmConfig):
     from the depth maps; 'perturbed' moves every camera of the recording by a random error."""
 
     # One --seed serves all stages.
-    seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
+    sfm_seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SegmentOptions(SegmentConfig):
+    """Where object masks come from."""
+
+    mask_seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +49,10 @@ class _TrainOptions(TrainConfig):
 class ReconstructionOptions:
     """The part of a command that says how a capture becomes Gaussians."""
 
-    poses: Annotated[SfmOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SfmOptions)
+    poses: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=_SfmOptions)
+    masks: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=_SegmentOptions
+    )
     initialization: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(
         default_factory=InitConfig
     )
@@ -56,14 +67,15 @@ class ReconstructionOptions:
         from digs_warp.reconstruct import ReconstructConfig
 
         return ReconstructConfig(
-            sfm=_plain(self.poses, SfmConfig, seed),
+            sfm=_plain(self.poses, SfmConfig, sfm_seed=seed),
+            segment=_plain(self.masks, SegmentConfig, mask_seed=seed),
             init=self.initialization,
-            train=_plain(self.training, TrainConfig, seed),
+            train=_plain(self.training, TrainConfig, seed=seed),
             test_every=self.test_every,
         )
 
 
-def _plain(options: Any, kind: type[T], seed: int) -> T:
+def _plain(options: Any, kind: type[T], **common: int) -> T:
     """Return the settings behind flags, with the common seed."""
     values = {f.name: getattr(options, f.name) for f in fields(kind)}  # pyright: ignore[reportArgumentType]
-    return kind(**(values | {"seed": seed}))
+    return kind(**(values | common))

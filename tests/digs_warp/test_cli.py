@@ -19,6 +19,7 @@ from digs_warp.commands.simulate import Simulate
 from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import look_at
 from digs_warp.log import RunLog
+from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import TrainConfig
 
@@ -342,7 +343,8 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     assert command.recording.seed == 5
     config = command.reconstruct_config(command.recording.seed)
     assert config.train == TrainConfig(iterations=7, seed=5)
-    assert config.sfm == SfmConfig(poses="capture", seed=5)
+    assert config.sfm == SfmConfig(poses="capture", sfm_seed=5)
+    assert config.segment == SegmentConfig(mask_seed=5)
 
 
 def test_an_interrupted_command_says_how_to_go_on(

@@ -16,6 +16,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.log import RunLog
 from digs_warp.point_cloud import PointCloud
 from digs_warp.posed_frames import PosedFrames
+from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 
 # The photographs are small: features are also sought in the image enlarged twice.
@@ -120,6 +121,32 @@ def test_frames_that_were_not_registered_are_left_out(
     assert broken.frames[5].name not in [frame.name for frame in frames.training]
     assert len(frames.training) == 8
     assert broken.frames[5].name in caplog.text
+
+
+def test_other_masks_serve_the_training_and_not_the_measurement(
+    capture: Capture, tmp_path: Path
+) -> None:
+    config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
+    frames, _ = front_end(capture, config, tmp_path, RunLog("test", {}))
+    assert {frame.files["mask_path"].parent for frame in frames.training} == {tmp_path / "masks"}
+    for frame, original in zip(frames.held_out, capture.split(4)[1], strict=True):
+        assert frame.files["mask_path"] == original.files["mask_path"]
+    again = PosedFrames.load(capture, tmp_path)
+    assert [frame.files for frame in again.training] == [frame.files for frame in frames.training]
+
+
+def test_a_recording_without_masks_gets_them_for_all_frames(
+    capture: Capture, tmp_path: Path
+) -> None:
+    bare = [
+        replace(frame, files={k: v for k, v in frame.files.items() if k != "mask_path"})
+        for frame in capture.frames
+    ]
+    config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
+    maskless = replace(capture, frames=tuple(bare))
+    frames, _ = front_end(maskless, config, tmp_path, RunLog("test", {}))
+    for frame in (*frames.training, *frames.held_out):
+        assert frame.load_mask().max() == 255
 
 
 def test_a_single_frame_is_refused(capture: Capture, tmp_path: Path) -> None:
