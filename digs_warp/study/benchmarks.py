@@ -73,6 +73,12 @@ BENCHMARKS = (
         wide=True,
     ),
     Benchmark(
+        "usd",
+        "digs_warp.study.bench_usd:bench_usd",
+        "USD scenes of a million splats: write, read, validate; what each precision saves and loses",
+        wide=True,
+    ),
+    Benchmark(
         "sim",
         "digs_warp.study.bench_sim:bench_sim",
         "the simulated depth sensor: time and scores of every tier and effect, against real matching",

@@ -1,0 +1,122 @@
+"""`digs-warp bench usd`: USD scenes of a million splats, and what each precision costs and loses.
+
+Speed: random splats with spherical harmonics of degree 3, written to a new ``.usdc`` file, read back to raw
+Gaussians, and validated with our rules and those of OpenUSD; best of several, the file is in the page cache.
+Loss: a smaller scene is written, read and rendered; its pictures against those of the original.
+"""
+
+import importlib.util
+import tempfile
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import look_at
+from digs_warp.log import progress
+from digs_warp.splat.render import render
+from digs_warp.study.bench_raster import best_time
+from digs_warp.study.results import Result
+from usd.convert import Precision
+from usd.reader import read_gaussians
+from usd.validate import validate
+from usd.writer import WriteOptions, write_gaussians
+
+SPLATS = 1_000_000
+PICTURED_SPLATS = 100_000
+DEGREE = 3
+REPEATS = 5
+_VIEWS = 4
+
+# Bytes per splat of each array at full precision: position, quaternion, scales, opacity, coefficients.
+_FLOAT_BYTES = {"position": 12, "others": 16 + 12 + 4 + 12 * (DEGREE + 1) ** 2}
+
+
+def bench_usd(splats: int = SPLATS, pictured: int = PICTURED_SPLATS) -> list[Result]:
+    """Return times [s], sizes and the PSNR of rendered views [dB] for every precision and format."""
+    large, small = _random_splats(splats), _random_splats(pictured)
+    pictures = _views_of(small)
+    precisions: tuple[Precision, ...] = get_args(Precision)
+    results: list[Result] = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        progress(2 * len(precisions), "Measuring", "case") as bar,
+    ):
+        for precision in precisions:
+            for suffix in ("usdc", "usdz"):
+                path = Path(folder) / f"scene.{suffix}"
+                case = {
+                    "precision": precision,
+                    "format": suffix,
+                    "splats": splats,
+                    "degree": DEGREE,
+                }
+                results += _measure(large, path, precision, case)
+                write_gaussians(path, small, options=WriteOptions(precision=precision))
+                psnr = _psnr(pictures, _views_of(read_gaussians(path)))
+                results.append(Result("PSNR", psnr, "dB", case))
+                path.unlink()
+                bar.update()
+    return results
+
+
+def _measure(
+    gaussians: Gaussians, path: Path, precision: Precision, case: dict[str, object]
+) -> list[Result]:
+    options = WriteOptions(precision=precision)
+
+    def write() -> None:
+        write_gaussians(path, gaussians, options=options)
+
+    # A new file each time: replacing one also costs the deletion of the old.
+    seconds = {"write": best_time(write, REPEATS, lambda: path.unlink(missing_ok=True))}
+    seconds["read"] = best_time(lambda: read_gaussians(path), REPEATS)
+    # NVIDIA's rule, where installed, takes seconds in Python loops and would hide ours.
+    if importlib.util.find_spec("usd_validation_nvidia") is None:
+        seconds["validate"] = best_time(lambda: validate(path), REPEATS)
+    size = path.stat().st_size
+    halves = {"float": (), "mixed": ("others",), "half": ("position", "others")}[precision]
+    per_splat = sum(b // 2 if name in halves else b for name, b in _FLOAT_BYTES.items())
+    return [
+        *(Result(name, value / 1e3, "s", case) for name, value in seconds.items()),
+        Result("size", size / 1e6, "MB", case),
+        Result("beyond arrays", size - per_splat * len(gaussians), "bytes", case),
+    ]
+
+
+def _random_splats(count: int) -> Gaussians:
+    """Splats all over a cubic metre, of every shape, with colours that change with the direction."""
+    rng = np.random.default_rng(0)
+    size = count ** (-1 / 3)  # about as large as they are apart
+    sh = rng.normal(0.0, 0.1, (count, (DEGREE + 1) ** 2, 3))
+    sh[:, 0] = rng.normal(0.0, 0.8, (count, 3))
+    return Gaussians(
+        means=rng.uniform(-0.5, 0.5, (count, 3)),
+        log_scales=rng.normal(np.log(0.4 * size), 0.7, (count, 3)),
+        quats=rng.normal(size=(count, 4)),
+        opacity_logits=rng.normal(0.0, 2.0, count),
+        sh=sh,
+    )
+
+
+def _views_of(gaussians: Gaussians) -> list[np.ndarray]:
+    """Render the cube from four sides."""
+    intrinsics = Intrinsics.from_fov(960, 540, 50.0)
+    up = np.array([0.0, 0.0, 1.0])
+    eyes = [
+        2.0 * np.array([np.cos(angle), np.sin(angle), 0.4])
+        for angle in 2 * np.pi * np.arange(_VIEWS) / _VIEWS
+    ]
+    return [
+        render(gaussians, Camera(intrinsics, look_at(eye, np.zeros(3), up))).image for eye in eyes
+    ]
+
+
+def _psnr(expected: list[np.ndarray], found: list[np.ndarray]) -> float:
+    """Return the PSNR over all views [dB], capped at 120: the pictures are float32."""
+    error = np.mean(
+        [((a - b) ** 2).mean(dtype=np.float64) for a, b in zip(expected, found, strict=True)]
+    )
+    return float(min(120.0, -10 * np.log10(max(error, 1e-12))))

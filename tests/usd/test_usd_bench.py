@@ -1,0 +1,16 @@
+import numpy as np
+
+from digs_warp.study.bench_usd import bench_usd
+
+
+def test_every_precision_is_measured_and_files_are_the_arrays_and_little_else():
+    results = bench_usd(splats=2000, pictured=500)
+    found = {(r.settings["precision"], r.settings["format"], r.name): r.value for r in results}
+    for precision, raw in (("float", 236), ("mixed", 124), ("half", 118)):
+        for suffix in ("usdc", "usdz"):
+            assert 0 < found[precision, suffix, "beyond arrays"] < 4096
+            size = found[precision, suffix, "size"] * 1e6
+            assert np.isclose(size, 2000 * raw + found[precision, suffix, "beyond arrays"])
+    # What is rounded more differs more; floats come back as they were.
+    psnr = [found[precision, "usdc", "PSNR"] for precision in ("float", "mixed", "half")]
+    assert psnr[0] > 100 > psnr[1] > psnr[2] > 45
