@@ -84,7 +84,7 @@ class InitConfig:
     """Opacity of every Gaussian at the start, above 0 and below 1. Default: 0.8 for points from depth, which
     lie on the surface; 0.1 (3DGS) for sparse or random ones."""
 
-    width: float | None = None
+    splat_width: float | None = None
     """Standard deviation of every Gaussian at the start, as a share of the distance to its neighbours.
     Default: 0.6 for points from depth, which cover the surface already; 1 (3DGS) for the others."""
 
@@ -102,7 +102,7 @@ class InitConfig:
             raise DigsError(f"init.min_support: {self.min_support}, expected 0 to 1")
         if not 0 < self.seed_opacity < 1:
             raise DigsError(f"init.opacity: {self.opacity}, expected above 0 and below 1")
-        check_positive("init.width", self.seed_width)
+        check_positive("init.splat_width", self.seed_width)
         if not 0 <= self.mask_threshold < 255:
             raise DigsError(f"init.mask_threshold: {self.mask_threshold}, expected 0 to 254")
 
@@ -116,8 +116,8 @@ class InitConfig:
     @property
     def seed_width(self) -> float:
         """The width at the start, default resolved."""
-        if self.width is not None:
-            return self.width
+        if self.splat_width is not None:
+            return self.splat_width
         return DENSE_WIDTH if self.strategy in DENSE_STRATEGIES else 1.0
 
     @property
