@@ -81,7 +81,8 @@ def _train(
 ) -> Gaussians:
     if resume and (folder / GAUSSIANS).is_file():
         return Gaussians.load(folder / GAUSSIANS)
-    seeds = seed_gaussians(points, config.train.sh_degree, config.init.opacity)
+    init = config.init
+    seeds = seed_gaussians(points, config.train.sh_degree, init.seed_opacity, init.seed_width)
     try:
         return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
     finally:

@@ -19,24 +19,29 @@ LONELY_SCALE = 0.01
 
 
 def seed_gaussians(
-    points: PointCloud, sh_degree: int = 0, opacity: float = INITIAL_OPACITY
+    points: PointCloud,
+    sh_degree: int = 0,
+    opacity: float = INITIAL_OPACITY,
+    width: float = 1.0,
 ) -> Gaussians:
     """Return one Gaussian per point, coloured alike from all sides.
 
-    They are as wide as the points are apart; round, unless the points have axes: along these they have the
-    standard deviation that the points tell.
+    They are ``width`` times as wide as the points are apart; round, unless the points have axes: along these
+    they have the standard deviation that the points tell.
 
     Args:
         points: any number of points, duplicates allowed.
         sh_degree: degree of the colour's spherical harmonics, 0 to 3; all bands above 0 start at zero.
         opacity: the same for all, above 0 and below 1.
+        width: standard deviation as a share of the distance to the neighbours, above 0.
     """
     count = len(points)
     if not 0 < opacity < 1:
         raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
     sh = np.zeros((count, coefficient_count(sh_degree), 3))
     sh[:, 0] = sh_from_rgb(points.colors)
-    scales = np.repeat(neighbour_scales(points.points_world)[:, None], 3, axis=1)
+    apart = neighbour_scales(points.points_world)
+    scales = np.repeat(width * apart[:, None], 3, axis=1)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
     if points.axes_world is not None and points.axis_deviations is not None:
         scales[:, 2] = points.axis_deviations

@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from digs_warp.checks import DigsError, check_positive
@@ -11,9 +11,36 @@ from digs_warp.sh import MAX_DEGREE
 _SECONDS_OF = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
+@dataclass(frozen=True)
+class Rates:
+    """Learning rates at the start: centres in units of the scene's extent, the rest as their parameters.
+
+    ``end`` is the share of their start that the rates of scales, rotations and colours fall to.
+    """
+
+    means: float
+    scales: float
+    quats: float
+    opacities: float
+    colors: float
+    end: float
+
+
+REFERENCE_RATES = Rates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3, 1.0)
+
+# Fitted to starts from dense depth with `digs-warp bench convergence`: the splats are where they belong, what
+# is left is to find their shapes and colours quickly. The rates fall to about the reference's on the way.
+DENSE_RATES = Rates(5e-4, 2e-2, 1e-2, 5e-2, 2e-2, 0.1)
+
+_RATE_OPTIONS = {
+    **{name: f"{name}_rate" for name in ("means", "scales", "quats", "opacities", "colors")},
+    "end": "rates_end",
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """How the Gaussians are optimized; rates are those of the 3DGS reference."""
+    """How the Gaussians are optimized."""
 
     iterations: int = 1000
     """Training steps; each looks at one view. Rates and schedules are laid out over all of them."""
@@ -51,23 +78,30 @@ class TrainConfig:
     scale_weight: float = -1.0
     """Weight of the mean scale, in units of the scene's extent. -1: 0.01 with --density mcmc, else 0."""
 
-    means_rate: float = 1.6e-4
-    """Learning rate of the centres, in units of the scene's extent; falls to 1 % along the run."""
+    means_rate: float | None = None
+    """Learning rate of the centres, in units of the scene's extent; falls to 1 % along the run. Default:
+    5e-4 with --density fixed, else 1.6e-4 (3DGS)."""
 
-    scales_rate: float = 5e-3
-    """Learning rate of the logarithmic scales."""
+    scales_rate: float | None = None
+    """Learning rate of the logarithmic scales. Default: 0.02 with --density fixed, else 0.005 (3DGS)."""
 
-    quats_rate: float = 1e-3
-    """Learning rate of the rotations."""
+    quats_rate: float | None = None
+    """Learning rate of the rotations. Default: 0.01 with --density fixed, else 0.001 (3DGS)."""
 
-    opacities_rate: float = 5e-2
-    """Learning rate of the opacity logits."""
+    opacities_rate: float | None = None
+    """Learning rate of the opacity logits. Default: 0.05 (3DGS)."""
 
-    colors_rate: float = 2.5e-3
-    """Learning rate of the base colour; higher bands learn at a twentieth of it."""
+    colors_rate: float | None = None
+    """Learning rate of the base colour; higher bands learn at a twentieth of it. Default: 0.02 with --density
+    fixed, else 0.0025 (3DGS)."""
 
-    half_size_until: float = 0.0
-    """Share of the run that trains on images of half the size: these steps cost less."""
+    rates_end: float | None = None
+    """Share of their start that the rates of scales, rotations and colours fall to along the run. Default:
+    0.1 with --density fixed, else 1 (3DGS)."""
+
+    half_size_until: float | None = None
+    """Share of the run that trains on images of half the size: these steps cost less. Default: 0.5 with
+    --density fixed, if the Gaussians are not too small for such images; else 0."""
 
     density: Literal["fixed", "default", "absgrad", "mcmc"] = "fixed"
     """How the number of Gaussians changes. fixed: not at all, best for a dense start from depth; default:
@@ -98,8 +132,9 @@ class TrainConfig:
         if self.sh_degree not in range(MAX_DEGREE + 1):
             raise DigsError(f"sh-degree: {self.sh_degree}, expected 0 to {MAX_DEGREE}")
         for name in ("dssim_weight", "half_size_until"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise DigsError(f"{_flag(name)}: {getattr(self, name)}, expected 0 to 1")
+            value = getattr(self, name)
+            if value is not None and not 0.0 <= value <= 1.0:
+                raise DigsError(f"{_flag(name)}: {value}, expected 0 to 1")
         for name in ("coverage_weight", "depth_weight", "splat_memory", "target_psnr"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise DigsError(f"{_flag(name)}: {getattr(self, name)}, expected 0 or more")
@@ -107,8 +142,9 @@ class TrainConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and (value >= 0 or value == -1)):
                 raise DigsError(f"{_flag(name)}: {value}, expected 0 or more, or -1")
-        for name in ("means", "scales", "quats", "opacities", "colors"):
-            check_positive(f"{name}-rate", getattr(self, f"{name}_rate"))
+        for name in _RATE_OPTIONS.values():
+            if getattr(self, name) is not None:
+                check_positive(_flag(name), getattr(self, name))
         if self.max_splats < 1:
             raise DigsError(f"max-splats: {self.max_splats}, expected 1 or more")
         check_positive("image-memory", self.image_memory)
@@ -118,6 +154,13 @@ class TrainConfig:
                 "nothing is known there; leave one of the two out"
             )
         seconds_of(self.time_budget)
+
+    @property
+    def rates(self) -> "Rates":
+        """The rates, defaults resolved."""
+        usual = DENSE_RATES if self.density == "fixed" else REFERENCE_RATES
+        given = {field.name: getattr(self, _RATE_OPTIONS[field.name]) for field in fields(Rates)}
+        return replace(usual, **{name: value for name, value in given.items() if value is not None})
 
     @property
     def time_budget_seconds(self) -> float:

@@ -112,14 +112,19 @@ class Adam:
 
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colours."""
-        c = self.config
+        rates = self.config.rates
+        share = rates.end**self._progress
         means = self.means_rate() * self.extent
-        return [means, c.scales_rate, c.quats_rate, c.opacities_rate, c.colors_rate]
+        falling = [share * rate for rate in (rates.scales, rates.quats, rates.colors)]
+        return [means, falling[0], falling[1], rates.opacities, falling[2]]
 
     def means_rate(self) -> float:
         """Return the present rate of the centres, in units of the scene's extent."""
-        progress = min(1.0, self.step / max(1, self.config.iterations))
-        return self.config.means_rate * FINAL_MEANS_SHARE**progress
+        return self.config.rates.means * FINAL_MEANS_SHARE**self._progress
+
+    @property
+    def _progress(self) -> float:
+        return min(1.0, self.step / max(1, self.config.iterations))
 
     def update(self) -> None:
         """Take one step along the present gradients."""

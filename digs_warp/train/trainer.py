@@ -14,6 +14,7 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
 from digs_warp.train.draws import BACKGROUND
+from digs_warp.train.half_size import half_size_steps
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
 from digs_warp.train.view_store import ViewStore
@@ -57,6 +58,7 @@ class Trainer:
         self.objective = Objective(self.renderer, config)
         self._extent = scene_extent(views.cameras)
         self._center = gaussians.means.mean(axis=0)
+        self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
         self._build_optimizer(step=0)
 
@@ -167,7 +169,7 @@ class Trainer:
 
     def _view(self) -> View:
         view = self.views.view(self.optimizer.step)
-        small = self.optimizer.step < self.config.half_size_until * self.config.iterations
+        small = self.optimizer.step < self._half_size_steps
         return view.half if small and view.half is not None else view
 
     def _background(self) -> np.ndarray:

@@ -18,6 +18,7 @@ from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.draws import VIEW_ORDER
+from digs_warp.train.half_size import may_halve
 from digs_warp.train.views import View, load_view
 
 _MEGABYTE = 2**20
@@ -41,7 +42,7 @@ def open_views(frames: Sequence[Frame], config: TrainConfig, first_step: int = 0
         load_view,
         device=config.device,
         with_depth=config.depth_weight > 0,
-        with_half=config.half_size_until > 0,
+        with_half=may_halve(config),
     )
     order = partial(view_index, config.seed, len(frames))
     return ViewStore(frames, order, load, config.image_memory, first_step)

@@ -41,12 +41,26 @@ def test_five_steps_equal_the_twin() -> None:
 
 def test_rates_of_the_reference() -> None:
     gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
-    adam = Adam(gaussians, gaussians.zeros_like(), TrainConfig(iterations=100), extent=2.0)
+    config = TrainConfig(iterations=100, density="default")
+    adam = Adam(gaussians, gaussians.zeros_like(), config, extent=2.0)
     means, scales, quats, opacities, colors = adam.rates()
     assert means == pytest.approx(3.2e-4)
     assert (scales, quats, opacities, colors) == (5e-3, 1e-3, 5e-2, 2.5e-3)
     adam.step = 100
     assert adam.rates()[0] == pytest.approx(3.2e-6)
+
+
+def test_rates_of_a_dense_start_fall_to_a_share() -> None:
+    gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
+    config = TrainConfig(iterations=100, rates_end=0.25, colors_rate=0.04)
+    adam = Adam(gaussians, gaussians.zeros_like(), config, extent=1.0)
+    start = adam.rates()
+    assert start[4] == 0.04
+    adam.step = 50
+    assert adam.rates()[1:] == pytest.approx([start[1] / 2, start[2] / 2, start[3], 0.02])
+    adam.step = 100
+    assert adam.rates()[1:] == pytest.approx([start[1] / 4, start[2] / 4, start[3], 0.01])
+    assert adam.rates()[0] == pytest.approx(start[0] / 100)
 
 
 def test_no_gradient_moves_nothing() -> None:
@@ -65,6 +79,13 @@ def test_no_gradient_moves_nothing() -> None:
         ({"sh_degree": 4}, "sh-degree"),
         ({"dssim_weight": 1.5}, "dssim-weight"),
         ({"means_rate": float("nan")}, "means-rate"),
+        ({"rates_end": 0.0}, "rates-end"),
+        ({"half_size_until": 1.1}, "half-size-until"),
+        ({"coverage_weight": -0.1}, "coverage-weight"),
+        ({"scale_weight": -2.0}, "scale-weight"),
+        ({"max_splats": 0}, "max-splats"),
+        ({"image_memory": 0.0}, "image-memory"),
+        ({"mask_role": "ignore", "coverage_weight": 0.1}, "mask-role ignore"),
     ],
 )
 def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str) -> None:

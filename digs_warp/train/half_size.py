@@ -1,0 +1,51 @@
+"""When to train on images of half the size: early, and only if Gaussians are still wider than their pixels.
+
+A step costs a third there. But a Gaussian that is narrower than a pixel is widened by the renderer (its
+dilation): what it learns from such images is wrong for the whole ones.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.gaussians import Gaussians
+from digs_warp.train.config import TrainConfig
+
+# Share of a run from a dense start. On the YCB mustard bottle (1600x900, 100 steps, 85,000 points 2 mm apart)
+# half of the steps at half the size took 58 % of the time and gave 34.9 dB instead of 34.3 dB.
+DENSE_SHARE = 0.5
+# Least typical standard deviation at the start, in pixels of the halved image.
+MIN_WIDTH_PX = 0.75
+
+
+def may_halve(config: TrainConfig) -> bool:
+    """Whether a run may ask for views at half the size."""
+    if config.half_size_until is not None:
+        return config.half_size_until > 0
+    return config.density == "fixed"
+
+
+def half_size_steps(config: TrainConfig, start: Gaussians, cameras: Sequence[Camera]) -> int:
+    """Return how many steps of a run see images of half the size.
+
+    Args:
+        config: settings; ``half_size_until`` decides where it is given.
+        start: the Gaussians at the start, at least one.
+        cameras: the cameras of the whole views, at least one.
+    """
+    share = config.half_size_until
+    if share is None:
+        wide = typical_width_px(start, cameras) / 2 >= MIN_WIDTH_PX
+        share = DENSE_SHARE if may_halve(config) and wide else 0.0
+    return int(share * config.iterations)
+
+
+def typical_width_px(gaussians: Gaussians, cameras: Sequence[Camera]) -> float:
+    """Return the median standard deviation of Gaussians, as wide as it looks from a typical camera [px]."""
+    center = np.median(gaussians.means, axis=0)
+    zooms = [
+        camera.intrinsics.fx / max(float(np.linalg.norm(camera.center_world - center)), 1e-9)
+        for camera in cameras
+    ]
+    return float(np.median(gaussians.scales.max(axis=1)) * np.median(zooms))
