@@ -1,0 +1,180 @@
+"""`digs-warp mesh`: Gaussians -> a coloured triangle mesh."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
+
+import tyro
+
+from digs_warp.capture import INDEX_NAME, Frame
+from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.layout import CAPTURE, find_gaussians
+from digs_warp.commands.output import check_output_file
+from digs_warp.commands.splat_scenes import SplatOptions, read_splats
+from digs_warp.commands.true_surface import read_true_surface
+from digs_warp.log import read_json
+
+if TYPE_CHECKING:
+    from digs_warp.camera import Camera
+    from digs_warp.surface.extract import Mask, Scene
+    from digs_warp.triangle_mesh import TriangleMesh
+
+logger = logging.getLogger(__name__)
+
+Item = TypeVar("Item")
+
+# Where no capture says where to look from: rings of cameras at these elevations [degrees].
+RING_ELEVATIONS_DEG = (-15.0, 15.0, 45.0, 70.0)
+RING_CAMERAS = 16
+RING_SIZE_PX = 512
+RING_FOV_DEG = 45.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Turn Gaussians into a coloured triangle mesh.
+
+    Depth is rendered from the cameras of the capture and fused (TSDF). For a simulated capture it says how
+    far the mesh lies from the one that was recorded.
+    """
+
+    source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RECONSTRUCTION")]
+    """A folder of 'digs-warp reconstruct' or 'run', or Gaussians as .npz, .ply, .spz, .splat or USD."""
+
+    out: Path
+    """The mesh to write: .glb (for viewers and Blender) or .ply."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace the file if it exists."""
+
+    capture: Path | None = None
+    """The capture that was reconstructed: its cameras see the surface, its masks bound it. Default: the one
+    in a folder of 'digs-warp run'; without any, rings of cameras around the object."""
+
+    voxel: float | None = None
+    """Finest detail [m]; default: a 160th of the object's size. Half of it takes four times the memory."""
+
+    views: int = 60
+    """How many cameras to use at most, evenly spread; more fill small holes and take longer."""
+
+    scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
+
+    can_resume: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.voxel is not None:
+            check_positive("--voxel", self.voxel)
+        if self.views < 3:
+            raise DigsError(
+                f"--views {self.views}: expected at least 3, a surface is what they agree on"
+            )
+
+    def execute(self) -> str:
+        """Extract, write, and say how good the mesh is where that is known."""
+        from digs_warp.film.camera_path import find_subject
+        from digs_warp.surface.extract import Scene, extract_surface
+        from digs_warp.surface.files import SUFFIXES, write_mesh
+
+        if self.out.suffix.lower() not in SUFFIXES:
+            raise DigsError(
+                f"--out '{self.out}': suffix '{self.out.suffix}', expected {' or '.join(SUFFIXES)}"
+            )
+        check_output_file(self.out, self.overwrite)
+        start = perf_counter()
+        gaussians = read_splats(self.source, self.scene)
+        subject = find_subject(gaussians)
+        scene = Scene(subject.center_world, subject.radius)
+        capture = self._capture_folder()
+        cameras, masks = self._look_from(capture, scene)
+        result = extract_surface(gaussians, cameras, scene, self.voxel, masks)
+        write_mesh(self.out, result.mesh)
+        voxel = scene.voxel if self.voxel is None else self.voxel
+        lines = [
+            f"{self.out}: {len(result.mesh):,} triangles from {len(cameras)} views, voxels of "
+            f"{1e3 * voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
+            f"{perf_counter() - start:.1f} s",
+            f"left out as floaters: {result.removed_parts} parts with {result.removed_triangles} triangles",
+        ]
+        if capture is not None and _shares_world(find_gaussians(self.source).parent):
+            lines += _comparison(result.mesh, capture, 2 * voxel)
+        return "\n".join(lines)
+
+    def _capture_folder(self) -> Path | None:
+        """Return the capture to look from: the named one, or that of a run."""
+        if self.capture is not None:
+            return self.capture
+        folder = self.source if self.source.is_dir() else self.source.parent
+        for candidate in (folder / CAPTURE, folder.parent / CAPTURE):
+            if (candidate / INDEX_NAME).is_file():
+                return candidate
+        return None
+
+    def _look_from(
+        self, capture: Path | None, scene: "Scene"
+    ) -> "tuple[list[Camera], list[Mask] | None]":
+        if capture is None:
+            return _evenly(_rings(scene), self.views), None
+        frames = _frames_of(capture, find_gaussians(self.source).parent)
+        chosen = _evenly(frames, self.views)
+        masked = all(frame.has("mask_path") for frame in chosen)
+        return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
+
+
+def _frames_of(capture: Path, reconstruction: Path) -> Sequence[Frame]:
+    """Return the frames with the cameras and masks that the reconstruction used, where it kept them."""
+    from digs_warp.capture import read_capture
+    from digs_warp.posed_frames import CAMERAS, PosedFrames
+
+    recorded = read_capture(capture)
+    if not (reconstruction / CAMERAS).is_file():
+        return recorded.frames
+    posed = PosedFrames.load(recorded, reconstruction)
+    return [*posed.training, *posed.held_out]
+
+
+def _shares_world(reconstruction: Path) -> bool:
+    """Whether the reconstruction lies where the capture's own poses put it, not where SfM did."""
+    from digs_warp.posed_frames import CAMERAS
+
+    path = reconstruction / CAMERAS
+    if not path.is_file():
+        return True
+    return read_json(path, "cameras of the reconstruction").get("sfm_per_metre") is None
+
+
+def _evenly(items: Sequence[Item], count: int) -> list[Item]:
+    """Return at most ``count`` of the items, evenly spread."""
+    step = max(1.0, len(items) / count)
+    return [items[int(i * step)] for i in range(min(count, len(items)))]
+
+
+def _rings(scene: "Scene") -> "list[Camera]":
+    from digs_warp.camera import Intrinsics
+    from digs_warp.film.camera_path import Subject, orbit
+
+    k = Intrinsics.from_fov(RING_SIZE_PX, RING_SIZE_PX, RING_FOV_DEG)
+    subject = Subject(scene.center_world, scene.radius)
+    rings = [orbit(subject, k, RING_CAMERAS, elevation) for elevation in RING_ELEVATIONS_DEG]
+    return [camera for ring in rings for camera in ring]
+
+
+def _comparison(mesh: "TriangleMesh", capture: Path, threshold: float) -> list[str]:
+    """Return a line on the distance to the recorded mesh; none for recordings of real objects."""
+    from digs_warp.surface_metrics import surface_score
+
+    try:
+        truth = read_true_surface(capture)
+    except DigsError as error:
+        logger.warning("%s; the mesh is compared with nothing", error)
+        return []
+    if truth is None:
+        return []
+    score = surface_score(mesh.points_world, truth, threshold)
+    return [
+        f"Chamfer distance to the recorded mesh {1e3 * score.chamfer:.2f} mm (mesh to truth "
+        f"{1e3 * score.accuracy:.2f} mm, truth to mesh {1e3 * score.completeness:.2f} mm, unseen parts "
+        f"included); F-score {score.f_score:.3f} at {1e3 * threshold:.1f} mm"
+    ]

@@ -1,0 +1,47 @@
+"""The mesh that a simulated capture shows, in the capture's world: what a reconstruction is held against."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from digs_warp.checks import DigsError
+from digs_warp.commands.layout import RUN_RECORD
+from digs_warp.log import read_json
+
+if TYPE_CHECKING:
+    from digs_warp.triangle_mesh import TriangleMesh
+
+
+def read_true_surface(capture: Path) -> "TriangleMesh | None":
+    """Return the object of a capture that 'digs-warp simulate' wrote; None for any other recording.
+
+    The mesh file is loaded again and brought to size and place as the simulator did.
+
+    Raises:
+        DigsError: the record names a mesh file that is no longer there or cannot be read.
+    """
+    import numpy as np
+
+    from digs_warp.triangle_mesh import TriangleMesh
+
+    record = capture / RUN_RECORD
+    if not record.is_file():
+        return None
+    content = read_json(record, "run record")
+    settings = content.get("settings")
+    if content.get("command") != "simulate" or not isinstance(settings, dict):
+        return None
+    if "mesh" not in settings:
+        return None
+    if settings["mesh"] is None:
+        from sim.procedural import procedural_scene
+
+        scene = procedural_scene()
+    else:
+        from sim.load import load_scene
+
+        path = Path(settings["mesh"])
+        if not path.is_file():
+            raise DigsError(f"'{record}': the mesh '{path}' of the recording is no longer there")
+        scene = load_scene(path, settings.get("object_size"), settings.get("up", "auto"))
+    grey = np.full_like(scene.vertices, 0.5)
+    return TriangleMesh(scene.vertices, scene.faces, grey)

@@ -1,0 +1,64 @@
+"""What the surface looks like from each camera: colour and median depth of the Gaussians."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.gaussians import Gaussians
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer, near_plane
+
+MEDIAN = 1  # the channel of the renderer's depth planes
+
+# Less of a pixel covered than this, and its colour says nothing.
+LEAST_ALPHA = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class DepthView:
+    """One view of the surface.
+
+    Attributes:
+        camera: where it was seen from.
+        color: sRGB in 0..1 of the Gaussians alone, without background, (height, width, 3), float32.
+        depth: planar depth at which the coverage passes 1/2 [m], NaN where it does not, (height, width),
+            float32.
+    """
+
+    camera: Camera
+    color: np.ndarray
+    depth: np.ndarray
+
+
+def depth_views(
+    gaussians: Gaussians, cameras: Sequence[Camera], center_world: np.ndarray, device: str = "cpu"
+) -> Iterator[DepthView]:
+    """Yield the view of each camera; images may differ in size.
+
+    Args:
+        gaussians: the scene.
+        cameras: where to look from.
+        center_world: where the scene is, for the near plane [m].
+        device: "cpu" or a CUDA device of Warp.
+    """
+    if not cameras:
+        return
+    width = max(camera.intrinsics.width for camera in cameras)
+    height = max(camera.intrinsics.height for camera in cameras)
+    renderer = SplatRenderer(
+        DeviceGaussians.from_numpy(gaussians, device),
+        width,
+        height,
+        options=RasterOptions(outputs="depth"),
+    )
+    for camera in cameras:
+        near = near_plane(camera, center_world)
+        renderer.forward(camera, near=near, background=(0.0, 0.0, 0.0))
+        alpha = 1.0 - renderer.transmittance.to_numpy()
+        color = renderer.image.to_numpy() / np.maximum(alpha, LEAST_ALPHA)
+        depth = renderer.depth.to_numpy()[..., MEDIAN].copy()
+        depth[depth <= 0] = np.nan
+        yield DepthView(camera, np.clip(color, 0.0, 1.0), depth)
