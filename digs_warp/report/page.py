@@ -16,6 +16,7 @@ from digs_warp.report.run_section import (
     times_section,
 )
 from digs_warp.report.sensor_section import sensor_section
+from digs_warp.report.start_section import start_section
 from digs_warp.report.style import CSS
 from digs_warp.report.views_section import views_section
 
@@ -37,6 +38,7 @@ def write_report(capture: Capture, reconstruction: Path, path: Path) -> None:
             _header(capture, results, records),
             views_section(capture, results),
             course_section(results),
+            start_section(results),
             capture_section(capture),
             sensor_section(capture),
             times_section(records),
