@@ -60,7 +60,8 @@ def _scale_rows(scale: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 def _point_rows(start: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     if not start:
         return []
-    rows = [(_SOURCES.get(name, name), f"{count:,}") for name, count in start["sources"].items()]
+    sources: dict[str, int] = start["sources"]
+    rows = [(_SOURCES.get(name, name), f"{count:,}") for name, count in sources.items()]
     if start.get("voxel_size"):
         rows.append(("edge of the voxels", number(1e3 * start["voxel_size"], 2, "mm")))
     rows += [(f"pixels {name}", f"{count:,}") for name, count in start.get("pixels", {}).items()]
