@@ -21,28 +21,37 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 
-SIZES = ((640, 360), (960, 540), (1600, 900))
+# Image sizes and, for each, the voxel size [m] that gives it the points it can use.
+SIZES = ((640, 360, 0.005), (960, 540, 0.004), (1600, 900, 0.003))
 FRAMES = 6
 WARM_UP_STEPS = 5
 STEPS = 20
 REPEATS = 5
 
 
-def bench_train(sizes: tuple[tuple[int, int], ...] = SIZES) -> list[Result]:
-    """Return the time [ms] of a whole step (mean) and of each of its stages (best)."""
+def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Result]:
+    """Return the time [ms] of a whole step (mean) and of each of its stages (best).
+
+    "outside raster" is the share of the stages that is spent outside the two passes of the rasterizer.
+    """
     results: list[Result] = []
     with progress(len(sizes), "Measuring", "size") as bar, tempfile.TemporaryDirectory() as folder:
-        for width, height in sizes:
+        for width, height, voxel_size in sizes:
             capture = _record(width, height, Path(folder) / f"{width}x{height}")
-            trainer = _prepare(capture)
-            times = {"step": _mean_step(trainer)} | _stages(trainer)
+            trainer = _prepare(capture, voxel_size)
+            step = _mean_step(trainer)
+            stages = _stages(trainer)
+            raster = stages["forward"] + stages["backward"]
+            share = 100.0 * (1.0 - raster / sum(stages.values()))
             settings = {
                 "image": f"{width}x{height}",
                 "splats": len(trainer.gaussians),
                 "pairs": trainer.renderer.binner.total_pairs,
                 "threads": default_threads(),
             }
+            times = {"step": step} | stages
             results += [Result(name, value, "ms", settings) for name, value in times.items()]
+            results.append(Result("outside raster", share, "%", settings))
             bar.update()
     return results
 
@@ -56,11 +65,13 @@ def _record(width: int, height: int, folder: Path) -> Capture:
     return simulate(config, folder)
 
 
-def _prepare(capture: Capture) -> Trainer:
-    points = initial_points(capture.frames, InitConfig())
-    config = TrainConfig()
+def _prepare(capture: Capture, voxel_size: float) -> Trainer:
+    init = InitConfig(voxel_size=voxel_size)
+    points = initial_points(capture.frames, init)
+    config = TrainConfig(half_size_until=0.0)
     views = open_views(capture.frames, config)
-    trainer = Trainer(seed_gaussians(points, sh_degree=1), views, config)
+    seeds = seed_gaussians(points, config.sh_degree, init.seed_opacity, init.seed_width)
+    trainer = Trainer(seeds, views, config)
     for _ in range(WARM_UP_STEPS):
         trainer.step()
     return trainer

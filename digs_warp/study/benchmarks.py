@@ -56,6 +56,12 @@ BENCHMARKS = (
         "a training step, stage by stage, at three image sizes",
     ),
     Benchmark(
+        "convergence",
+        "digs_warp.study.bench_convergence:bench_convergence",
+        "quality of held-out views along training seconds: a dense start's settings against those of 3DGS",
+        plot_function="digs_warp.study.plot_convergence:plot_convergence",
+    ),
+    Benchmark(
         "init",
         "digs_warp.study.bench_init:bench_init",
         "from 200 depth maps of 2208x1242 to points: seconds, memory, distance to the true surface",
