@@ -43,7 +43,7 @@ costs in time, and how close to matching it comes.
 | `truth` | exact |
 | `law` | white noise and steps in disparity, and the range: the closed-form law of stereo |
 | `planned` | the effects below, each only where the scene calls for it |
-| `matcher` | OpenCV's semi-global matching of the two noisy images, with left-right check |
+| `matcher` | OpenCV's semi-global matching of the two recorded images, with left-right check |
 
 ## The plan
 

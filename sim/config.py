@@ -37,7 +37,7 @@ class SimulateConfig:
 
     tier: Literal["truth", "law", "planned", "matcher"] = "planned"
     """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'planned' has the
-    effects that the scene calls for, on depth and images; 'matcher' matches the two noisy images."""
+    effects that the scene calls for, on depth and images; 'matcher' matches the two recorded images."""
 
     effects: str = "auto"
     """Effects of the sensor: auto (what the scene calls for), all, none, or names with commas between

@@ -10,10 +10,9 @@ import numpy as np
 from digs_warp.capture import BASIC_LAYERS, FrameImages
 from digs_warp.images import to_uint8
 from sim.config import SimulateConfig
-from sim.sensor.color.encoding import decode, encode
-from sim.sensor.color.protocol import EyeImages
+from sim.sensor.color.recorded import recorded_images
 from sim.sensor.frame import FrameTruth
-from sim.sensor.tiers import depth_of, effect_rng, sense
+from sim.sensor.tiers import depth_of, sense
 from sim.sensor_plan import SensorPlan
 from sim.session import Session
 
@@ -48,11 +47,14 @@ class FrameMaker:
     def finish(self, frame: RenderedFrame, clock: "Clock") -> FrameImages:
         """Return what the files hold; safe to call beside `render` in another thread."""
         config, truth = self.session.config, frame.truth
-        with clock.stage("sense"):
-            sensed = sense(truth, config.tier, self.plan.depth, config.seed, config.strength)
-            depth = truth.depth if config.tier == "truth" else depth_of(sensed, truth)
         with clock.stage("color"):
-            image, right = self._colored(truth)
+            effects = self.plan.pixel_effects
+            image, right = recorded_images(truth, effects, config.seed, config.strength)
+        with clock.stage("sense"):
+            sensed = sense(
+                truth, config.tier, self.plan.depth, config.seed, config.strength, (image, right)
+            )
+            depth = truth.depth if config.tier == "truth" else depth_of(sensed, truth)
         tells = config.plans_effects
         return FrameImages(
             image=image,
@@ -64,18 +66,6 @@ class FrameMaker:
             confidence=to_uint8(sensed.confidence) if tells else None,
             normals=truth.normals_world if config.normals else None,
         )
-
-    def _colored(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
-        """Return the two images after the effects of the plan; without any, the bytes they had."""
-        config, rig = self.session.config, self.session.rig
-        effects = self.plan.pixel_effects if config.strength > 0 else ()
-        if not effects:
-            return truth.image, truth.right
-        eyes = EyeImages(rig.intrinsics, decode(truth.image), decode(truth.right))
-        for effect in effects:
-            rng = effect_rng(config.seed, truth.number, effect.name)
-            eyes = effect.apply(eyes, rig, rng, config.strength)
-        return encode(eyes.left), encode(eyes.right)
 
 
 @dataclass

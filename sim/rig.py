@@ -40,7 +40,7 @@ class StereoRig:
         column_offset: disparity error that a drifted calibration adds everywhere [px].
         drops_saturated: whether pixels in saturated areas are dropped although smoothness could fill them.
         post_filter: whether a filter or upsampler smooths depth across edges.
-        image_noise: noise of a mid-grey pixel [DN of 255].
+        image_noise: noise of each colour channel of a mid-grey pixel [DN of 255].
         full_well: electrons of a white pixel at the gain in use; sets how noise grows with light.
         exposure_time: [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.

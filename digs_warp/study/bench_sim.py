@@ -22,12 +22,14 @@ from digs_warp.study.results import Result
 from sim.config import SimulateConfig
 from sim.sensor.blame import blame
 from sim.sensor.cause import Cause
+from sim.sensor.color.recorded import recorded_images
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.facts import measure_facts
 from sim.sensor.frame import FrameTruth
 from sim.sensor.planner import plan
 from sim.sensor.scores import Scores, score
 from sim.sensor.tiers import Tier, sense, sense_effects
+from sim.sensor_plan import plan_for_facts
 from sim.session import load_inputs, prepare_session
 from sim.shutter import Shutter
 
@@ -59,13 +61,13 @@ class Case:
         name: of the scene.
         fresh: returns the frame with nothing computed yet, so that every sensor pays for what it needs.
         choices: the plan.
-        strength: of the matcher's image noise; 0 for real images, which have their own.
+        recorded: the two images with the noise of the camera; None: the images have their own.
     """
 
     name: str
     fresh: Callable[[], FrameTruth]
     choices: tuple[Choice, ...]
-    strength: float = 1.0
+    recorded: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def effects(self) -> list[str]:
@@ -74,8 +76,7 @@ class Case:
 
     def sense(self, tier: Tier) -> np.ndarray:
         """Return the disparity that a tier reports."""
-        strength = self.strength if tier == "matcher" else 1.0
-        return sense(self.fresh(), tier, self.choices, strength=strength).disparity
+        return sense(self.fresh(), tier, self.choices, recorded=self.recorded).disparity
 
 
 def bench_sim(
@@ -116,7 +117,9 @@ def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
         rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
         return replace(truth, rays=rays)
 
-    return Case(mesh or "built-in", fresh, plan(measure_facts([truth]), truth.rig))
+    facts = measure_facts([truth])
+    effects = plan_for_facts(facts, truth.rig, config).pixel_effects
+    return Case(mesh or "built-in", fresh, plan(facts, truth.rig), recorded_images(truth, effects))
 
 
 def _real(folder: Path) -> Case:
@@ -124,7 +127,7 @@ def _real(folder: Path) -> Case:
     truth = load_motorcycle(folder)
     truth.rays.right_visibility()
     choices = plan(measure_facts([truth]), truth.rig)
-    return Case("motorcycle (real)", lambda: replace(truth), choices, strength=0.0)
+    return Case("motorcycle (real)", lambda: replace(truth), choices)
 
 
 def _tier_results(case: Case) -> Iterator[Result]:

@@ -16,8 +16,9 @@ from sim.sensor.frame import FrameTruth, Motion
 # Surfaces are the same when their disparities differ by no more than this [px].
 SAME_SURFACE = 1.0
 
-# Standard deviation of the grain of these tripod exposures [DN], after their reduction to a quarter.
-IMAGE_NOISE = 1.0
+# Standard deviation of the grain of these tripod exposures in each channel [DN], after their reduction to a
+# quarter; that of the luma is 1 DN.
+IMAGE_NOISE = 1.5
 
 
 class WarpedRays:

@@ -11,9 +11,6 @@ from sim.sensor.blame import blame
 from sim.sensor.filters import gray_of
 from sim.sensor.frame import FrameTruth, Sensed
 
-# Identifies this tier in the seeds, apart from the effects.
-MATCHER_ID = 2
-
 # Penalties for a change of disparity by one and by more, per pixel of the window: OpenCV's suggestion.
 SMALL_STEP, LARGE_STEP = 8, 32
 
@@ -30,20 +27,18 @@ ISLAND, ISLAND_STEP = 100, 2
 FIXED_POINT = 16
 
 
-def sense_by_matching(truth: FrameTruth, seed: int = 0, strength: float = 1.0) -> Sensed:
+def sense_by_matching(
+    truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None
+) -> Sensed:
     """Return what matching the two images of a frame gives, labelled with the truth at hand.
 
     Args:
         truth: of the frame.
-        seed: of the recording, >= 0; each frame and eye has noise of its own.
-        strength: factor on the noise of the images, >= 0.
+        recorded: left and right image with all that the camera does to them, sRGB, each
+            (height, width, 3), uint8; None: the images of the truth.
     """
     rig = truth.rig
-    eyes = np.random.SeedSequence([seed, truth.number, MATCHER_ID]).spawn(2)
-    left, right = (
-        noisy_gray(image, strength * rig.image_noise, np.random.default_rng(eye))
-        for image, eye in zip((truth.image, truth.right), eyes, strict=True)
-    )
+    left, right = map(gray_of, recorded or (truth.image, truth.right))
     disparity = match(left, right, search_range(rig), rig.window)
     with np.errstate(divide="ignore"):
         depth = np.float32(rig.focal_baseline) / disparity
@@ -98,12 +93,3 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
     )
     found = matcher.compute(pair[0], pair[1])[:, disparities : disparities + width]
     return np.where(found < 0, np.nan, found / np.float32(FIXED_POINT)).astype(np.float32)
-
-
-def noisy_gray(image: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
-    """Return the brightness of an sRGB image with white noise of ``noise`` DN, uint8."""
-    gray = gray_of(image)
-    if noise <= 0:
-        return gray
-    grain = np.float32(noise) * rng.standard_normal(gray.shape, dtype=np.float32)
-    return np.clip(np.round(gray + grain), 0, 255).astype(np.uint8)

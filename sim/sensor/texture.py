@@ -14,6 +14,9 @@ MATCHABLE_SNR = 0.25
 # Gradients below this are lost in the rounding of 8-bit images, even in the mean over a region [DN/px].
 LEAST_GRADIENT = 0.1
 
+# Noise of the luma per noise of a channel: the root of the sum of the squared weights (Rec. 601).
+LUMA_NOISE = float(np.hypot(np.hypot(0.299, 0.587), 0.114))
+
 # Steps of 8-bit images; no patch is less noisy than rounding.
 ROUNDING_NOISE = 1 / np.sqrt(12)
 
@@ -39,8 +42,12 @@ def typical_gradient(gray: np.ndarray, size: int, stride: int) -> np.ndarray:
 
 
 def noise_of(image_noise: float) -> float:
-    """Return the noise that a gradient must beat [DN]."""
-    return max(image_noise, ROUNDING_NOISE)
+    """Return the noise of the luma that is matched, which a gradient must beat [DN].
+
+    Args:
+        image_noise: of each colour channel [DN]; the channels' noise is independent.
+    """
+    return max(LUMA_NOISE * image_noise, ROUNDING_NOISE)
 
 
 def texture_distance(snr: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ def sense(
     plan: Sequence[Choice] = (),
     seed: int = 0,
     strength: float = 1.0,
+    recorded: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Sensed:
     """Return what the sensor makes of a frame.
 
@@ -33,10 +34,12 @@ def sense(
     Args:
         truth: of the frame.
         tier: "truth": perfect; "law": the closed-form law of stereo; "planned": the effects that the
-            plan has on; "matcher": semi-global matching of the two images with noise.
+            plan has on; "matcher": semi-global matching of the two recorded images.
         plan: for the planned tier.
         seed: of the recording, >= 0.
         strength: factor on all effects, >= 0; 0 is the truth.
+        recorded: left and right image as the camera records them, for the matcher; None: those of the
+            truth, without noise.
 
     Raises:
         DigsError: an unknown tier.
@@ -51,7 +54,7 @@ def sense(
     if tier == "matcher":
         from sim.sensor.matcher import sense_by_matching
 
-        return sense_by_matching(truth, seed, strength)
+        return sense_by_matching(truth, recorded)
     raise DigsError(f"tier '{tier}': expected truth, law, planned or matcher")
 
 

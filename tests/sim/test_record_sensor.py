@@ -15,6 +15,8 @@ from sim.config import SimulateConfig
 from sim.frame_maker import Clock, FrameMaker
 from sim.record import simulate
 from sim.sensor.cause import Cause
+from sim.sensor.filters import gray_of
+from sim.sensor.matcher import match, search_range
 from sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
 from sim.session import Session, load_inputs, prepare_session
 
@@ -135,6 +137,22 @@ def test_the_matcher_plans_effects_on_the_images_alone(session: Session) -> None
     assert facts is not None
     plan = plan_for_facts(facts, session.rig, replace(CONFIG, tier="matcher", effects="all"))
     assert plan.depth == () and all(choice.on for choice in plan.color)
+
+
+def test_the_matcher_matches_the_images_that_are_recorded(tmp_path: Path) -> None:
+    config = replace(CONFIG, tier="matcher", frames=1)
+    capture = simulate(config, tmp_path)
+    (frame,) = capture.frames
+    rig = prepare_session(config, load_inputs(config)).rig
+    left, right = (gray_of(image) for image in (frame.load_image(), frame.load_right_image()))
+    with np.errstate(divide="ignore"):
+        again = rig.focal_baseline / match(left, right, search_range(rig), rig.window)
+    depth, again = frame.load_depth(), again.astype(np.float32)
+    known = np.isfinite(depth)
+    assert known.mean() > 0.3
+    np.testing.assert_allclose(depth[known], again[known], rtol=1e-6)
+    inside = (again >= rig.min_depth) & (again <= rig.max_depth)
+    np.testing.assert_array_equal(known, inside)
 
 
 def test_tiers_without_a_plan_have_an_ideal_shutter(session: Session) -> None:

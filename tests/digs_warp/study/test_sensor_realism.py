@@ -22,7 +22,7 @@ def pair(sample_data: Path) -> FrameTruth:
 
 @pytest.fixture(scope="module")
 def matched(pair: FrameTruth) -> np.ndarray:
-    return sense_by_matching(pair, strength=0.0).disparity  # the images have real noise already
+    return sense_by_matching(pair).disparity  # the images have real noise already
 
 
 @pytest.fixture(scope="module")

@@ -4,21 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import broadband, make_rig
+from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import HiddenRays, box_frame, plane_pair, shifted_right_eye
 
 from digs_warp.checks import DigsError
 from sim.sensor.blame import blame, near_steps
 from sim.sensor.cause import Cause
-from sim.sensor.matcher import match, noisy_gray, search_range, sense_by_matching
+from sim.sensor.color.read_noise import ReadNoise
+from sim.sensor.color.recorded import recorded_images
+from sim.sensor.color.shot_noise import ShotNoise
+from sim.sensor.filters import gray_of
+from sim.sensor.matcher import match, search_range, sense_by_matching
 from sim.sensor.scores import bad_by_edge_distance, score
+from sim.sensor.texture import noise_of
 
 
 @pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
 def test_planes_are_matched_up_to_the_band_whatever_their_depth(disparity: float) -> None:
     """OpenCV alone gives up as many columns as it searches; here only those without a partner are lost."""
     truth = plane_pair(disparity)
-    found = sense_by_matching(truth, strength=0.0).disparity
+    found = sense_by_matching(truth).disparity
     inside = found[:, int(np.ceil(disparity)) + 8 :]
     assert np.isfinite(inside).mean() > 0.98
     error = inside - disparity
@@ -32,16 +37,20 @@ def test_noise_of_the_images_becomes_noise_of_disparity() -> None:
     truth = plane_pair(20.5)
     spread = []
     for strength in (0.0, 2.0, 6.0):
-        found = sense_by_matching(truth, strength=strength).disparity[:, 40:]
+        recorded = recorded_images(truth, (ShotNoise(), ReadNoise()), strength=strength)
+        found = sense_by_matching(truth, recorded).disparity[:, 40:]
         error = (found - 20.5)[np.abs(found - 20.5) < 1]
         spread.append(error.std())
     assert spread[0] < spread[1] < spread[2]
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not() -> None:
-    truth = plane_pair(12.5)
-    first, again, other = (sense_by_matching(truth, seed).disparity for seed in (1, 1, 2))
-    assert first.tobytes() == again.tobytes() != other.tobytes()
+def test_luma_has_the_noise_that_textures_are_compared_with() -> None:
+    rig = make_rig(image_noise=4.0)
+    grey = make_frame(20.0, rig, flat((240, 320), 118))  # middle grey, for which rigs state noise
+    left, right = recorded_images(grey, (ShotNoise(), ReadNoise()), seed=3)
+    for image in (left, right):
+        assert gray_of(image).std() == pytest.approx(noise_of(4.0), rel=0.03)
+    assert recorded_images(grey, ()) == (grey.image, grey.right)
 
 
 def test_depth_out_of_range_is_not_reported() -> None:
@@ -74,12 +83,6 @@ def test_bad_search_settings_are_refused(disparities: int, window: int) -> None:
         match(image, image, disparities, window)
 
 
-def test_noise_has_the_strength_of_the_rig() -> None:
-    image = np.full((200, 200, 3), 128, np.uint8)
-    assert noisy_gray(image, 2.0, np.random.default_rng(0)).std() == pytest.approx(2.02, rel=0.03)
-    assert (noisy_gray(image, 0.0, np.random.default_rng(0)) == 128).all()
-
-
 def test_occlusion_is_left_of_near_things_and_labelled() -> None:
     """A textured box before a textured wall: the matcher loses or mistakes what the box hides."""
     truth, (rows, columns) = box_frame(38.0, 8.0)
@@ -89,7 +92,7 @@ def test_occlusion_is_left_of_near_things_and_labelled() -> None:
     right[rows, columns.start - 8 : columns.stop - 8] = broadband(left.shape[:2], 9)[rows, columns]
     moved = slice(columns.start - 38, columns.stop - 38)
     right[rows, moved] = left[rows, columns]
-    sensed = sense_by_matching(replace(truth, right=right), strength=0.0)
+    sensed = sense_by_matching(replace(truth, right=right))
     hidden = slice(columns.start - 30, columns.start)
     failed = ~(np.abs(sensed.disparity - truth.disparity) <= 1)
     assert failed[rows, hidden].mean() > 0.85
@@ -141,9 +144,3 @@ def test_an_empty_frame_has_no_scores() -> None:
     )
     scores = score(empty.disparity, empty)
     assert np.isnan([scores.fill, scores.bad_1, scores.rms]).all()
-
-
-def test_bright_textures_do_not_wrap_round_when_noise_is_added() -> None:
-    image = np.minimum(broadband((64, 64)).astype(int) + 120, 255).astype(np.uint8)
-    noisy = noisy_gray(image, 8.0, np.random.default_rng(0)).astype(int)
-    assert np.abs(noisy - image[..., 0]).max() < 60

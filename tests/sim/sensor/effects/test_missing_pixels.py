@@ -8,7 +8,7 @@ from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 from sim.sensor.cause import Cause
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.texture import typical_gradient
+from sim.sensor.texture import LUMA_NOISE, typical_gradient
 from sim.sensor.tiers import depth_of, sense_effects
 
 SHAPE = (240, 320)
@@ -152,7 +152,7 @@ def uniform_snr(snr: float, shape: tuple[int, int] = (240, 320)) -> FrameTruth:
     # Tilted, so that the fraction of the disparity takes all values.
     truth = make_frame(np.linspace(40, 60, shape[1])[None], make_rig(shape[1], shape[0]), image)
     gradient = float(np.sqrt(np.mean(truth.gradient**2)))
-    return replace(truth, rig=replace(truth.rig, image_noise=gradient / snr))
+    return replace(truth, rig=replace(truth.rig, image_noise=gradient / snr / LUMA_NOISE))
 
 
 @pytest.mark.parametrize(("snr", "fill"), [(0.06, 0.003), (0.12, 0.09), (0.24, 0.99), (0.47, 1.0)])
@@ -169,7 +169,9 @@ def test_weak_texture_is_lost_as_measured(snr: float, fill: float) -> None:
 def test_weak_texture_adds_the_noise_of_rendered_scenes(snr: float, rms: float, bad: float) -> None:
     truth = uniform_snr(1.0)
     typical = float(np.median(typical_gradient(truth.gray, 20, 4)))
-    truth = replace(truth, rig=replace(truth.rig, disparity_sigma=0.1, image_noise=typical / snr))
+    truth = replace(
+        truth, rig=replace(truth.rig, disparity_sigma=0.1, image_noise=typical / snr / LUMA_NOISE)
+    )
     sensed = sense_effects(truth, ["weak-texture", "correlated-noise"])
     error = (sensed.disparity - truth.disparity)[sensed.known]
     inliers = error[np.abs(error) < 1]

@@ -1,0 +1,30 @@
+"""The two images as the camera records them: what the eyes see, after the colour path."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.sensor.color.encoding import decode, encode
+from sim.sensor.color.protocol import EyeImages, PixelEffect
+from sim.sensor.frame import FrameTruth
+from sim.sensor.tiers import effect_rng
+
+
+def recorded_images(
+    truth: FrameTruth, effects: Sequence[PixelEffect], seed: int = 0, strength: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return left and right image, sRGB, (height, width, 3), uint8; without effects the bytes they had.
+
+    Args:
+        truth: of the frame.
+        effects: in the order in which they act.
+        seed: of the recording, >= 0.
+        strength: factor on all effects, >= 0.
+    """
+    if not effects or strength == 0:
+        return truth.image, truth.right
+    eyes = EyeImages(truth.rig.intrinsics, decode(truth.image), decode(truth.right))
+    for effect in effects:
+        rng = effect_rng(seed, truth.number, effect.name)
+        eyes = effect.apply(eyes, truth.rig, rng, strength)
+    return encode(eyes.left), encode(eyes.right)

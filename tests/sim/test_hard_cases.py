@@ -1,0 +1,86 @@
+"""Whole recordings of what usually breaks a depth simulator: odd scenes, odd light, odd meshes."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.capture import Capture
+from digs_warp.images import write_image
+from sim.config import SimulateConfig
+from sim.record import simulate
+
+SMALL = SimulateConfig(frames=1, width=96, height=72, samples_per_pixel=1)
+SUN = 70_000.0
+
+
+def effects_of(capture: Capture) -> dict[str, bool]:
+    """Which effects the plan of a recording has on."""
+    plan = json.loads((capture.folder / "sensor_plan.json").read_text())
+    return {choice["effect"]: choice["on"] for choice in plan["depth"] + plan["color"]}
+
+
+def check_frame(capture: Capture) -> None:
+    """One frame whose layers agree: no value without a cause, none outside the range."""
+    (frame,) = capture.frames
+    assert frame.load_image().shape == (72, 96, 3)
+    depth, true, cause = frame.load_depth(), frame.load_depth_true(), frame.load_cause()
+    assert np.isfinite(true).all() and (true > 0).all()
+    assert (cause[~np.isfinite(depth)] != 0).all()
+    assert depth[np.isfinite(depth)].min(initial=1.0) > 0
+
+
+def test_in_an_all_black_environment_nothing_is_seen_and_nothing_measured(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_image(tmp_path / "night.png", np.zeros((8, 16, 3), np.uint8))
+    config = replace(SMALL, environment=tmp_path / "night.png")
+    without_noise = replace(config, effects="exposure,textureless")
+    capture = simulate(without_noise, tmp_path / "dark")
+    assert "every pixel is black" in caplog.text
+    (frame,) = capture.frames
+    assert not frame.load_image().any()
+    assert not np.isfinite(frame.load_depth()).any()
+    planned = effects_of(simulate(config, tmp_path / "planned"))
+    assert planned["exposure"] and planned["textureless"] and planned["weak-texture"]
+
+
+def test_in_an_all_white_environment_the_plain_surround_fails_in_parts(tmp_path: Path) -> None:
+    write_image(tmp_path / "white.png", np.full((8, 16, 3), 255, np.uint8))
+    capture = simulate(replace(SMALL, environment=tmp_path / "white.png"), tmp_path / "capture")
+    check_frame(capture)
+    assert effects_of(capture)["textureless"]
+    (frame,) = capture.frames
+    surround = frame.load_mask() == 0
+    assert 0.1 < np.isfinite(frame.load_depth())[surround].mean() < 0.9
+
+
+def test_a_sun_of_70000_leaves_a_recording_with_finite_numbers(tmp_path: Path) -> None:
+    radiance = np.full((32, 64, 3), 0.4, np.float32)
+    radiance[8, 20] = SUN
+    write_image(tmp_path / "sun.exr", radiance)
+    capture = simulate(replace(SMALL, environment=tmp_path / "sun.exr"), tmp_path / "capture")
+    check_frame(capture)
+    (frame,) = capture.frames
+    assert frame.load_image().max() > 150  # the sunlit side of the object
+
+
+@pytest.mark.parametrize(
+    ("mesh", "expected"),
+    [
+        ("boot_plain", {"weak-texture"}),  # no texture at all
+        ("sword_plain", {"edge-fattening", "occlusion"}),  # metal a few pixels wide
+        ("water_bottle_clear", {"transparency"}),
+        ("flight_helmet", {"transparency", "edge-fattening"}),  # six materials, a visor among them
+    ],
+)
+def test_meshes_with_what_stereo_cannot_match_switch_on_their_effects(
+    sample_data: Path, tmp_path: Path, mesh: str, expected: set[str]
+) -> None:
+    path = sample_data / "meshes" / mesh / f"{mesh}.glb"
+    capture = simulate(replace(SMALL, mesh=path, frames=1), tmp_path / mesh)
+    check_frame(capture)
+    effects = effects_of(capture)
+    assert expected <= {name for name, on in effects.items() if on}
