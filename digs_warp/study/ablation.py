@@ -118,7 +118,7 @@ def init_ablation(
                 points = _thinned(points, first_count)
             rows = [
                 *_distances(case, points, seen),
-                *_training(points, seen, capture, iterations),
+                *_training(points, variant.config, seen, capture, iterations),
             ]
             results += [replace(row, settings={"variant": variant.name}) for row in rows]
             bar.update()
@@ -178,7 +178,11 @@ def _distances(case: InitCase, points: PointCloud, seen: ScaledCapture) -> Itera
 
 
 def _training(
-    points: PointCloud, seen: ScaledCapture, capture: Capture, iterations: Sequence[int]
+    points: PointCloud,
+    init: InitConfig,
+    seen: ScaledCapture,
+    capture: Capture,
+    iterations: Sequence[int],
 ) -> Iterator[Result]:
     """Train on the views with their true masks and measure the held-out ones on the way."""
     if not iterations:
@@ -186,7 +190,8 @@ def _training(
     config = TrainConfig(iterations=iterations[-1])
     training, held_out = capture.split()
     views = open_views(posed(training, seen.sfm), config)
-    trainer = Trainer(seed_gaussians(points, config.sh_degree), views, config)
+    seeds = seed_gaussians(points, config.sh_degree, init.seed_opacity, init.seed_width)
+    trainer = Trainer(seeds, views, config)
     test_views = load_test_views(posed(held_out, seen.sfm))
     for stop in iterations:
         while trainer.optimizer.step < stop:

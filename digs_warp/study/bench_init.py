@@ -119,7 +119,7 @@ def bench_init(
     start = time.perf_counter()
     scale = estimate_scale(local_scales(sfm, held, InitConfig()))
     results = [
-        Result("scale", time.perf_counter() - start, "s", {"strategy": f"({distinct} frames)"}),
+        Result(f"scale from {distinct} frames", time.perf_counter() - start, "s"),
         Result("scale error", abs(scale.sfm_per_metre / SFM_PER_METRE - 1), "share"),
     ]
     metric = sfm.in_metres(scale.sfm_per_metre)

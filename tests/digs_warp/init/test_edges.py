@@ -126,3 +126,22 @@ def test_nothing_measured_or_too_small_to_judge_keeps_nothing(shape: tuple[int, 
     assert not smooth_depth(np.full(shape, np.nan, dtype=np.float32)).any()
     if min(shape) < 5:
         assert not smooth_depth(np.ones(shape, dtype=np.float32)).any()
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_step_that_is_one_or_two_pixels_wide_is_dropped(width: int) -> None:
+    depth = plane(40, 50)
+    pole = slice(24, 24 + width)
+    depth[:, pole] -= 0.5
+    smooth = smooth_depth(depth)
+    assert not smooth[2:-2, pole].any()
+    # Every second tap of the kernel is 0: the pixels right beside a thin pole, which are right, may stay.
+    assert smooth[2:-2, 2:21].all() and smooth[2:-2, 27 + width : -2].all()
+
+
+def test_a_single_wild_pixel_is_dropped() -> None:
+    depth = plane(40, 50)
+    depth[20, 25] = 1e6
+    smooth = smooth_depth(depth)
+    assert not smooth[20, 25]
+    assert smooth[2:17, 2:-2].all()

@@ -1,0 +1,42 @@
+"""All initializations from depth at rising sensor noise: they get worse no faster than the noise."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from digs_warp.capture import Capture
+from digs_warp.init.config import InitConfig, Strategy
+from digs_warp.init.recipes import initialize
+from digs_warp.study.synthetic_sfm import sfm_from_truth
+from sim.testing.series import NoiseSeries
+
+STRATEGIES: tuple[Strategy, ...] = ("highdepth", "depth", "fusion")
+
+
+def true_surface(capture: Capture) -> np.ndarray:
+    """Points of all views' true depth on the object."""
+    points = []
+    for frame in capture.frames:
+        depth = frame.load_depth_true()
+        rows, columns = np.nonzero((frame.load_mask() == 255) & (depth < 1.5))
+        px = np.stack([columns + 0.5, rows + 0.5], axis=-1)
+        points.append(frame.camera.unproject(px, depth[rows, columns].astype(np.float64)))
+    return np.concatenate(points)
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.sensor_noise(frames=4, width=240, height=136)
+def test_points_stay_near_the_surface(sensor_noise: NoiseSeries, strategy: Strategy) -> None:
+    surface = KDTree(true_surface(sensor_noise.capture(0.0)))
+    sfm = sfm_from_truth(sensor_noise.capture(0.0).frames, 1.0, points=1500)
+
+    def median_distance(capture: Capture) -> float:
+        """In metres; the nearest true pixel is up to a pixel's width (4 mm) away."""
+        config = InitConfig(strategy=strategy)
+        points = initialize(capture.frames, config, sfm).points.points_world
+        assert len(points) > 300
+        return float(np.median(surface.query(points)[0]))
+
+    curve = sensor_noise.measure(median_distance)
+    curve.assert_at_most({0: 0.002, 1: 0.004, 2: 0.008, 4: 0.016})
+    curve.assert_no_cliff(largest_growth=1.5)
