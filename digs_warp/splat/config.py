@@ -18,6 +18,9 @@ EXTENT_SLACK = 0.01
 # A projected variance [px^2] above this is an overflow, not a splat: dropped.
 MAX_VARIANCE = 1.0e12
 
+# Colour coefficients whose absolute values sum to more than this are an overflow: the splat is dropped.
+MAX_COLOR = 1.0e9
+
 # The exponential of the hot loops is a polynomial for exponents down to ln(1/255).
 SMALLEST_MIN_ALPHA = 1.0 / 255.0
 

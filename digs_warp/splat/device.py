@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.checks import check_finite
+from digs_warp.gaussians import FIELDS, Gaussians
 
 
 @dataclass
@@ -35,7 +36,13 @@ class DeviceGaussians:
     def from_numpy(
         gaussians: Gaussians, device: str = "cpu", *, requires_grad: bool = False
     ) -> "DeviceGaussians":
-        """Copy Gaussians to a device; with ``requires_grad``, each array has one of gradients beside it."""
+        """Copy Gaussians to a device; with ``requires_grad``, each array has one of gradients beside it.
+
+        Raises:
+            DigsError: a value is NaN or infinite.
+        """
+        for name in FIELDS:
+            check_finite(f"Gaussians.{name}", getattr(gaussians, name))
 
         def put(value: np.ndarray, dtype: type) -> wp.array:
             return wp.array(value, dtype=dtype, device=device, requires_grad=requires_grad)

@@ -10,7 +10,13 @@ antialiasing, the opacity is scaled by the square root of its share (Mip-Splatti
 
 import warp as wp
 
-from digs_warp.splat.config import EXTENT_SLACK, MAX_VARIANCE, MIN_COMPENSATION, TILE_SIZE
+from digs_warp.splat.config import (
+    EXTENT_SLACK,
+    MAX_COLOR,
+    MAX_VARIANCE,
+    MIN_COMPENSATION,
+    TILE_SIZE,
+)
 from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -33,6 +39,7 @@ wp.set_module_options({"enable_backward": False})
 _TILE = wp.constant(TILE_SIZE)
 _SLACK = wp.constant(EXTENT_SLACK)
 _MAX_VARIANCE = wp.constant(MAX_VARIANCE)
+_MAX_COLOR = wp.constant(MAX_COLOR)
 _MIN_COMPENSATION = wp.constant(MIN_COMPENSATION)
 
 
@@ -107,9 +114,13 @@ def project_kernel(
     bottom = int(wp.min(wp.floor(pv + half_height - 0.5), lower - 0.5))
     if top > bottom:
         return
-    color = sh_color(coefficients, g, degree, wp.normalize(means[g] - cam.center_world))
-    if not (color[0] + color[1] + color[2] < 1.0e9):
+    # Coefficients that cancel in the colour would still overflow in the gradient.
+    size = float(0.0)
+    for k in range((degree + 1) * (degree + 1)):
+        size = size + wp.dot(wp.abs(coefficients[g, k]), wp.vec3(1.0, 1.0, 1.0))
+    if not size < _MAX_COLOR:
         return
+    color = sh_color(coefficients, g, degree, wp.normalize(means[g] - cam.center_world))
     splats[g, SPLAT_U] = pu
     splats[g, SPLAT_V] = pv
     splats[g, SPLAT_A] = (cc + cam.dilation) / det

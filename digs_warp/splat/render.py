@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
-from digs_warp.checks import check_shape
+from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.gaussians import Gaussians
 from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import ParallelLaunch, default_threads
@@ -195,7 +195,9 @@ class SplatRenderer:
 
         Raises:
             ValueError: the camera's or the background's image does not fit the renderer.
+            DigsError: the near plane is not above 0, or the background colour is not finite.
         """
+        check_positive("near plane", near)
         k = camera.intrinsics
         if k.width > self.image.max_width or k.height > self.image.max_height:
             raise ValueError(
@@ -207,7 +209,8 @@ class SplatRenderer:
         self._views.assign(view_params(camera, near, self.options, window))
         behind = background if isinstance(background, ImagePlanes) else None
         color = np.zeros(3) if isinstance(background, ImagePlanes) else background
-        self._background.assign(np.asarray(color, dtype=np.float32))
+        color = np.asarray(color, dtype=np.float32)
+        self._background.assign(check_finite("background", check_shape("background", color, (3,))))
         all_bands = round(self.gaussians.sh.shape[1] ** 0.5) - 1
         degree = min(all_bands, self.options.max_sh_degree, 3 if sh_degree is None else sh_degree)
         if degree != self._degree:

@@ -79,7 +79,26 @@ def hard_cases() -> dict[str, SplatScene]:
     aside_scales[0] = np.log(0.15)
     aside_logits = some.opacity_logits.copy()
     aside_logits[0] = 1.0
+    long_needle, thin = some.log_scales.copy(), some.log_scales.copy()
+    long_needle[:] = np.log([0.3, 3e-5, 3e-5])
+    thin[:, 2] = np.log(1e-6)
+    tiny = np.full_like(some.log_scales, np.log(1e-12))
+    sharp_logits = np.array([40.0, -40.0, 40.0, -40.0, 40.0, 40.0], dtype=np.float32)
+    # Half of a splat's extent lies before the near plane, half behind it.
+    straddling = at_depth(NEAR * 1.5)
+    straddling_scales = some.log_scales.copy()
+    straddling_scales[0] = np.log(0.04)
+    away = (view.center_world - forward * np.linspace(0.1, 1, 6)[:, None]).astype(np.float32)
     return {
+        "needles of 10,000 to 1": SplatScene(replace(some, log_scales=long_needle), view),
+        "discs": SplatScene(replace(some, log_scales=thin), view),
+        "points": SplatScene(replace(some, log_scales=tiny), view),
+        "opacity logits of 40": SplatScene(replace(some, opacity_logits=sharp_logits), view),
+        "straddles the near plane": SplatScene(
+            replace(straddling, log_scales=straddling_scales), view
+        ),
+        "all behind the camera": SplatScene(with_means(some, away), view),
+        "one-column image": SplatScene(some, camera(1, 70, cy=35.0)),
         "one Gaussian": SplatScene(one, view),
         "no Gaussian": SplatScene(random_gaussians(0, seed=0), view),
         "behind the camera": SplatScene(at_depth(-0.3), view),

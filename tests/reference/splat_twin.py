@@ -6,7 +6,6 @@ them back freezes them, and with them frozen the image is a smooth function whos
 the gradient that the kernels compute.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -35,6 +34,9 @@ class Parameters:
             *(getattr(gaussians, f.name).astype(np.float64) for f in fields(Parameters))
         )
 
+    def splat(self, i: int) -> "Parameters":
+        return Parameters(*(getattr(self, f.name)[i] for f in fields(self)))
+
 
 @dataclass
 class Decisions:
@@ -42,7 +44,7 @@ class Decisions:
 
     tangent_clamped: np.ndarray  # (x, y)
     color_clamped: np.ndarray  # (r, g, b)
-    compensation_clamped: bool
+    compensation_clamped: bool | np.ndarray
     normal_axis: int
     normal_sign: float
     drawn: np.ndarray  # pixels it contributes to
@@ -53,14 +55,21 @@ class Decisions:
 class Layer:
     """One splat on the image: alpha per pixel before cap and cut, features, and its decisions."""
 
-    raw: np.ndarray  # (height, width)
-    features: np.ndarray  # (FEATURES,)
+    raw: np.ndarray  # (..., height, width)
+    features: np.ndarray  # (..., FEATURES)
     decisions: Decisions
-    center: np.ndarray  # (2,) px
 
     def alpha(self, max_alpha: float) -> np.ndarray:
         d = self.decisions
         return np.where(d.drawn, np.where(d.capped, max_alpha, self.raw), 0.0)
+
+    def over(
+        self, behind: np.ndarray, through: np.ndarray, max_alpha: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Features and transmittance of this layer before others."""
+        alpha = self.alpha(max_alpha)
+        sums = alpha[..., None] * self.features[..., None, None, :]
+        return sums + (1 - alpha)[..., None] * behind, (1 - alpha) * through
 
 
 @dataclass
@@ -110,76 +119,102 @@ def _expected(weighted: np.ndarray, transmittance: np.ndarray) -> np.ndarray:
     return np.divide(weighted, drawn, out=np.zeros_like(weighted), where=drawn > 0)
 
 
-def moved(camera: Camera, change: np.ndarray) -> Camera:
-    """The camera after a motion in its own frame and a change of intrinsics, shape (10,)."""
-    motion = np.eye(4)
-    motion[:3, :3] = Rotation.from_rotvec(change[:3]).as_matrix()
-    motion[:3, 3] = change[3:6]
-    k = camera.intrinsics
-    fx, fy, cx, cy = np.array([k.fx, k.fy, k.cx, k.cy]) + change[6:]
-    return Camera(replace(k, fx=fx, fy=fy, cx=cx, cy=cy), camera.world_from_cam @ motion)
+@dataclass
+class TwinView:
+    """A camera, or many: all arrays may have leading axes."""
+
+    k: np.ndarray  # (..., 4) fx, fy, cx, cy
+    world_from_cam: np.ndarray  # (..., 4, 4)
+    width: int
+    height: int
+
+    @staticmethod
+    def of(camera: Camera, changes: np.ndarray | None = None) -> "TwinView":
+        """The camera after motions in its own frame and changes of intrinsics, shape (..., 10)."""
+        i = camera.intrinsics
+        k = np.array([i.fx, i.fy, i.cx, i.cy])
+        if changes is None:
+            return TwinView(k, camera.world_from_cam, i.width, i.height)
+        motions = np.zeros((len(changes), 4, 4))
+        motions[:, :3, :3] = Rotation.from_rotvec(changes[:, :3]).as_matrix()
+        motions[:, :3, 3] = changes[:, 3:6]
+        motions[:, 3, 3] = 1
+        return TwinView(k + changes[:, 6:], camera.world_from_cam @ motions, i.width, i.height)
 
 
 def layer_of(
     p: Parameters,
-    i: int,
-    camera: Camera,
+    view: TwinView,
     options: RasterOptions,
     frozen: Decisions | None = None,
     shift: np.ndarray | None = None,
 ) -> Layer:
-    """Splat i on the image; without ``frozen`` nothing is drawn or capped yet. ``shift`` moves it [px]."""
-    k = camera.intrinsics
-    x, y, z = transform_points(camera.cam_from_world, p.means[i])
-    half = options.jacobian_margin * 0.5
-    limits_x = -(k.cx + half * k.width) / k.fx, (k.width - k.cx + half * k.width) / k.fx
-    limits_y = -(k.cy + half * k.height) / k.fy, (k.height - k.cy + half * k.height) / k.fy
-    tangents = np.array([x / z, y / z])
-    limited = np.array([np.clip(x / z, *limits_x), np.clip(y / z, *limits_y)])
-    clamped = limited != tangents if frozen is None else frozen.tangent_clamped
-    if frozen is not None:
-        # The limit that holds, also where the perturbed tangent is back inside.
-        middle = 0.5 * np.array([sum(limits_x), sum(limits_y)])
-        upper = tangents > middle
-        limited = np.where(upper, [limits_x[1], limits_y[1]], [limits_x[0], limits_y[0]])
-    tx, ty = np.where(clamped, limited, tangents)
-    jacobian = np.array([[k.fx / z, 0, -k.fx * tx / z], [0, k.fy / z, -k.fy * ty / z]])
-    rotation = matrix_from_quat_xyzw(p.quats[i])
-    root = jacobian @ camera.cam_from_world[:3, :3] @ rotation @ np.diag(np.exp(p.log_scales[i]))
-    sharp = root @ root.T
-    covariance = sharp + options.dilation * np.eye(2)
+    """One splat on the image; without ``frozen`` nothing is drawn or capped yet.
 
-    opacity = 1 / (1 + np.exp(-p.opacity_logits[i]))
+    Parameters and view may have leading axes: that many variants of the splat. ``shift``, (..., 2), moves
+    it [px].
+    """
+    fx, fy, cx, cy = np.moveaxis(view.k, -1, 0)
+    rotation_cw = np.swapaxes(view.world_from_cam[..., :3, :3], -1, -2)
+    camera_center = view.world_from_cam[..., :3, 3]
+    point = np.einsum("...ij,...j->...i", rotation_cw, p.means - camera_center)
+    x, y, z = np.moveaxis(point, -1, 0)
+    half = options.jacobian_margin * 0.5
+    low = np.stack([-(cx + half * view.width) / fx, -(cy + half * view.height) / fy], axis=-1)
+    high = np.stack(
+        [(view.width - cx + half * view.width) / fx, (view.height - cy + half * view.height) / fy],
+        axis=-1,
+    )
+    tangents = np.stack([x / z, y / z], axis=-1)
+    clamped = (tangents < low) | (tangents > high) if frozen is None else frozen.tangent_clamped
+    limits = np.where(tangents > 0.5 * (low + high), high, low)
+    tx, ty = np.moveaxis(np.where(clamped, limits, tangents), -1, 0)
+    rotation = matrix_from_quat_xyzw(p.quats)
+    axes = rotation_cw @ rotation
+    scales = np.exp(p.log_scales)
+    m0 = (fx / z)[..., None] * (axes[..., 0, :] - tx[..., None] * axes[..., 2, :]) * scales
+    m1 = (fy / z)[..., None] * (axes[..., 1, :] - ty[..., None] * axes[..., 2, :]) * scales
+    a = (m0 * m0).sum(axis=-1) + options.dilation
+    b = (m0 * m1).sum(axis=-1)
+    c = (m1 * m1).sum(axis=-1) + options.dilation
+    determinant = a * c - b * b
+
+    opacity = 1 / (1 + np.exp(-p.opacity_logits))
     compensation_clamped = False
     if options.antialias:
-        # Gram determinant: det(root root^T) itself cancels for needles.
-        factor = np.linalg.norm(np.cross(root[0], root[1])) / np.sqrt(np.linalg.det(covariance))
+        factor = np.linalg.norm(np.cross(m0, m1), axis=-1) / np.sqrt(determinant)
         compensation_clamped = factor < 0.005 if frozen is None else frozen.compensation_clamped
-        opacity *= 0.005 if compensation_clamped else factor
+        opacity = opacity * np.where(compensation_clamped, 0.005, factor)
 
-    center = np.array([k.fx * x / z + k.cx, k.fy * y / z + k.cy])
-    offset = pixel_centers(k.width, k.height) - center - (0 if shift is None else shift)
-    (a, b), (_, c) = np.linalg.inv(covariance)
+    center = np.stack([fx * x / z + cx, fy * y / z + cy], axis=-1)
+    if shift is not None:
+        center = center + shift
+    offset = pixel_centers(view.width, view.height) - center[..., None, None, :]
     du, dv = offset[..., 0], offset[..., 1]
-    raw = opacity * np.exp(-0.5 * (a * du * du + 2 * b * du * dv + c * dv * dv))
 
-    direction = p.means[i] - camera.center_world
-    basis = sh_basis(direction / np.linalg.norm(direction), round(p.sh.shape[1] ** 0.5) - 1)
-    rgb = 0.5 + basis @ p.sh[i]
+    def spread(value: np.ndarray) -> np.ndarray:
+        return value[..., None, None]
+
+    q = (spread(c) * du * du - 2 * spread(b) * du * dv + spread(a) * dv * dv) / spread(determinant)
+    raw = spread(opacity) * np.exp(-0.5 * q)
+
+    direction = p.means - camera_center
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    basis = sh_basis(direction, round(p.sh.shape[-2] ** 0.5) - 1)
+    rgb = 0.5 + np.einsum("...k,...kc->...c", basis, p.sh)
     dark = rgb <= 0 if frozen is None else frozen.color_clamped
 
-    axes = camera.cam_from_world[:3, :3] @ rotation
-    axis = int(np.argmin(p.log_scales[i])) if frozen is None else frozen.normal_axis
-    facing = -1.0 if axes[:, axis] @ (x, y, z) > 0 else 1.0
-    sign = facing if frozen is None else frozen.normal_sign
-
-    nothing = np.zeros(raw.shape, dtype=bool)
-    decisions = frozen or Decisions(
-        clamped, dark, compensation_clamped, axis, sign, nothing, nothing
+    axis = int(np.argmin(p.log_scales)) if frozen is None else frozen.normal_axis
+    if frozen is None:
+        sign = -1.0 if axes[:, axis] @ point > 0 else 1.0
+        nothing = np.zeros(raw.shape, dtype=bool)
+        frozen = Decisions(clamped, dark, compensation_clamped, axis, sign, nothing, nothing)
+    parts = np.broadcast_arrays(
+        *np.moveaxis(np.where(dark, 0.0, rgb), -1, 0),
+        z,
+        *np.moveaxis(frozen.normal_sign * axes[..., :, axis], -1, 0),
     )
-    return Layer(
-        raw, np.array([*np.where(dark, 0.0, rgb), z, *(sign * axes[:, axis])]), decisions, center
-    )
+    return Layer(raw, np.stack(parts, axis=-1), frozen)
 
 
 def render_twin(
@@ -199,13 +234,14 @@ def render_twin(
     ]
     order = sorted(visible, key=lambda i: (np.float32(depths[i]), i))
     layers: dict[int, Layer] = {}
+    view = TwinView.of(camera)
     sums = np.zeros((*shape, FEATURES))
     transmittance = np.ones(shape)
     median = np.zeros(shape)
     alive = np.ones(shape, dtype=bool)
     ambiguous = np.zeros(shape, dtype=bool)
     for i in order:
-        layer = layer_of(p, i, camera, options)
+        layer = layer_of(p.splat(i), view, options)
         raw = layer.raw
         capped = raw > options.max_alpha
         alpha = np.where(capped, options.max_alpha, raw)
@@ -231,19 +267,6 @@ def render_twin(
     return TwinImage(image, transmittance, depth, median, sums[..., 4:], order, layers, ambiguous)
 
 
-def composite(
-    twin: TwinImage, splats: list[int], max_alpha: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Features and transmittance of some layers, front to back."""
-    sums = np.zeros((*twin.transmittance.shape, FEATURES))
-    transmittance = np.ones(twin.transmittance.shape)
-    for i in splats:
-        alpha = twin.layers[i].alpha(max_alpha)
-        sums += (transmittance * alpha)[..., None] * twin.layers[i].features
-        transmittance = transmittance * (1 - alpha)
-    return sums, transmittance
-
-
 def twin_gradients(
     p: Parameters,
     camera: Camera,
@@ -258,62 +281,53 @@ def twin_gradients(
     """
     gradients = Parameters(*(np.zeros_like(getattr(p, f.name)) for f in fields(Parameters)))
     centers, absolute = np.zeros((len(p.means), 2)), np.zeros((len(p.means), 2))
+    view, shape = TwinView.of(camera), twin.transmittance.shape
+    behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
+    for position in range(len(twin.order) - 1, -1, -1):
+        layer = twin.layers[twin.order[position]]
+        behind[position] = layer.over(*behind[position + 1], options.max_alpha)
+
+    sums, through = np.zeros((*shape, FEATURES)), np.ones(shape)
     for position, i in enumerate(twin.order):
-        before, t_before = composite(twin, twin.order[:position], options.max_alpha)
-        behind, t_behind = composite(twin, twin.order[position + 1 :], options.max_alpha)
 
-        def loss(
-            layer: Layer,
-            before: np.ndarray = before,
-            t_before: np.ndarray = t_before,
-            behind: np.ndarray = behind,
-            t_behind: np.ndarray = t_behind,
-        ) -> np.ndarray:
-            alpha = layer.alpha(options.max_alpha)
-            through = t_before * (1 - alpha)
-            sums = before + (t_before * alpha)[..., None] * layer.features
-            sums += through[..., None] * behind
-            return adjoints.loss_per_pixel(sums, through * t_behind, background)
+        def loss(layer: Layer, position=position, sums=sums, through=through) -> np.ndarray:
+            """Per pixel, of variants of this splat before the rest."""
+            features, left = layer.over(*behind[position + 1], options.max_alpha)
+            features = sums + through[..., None] * features
+            return adjoints.loss_per_pixel(features, through * left, background)
 
-        frozen = twin.layers[i].decisions
+        splat, frozen = p.splat(i), twin.layers[i].decisions
         for f in fields(Parameters):
-            value = getattr(p, f.name)
-            for index in np.ndindex(*value.shape[1:]):
-                at = (i, *index)
+            value = getattr(splat, f.name)
+            size = 1e-7 if f.name == "means" else 1e-6 * np.maximum(1.0, np.abs(value))
+            size = np.broadcast_to(size, value.shape).reshape(-1)
+            steps = _steps(size).reshape(-1, *value.shape)
+            variants = replace(splat, **{f.name: value + steps})
+            losses = loss(layer_of(variants, view, options, frozen)).sum(axis=(-1, -2))
+            getattr(gradients, f.name)[i] = _slopes(losses, size).reshape(value.shape)
+        size = np.full(2, 1e-5)
+        slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size))), size)
+        centers[i], absolute[i] = slopes.sum(axis=(-1, -2)), np.abs(slopes).sum(axis=(-1, -2))
+        alpha = twin.layers[i].alpha(options.max_alpha)
+        sums = sums + (through * alpha)[..., None] * twin.layers[i].features
+        through = through * (1 - alpha)
 
-                def changed(step: float, f=f, at=at, value=value, i=i, frozen=frozen, loss=loss):
-                    other = value.copy()
-                    other[at] += step
-                    q = replace(p, **{f.name: other})
-                    return loss(layer_of(q, i, camera, options, frozen)).sum()
-
-                size = 1e-7 if f.name == "means" else 1e-6 * max(1.0, abs(value[at]))
-                getattr(gradients, f.name)[at] = _slope(changed, size)
-        for axis in range(2):
-
-            def shifted(step: float, axis=axis, i=i, frozen=frozen, loss=loss) -> np.ndarray:
-                return loss(layer_of(p, i, camera, options, frozen, step * np.eye(2)[axis]))
-
-            slopes = _slope(shifted, 1e-5)
-            centers[i, axis], absolute[i, axis] = slopes.sum(), np.abs(slopes).sum()
-
-    def seen(change: np.ndarray) -> float:
-        view = moved(camera, change)
-        layers = {
-            i: layer_of(p, i, view, options, layer.decisions) for i, layer in twin.layers.items()
-        }
-        sums, transmittance = composite(replace(twin, layers=layers), twin.order, options.max_alpha)
-        return adjoints.loss_per_pixel(sums, transmittance, background).sum()
-
-    sizes = np.array([1e-6] * 6 + [1e-5] * 4)
-    motion = np.array(
-        [
-            _slope(lambda step, axis=axis: seen(step * np.eye(10)[axis]), sizes[axis])
-            for axis in range(10)
-        ]
-    )
-    return TwinGradients(gradients, motion, centers, absolute)
+    size = np.array([1e-6] * 6 + [1e-5] * 4)
+    moved = TwinView.of(camera, _steps(size))
+    features, left = np.zeros((20, *shape, FEATURES)), np.ones((20, *shape))
+    for i in reversed(twin.order):
+        layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions)
+        features, left = layer.over(features, left, options.max_alpha)
+    losses = adjoints.loss_per_pixel(features, left, background).sum(axis=(-1, -2))
+    return TwinGradients(gradients, _slopes(losses, size), centers, absolute)
 
 
-def _slope(function: Callable, size: float):
-    return (function(size) - function(-size)) / (2 * size)
+def _steps(size: np.ndarray) -> np.ndarray:
+    """Steps up and then down along every axis, shape (2 k, k)."""
+    return np.concatenate([np.diag(size), -np.diag(size)])
+
+
+def _slopes(values: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Central differences of values at `_steps`."""
+    up, down = np.split(values, 2)
+    return (up - down) / (2 * size.reshape(-1, *(1,) * (up.ndim - 1)))

@@ -1,6 +1,6 @@
 # Warp types its kernel language only in part:
 # pyright: reportOperatorIssue=false, reportIndexIssue=false, reportArgumentType=false
-# pyright: reportOptionalMemberAccess=false, reportCallIssue=false
+# pyright: reportOptionalMemberAccess=false, reportCallIssue=false, reportGeneralTypeIssues=false
 """Rasterization on a tape: gradients of a caller's own loss, and optimizations that reach their target."""
 
 import numpy as np
@@ -28,7 +28,7 @@ def squared_error(
     weight: float,
     loss: wp.array[float],
 ):
-    y, x, channel = wp.tid()
+    y, x, channel = wp.tid()  # pyright: ignore
     error = values[y, x, channel] - target[y, x, channel]
     wp.atomic_add(loss, 0, weight * error * error)
 

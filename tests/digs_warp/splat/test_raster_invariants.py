@@ -1,6 +1,6 @@
 """What must hold whatever the scene: independence of threads and order, conserved weights, NaN kept out."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,8 +10,9 @@ from reference.splat_twin import Parameters, render_twin
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import SplatRenderer
+from digs_warp.splat.render import CameraGradient, SplatRenderer
 
 MANY = random_gaussians(3000, seed=1)
 SIZE = (200, 150)
@@ -24,17 +25,24 @@ def rendered(gaussians: Gaussians, view: Camera = VIEW, **options) -> SplatRende
     renderer = SplatRenderer(DeviceGaussians.from_numpy(gaussians), k.width, k.height, **options)
     renderer.forward(view, near=NEAR, background=BACKGROUND)
     rng = np.random.default_rng(2)
-    renderer.adj_image.assign(rng.normal(size=(k.height, k.width, 3)))
+    for planes in (renderer.adj_image, renderer.adj_depth, renderer.adj_normals):
+        planes.assign(rng.normal(size=(k.height, k.width, planes.channels)))
     renderer.backward()
     return renderer
 
 
 @pytest.mark.parametrize("threads", [2, 8])
 def test_same_bits_for_any_number_of_threads(threads: int) -> None:
-    one, more = rendered(MANY, threads=1), rendered(MANY, threads=threads)
-    np.testing.assert_array_equal(one.image.to_numpy(), more.image.to_numpy())
+    options = {"options": RasterOptions(outputs="normals"), "camera_gradient": True}
+    one, more = (rendered(MANY, threads=count, **options) for count in (1, threads))
+    for name in ("image", "transmittance", "depth", "normals"):
+        np.testing.assert_array_equal(getattr(one, name).to_numpy(), getattr(more, name).to_numpy())
     for a, b in zip(one.gradients.arrays, more.gradients.arrays, strict=True):
         np.testing.assert_array_equal(a.numpy(), b.numpy())
+    for field in fields(CameraGradient):
+        a, b = (getattr(r.camera_gradient(), field.name) for r in (one, more))
+        assert np.abs(a).min() > 0
+        np.testing.assert_array_equal(a, b)
 
 
 def test_both_kernels_and_both_binnings_agree() -> None:
@@ -81,17 +89,6 @@ def test_the_order_in_memory_does_not_matter() -> None:
     np.testing.assert_array_equal(a.image.to_numpy(), b.image.to_numpy())
     for before, after in zip(a.gradients.arrays, b.gradients.arrays, strict=True):
         np.testing.assert_array_equal(before.numpy()[order], after.numpy())
-
-
-@pytest.mark.parametrize("field", FIELDS)
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
-def test_a_broken_gaussian_hurts_nobody_else(field: str, value: float) -> None:
-    broken = Gaussians(*(getattr(MANY, name).copy() for name in FIELDS))
-    getattr(broken, field)[5] = value
-    renderer = rendered(broken)
-    assert np.isfinite(renderer.image.to_numpy()).all()
-    for array in renderer.gradients.arrays:
-        assert np.isfinite(array.numpy()).all()
 
 
 def test_an_empty_scene_shows_the_background_and_its_gradient_is_empty() -> None:

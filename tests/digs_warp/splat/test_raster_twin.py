@@ -30,6 +30,8 @@ GRADIENT_TOLERANCE = 2e-5
 STIFF_TOLERANCE = 1e-3
 STIFF = (
     "needles",
+    "needles of 10,000 to 1",
+    "straddles the near plane",
     "covers the whole image",
     "just before the near plane",
     "saturated pixels",

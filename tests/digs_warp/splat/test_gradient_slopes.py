@@ -1,0 +1,108 @@
+"""Regression of kernel gradients on twin gradients over many scenes: no factor hides in a tolerance."""
+
+from dataclasses import fields
+from functools import cache
+
+import numpy as np
+import pytest
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
+from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
+
+from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer
+
+SEEDS = 100
+VIEW = camera(12, 10, fx=14.0, fy=13.0)
+OPTIONS = (RasterOptions(outputs="normals"), RasterOptions(outputs="normals", antialias=True))
+CLASSES = (*(f.name for f in fields(Parameters)), "pose", "intrinsics")
+
+
+def gradients_of(seed: int, renderer: SplatRenderer) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Kernel and twin gradient of every class of parameters for one scene."""
+    gaussians = random_gaussians(4, seed, degree=seed % 4)
+    p, options = Parameters.of(gaussians), renderer.options
+    twin = render_twin(p, VIEW, NEAR, BACKGROUND, options)
+    rng = np.random.default_rng(seed)
+    clear = ~twin.ambiguous
+    image, normals = rng.normal(size=(2, 10, 12, 3)) * clear[..., None]
+    transmittance, depth = rng.normal(size=(2, 10, 12)) * clear
+    adjoints = Adjoints(image, transmittance, depth, normals)
+    wanted = twin_gradients(p, VIEW, twin, BACKGROUND, adjoints, options)
+    renderer.set_gaussians(DeviceGaussians.from_numpy(gaussians))
+    renderer.forward(VIEW, near=NEAR, background=BACKGROUND)
+    renderer.adj_image.assign(adjoints.image)
+    renderer.adj_transmittance.assign(adjoints.transmittance)
+    renderer.adj_depth.assign(adjoints.depth)
+    renderer.adj_normals.assign(adjoints.normals)
+    renderer.backward()
+    found = {
+        f.name: (array.numpy().reshape(-1), getattr(wanted.parameters, f.name).reshape(-1))
+        for f, array in zip(fields(Parameters), renderer.gradients.arrays, strict=True)
+    }
+    motion = renderer.camera_gradient()
+    found["pose"] = np.concatenate([motion.rotation, motion.translation]), wanted.camera[:6]
+    found["intrinsics"] = np.concatenate([motion.focal, motion.center]), wanted.camera[6:]
+    return found
+
+
+@cache
+def all_gradients() -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    nothing = DeviceGaussians.from_numpy(random_gaussians(0, 0))
+    renderers = [
+        SplatRenderer(nothing, 12, 10, options=options, camera_gradient=True, threads=1)
+        for options in OPTIONS
+    ]
+    # Antialiasing on in every second block of four, so that it meets every degree of the harmonics.
+    scenes = [gradients_of(seed, renderers[seed // 4 % 2]) for seed in range(SEEDS)]
+
+    def joined(name: str, which: int) -> np.ndarray:
+        return np.concatenate([scene[name][which] for scene in scenes])
+
+    return {name: (joined(name, 0), joined(name, 1)) for name in CLASSES}
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_the_slope_is_one(name: str) -> None:
+    found, wanted = all_gradients()[name]
+    assert np.abs(wanted).max() > 0.1
+    assert found @ wanted / (wanted @ wanted) == pytest.approx(1.0, abs=1e-3)
+    # And no scatter around it: what one seed gets wrong does not vanish among the others.
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
+
+
+def test_a_needle_turns_to_its_target_at_the_rate_of_float64() -> None:
+    """Gradient descent on the quaternion with both gradients: the same angle after every step."""
+    needle = random_gaussians(1, 0, degree=0)
+    needle.means[:] = 0.0
+    needle.log_scales[:] = np.log([0.12, 0.02, 0.02])
+    needle.quats[:] = (0.0, 0.0, 0.0, 1.0)
+    needle.opacity_logits[:] = 1.0
+    needle.sh[:] = 1.0
+    view = camera(24, 20, fx=26.0, fy=26.0)
+    target = Parameters.of(needle)
+    angle = np.deg2rad(25.0)
+    target.quats[:] = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2))
+    photo = render_twin(target, view, NEAR, BACKGROUND).image
+
+    def angle_of(quat: np.ndarray) -> float:
+        """Between the needle and its target."""
+        axis = matrix_from_quat_xyzw(quat.astype(np.float64))[:, 0]
+        return float(np.arccos(np.clip(axis @ matrix_from_quat_xyzw(target.quats[0])[:, 0], -1, 1)))
+
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(needle), 24, 20)
+    p = Parameters.of(needle)
+    nothing, rate = np.zeros((20, 24)), 0.015
+    for _ in range(30):
+        renderer.forward(view, near=NEAR, background=BACKGROUND)
+        renderer.adj_image.assign(renderer.image.to_numpy() - photo)
+        renderer.backward()
+        quats = renderer.gaussians.quats
+        quats.assign(quats.numpy() - rate * renderer.gradients.quats.numpy())
+
+        twin = render_twin(p, view, NEAR, BACKGROUND)
+        adjoints = Adjoints(twin.image - photo, nothing, nothing, np.zeros((20, 24, 3)))
+        p.quats -= rate * twin_gradients(p, view, twin, BACKGROUND, adjoints).parameters.quats
+        assert angle_of(quats.numpy()[0]) == pytest.approx(angle_of(p.quats[0]), abs=1e-4)
+    assert angle_of(p.quats[0]) < 0.1 * angle

@@ -1,0 +1,181 @@
+"""Whatever the numbers: a finite view or a clear error, and no harm to the other Gaussians."""
+
+import numpy as np
+import pytest
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
+
+from digs_warp.camera import Intrinsics
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer, render
+from digs_warp.splat.statistics import SplatStatistics
+
+MANY = random_gaussians(600, seed=1)
+SIZE = (90, 70)
+VIEW = camera(*SIZE, fx=80.0, fy=80.0)
+ALL = RasterOptions(outputs="normals")
+NASTY = np.array(
+    [
+        np.nan,
+        np.inf,
+        -np.inf,
+        1e38,
+        -1e38,
+        1e-40,
+        -1e-40,
+        0.0,
+        -0.0,
+        3.4e38,
+        1e19,
+        -1e10,
+        88.0,
+        -104.0,
+    ],
+    dtype=np.float32,
+)
+
+
+def renderer_of(gaussians: Gaussians, **options) -> SplatRenderer:
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(gaussians), *SIZE, **options)
+    renderer.statistics = SplatStatistics.zeros(len(gaussians), absolute=True)
+    return renderer
+
+
+def check_finite_view(renderer: SplatRenderer) -> None:
+    """Draw and pull back: everything must be finite."""
+    renderer.forward(VIEW, near=NEAR, background=BACKGROUND)
+    rng = np.random.default_rng(0)
+    for planes in (renderer.adj_image, renderer.adj_depth, renderer.adj_normals):
+        planes.assign(rng.normal(size=(SIZE[1], SIZE[0], planes.channels)))
+    renderer.backward()
+    for planes in (renderer.image, renderer.transmittance, renderer.depth, renderer.normals):
+        assert np.isfinite(planes.to_numpy()).all()
+    for name, array in zip(FIELDS, renderer.gradients.arrays, strict=True):
+        assert np.isfinite(array.numpy()).all(), name
+    assert renderer.statistics is not None
+    for array in renderer.statistics.arrays:
+        assert np.isfinite(array.numpy()).all()
+    motion = renderer.camera_gradient()
+    assert np.isfinite(np.concatenate([motion.rotation, motion.translation, motion.focal])).all()
+
+
+@pytest.mark.parametrize("antialias", [False, True])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_device_array_full_of_nonsense_gives_a_finite_view(seed: int, antialias: bool) -> None:
+    """Behind the door: values that an optimizer might produce, in a third of all Gaussians."""
+    rng = np.random.default_rng(seed)
+    options = RasterOptions(outputs="normals", antialias=antialias)
+    renderer = renderer_of(MANY, options=options, camera_gradient=True)
+    for array in renderer.gaussians.arrays:
+        values = array.numpy().copy()
+        flat = values.reshape(-1)
+        where = rng.random(flat.shape) < 0.1
+        flat[where] = rng.choice(NASTY, size=int(where.sum()))
+        array.assign(values)
+    check_finite_view(renderer)
+
+
+@pytest.mark.parametrize("field", FIELDS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+def test_a_broken_gaussian_hurts_nobody_else(field: str, value: float) -> None:
+    renderer = renderer_of(MANY, options=ALL, camera_gradient=True)
+    values = getattr(renderer.gaussians, field).numpy().copy()
+    values[5] = value
+    getattr(renderer.gaussians, field).assign(values)
+    check_finite_view(renderer)
+    if not np.isfinite(value):
+        others = MANY.select(np.arange(len(MANY)) != 5)
+        expected = renderer_of(others)
+        expected.forward(VIEW, near=NEAR, background=BACKGROUND)
+        drawn = renderer.image.to_numpy()
+        limit = 0 if field != "opacity_logits" or np.isnan(value) else 1
+        assert np.abs(drawn - expected.image.to_numpy()).max() <= limit
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_the_door_refuses_values_that_are_not_finite(field: str) -> None:
+    broken = Gaussians(*(getattr(MANY, name).copy() for name in FIELDS))
+    getattr(broken, field).reshape(-1)[[3, 7]] = (np.nan, np.inf)
+    with pytest.raises(DigsError, match=rf"{field}: 2 of \d+ values are NaN or infinite"):
+        render(broken, VIEW)
+
+
+@pytest.mark.parametrize(
+    "log_scale", [np.log(1e12), 88.0, 89.0, 1e30, -1e30, -104.0, np.log(1e-12)]
+)
+def test_extreme_sizes_are_drawn_or_dropped(log_scale: float) -> None:
+    renderer = renderer_of(MANY, options=ALL, camera_gradient=True)
+    values = renderer.gaussians.log_scales.numpy().copy()
+    values[:200] = log_scale
+    values[200:300, 0] = log_scale
+    renderer.gaussians.log_scales.assign(values)
+    check_finite_view(renderer)
+
+
+def test_thousands_of_opaque_gaussians_in_one_place() -> None:
+    """Two saturate a pixel (1 - 0.99^2 leaves 1e-4): those behind must not show, nor take forever."""
+    count = 5000
+    one = random_gaussians(1, seed=3, degree=0)
+    pile = Gaussians(*(np.repeat(getattr(one, name), count, axis=0) for name in FIELDS))
+    pile.means[:] = 0.0
+    pile.log_scales[:] = np.log(0.3)
+    pile.opacity_logits[:] = 40.0
+    pile.sh[:] = np.random.default_rng(0).normal(size=pile.sh.shape) * 0.3
+    renderer = renderer_of(pile, options=ALL, camera_gradient=True)
+    check_finite_view(renderer)
+    few = renderer_of(pile.select(np.arange(300)))
+    few.forward(VIEW, near=NEAR, background=BACKGROUND)
+    middle = np.s_[30:40, 40:50]
+    np.testing.assert_array_equal(renderer.image.to_numpy()[middle], few.image.to_numpy()[middle])
+
+
+def test_a_view_of_one_by_four_thousand_pixels() -> None:
+    tall = camera(1, 4000, fx=2000.0, fy=2000.0, cx=0.5, cy=2000.0)
+    wide = camera(4000, 1, fx=2000.0, fy=2000.0, cx=2000.0, cy=0.5)
+    for view in (tall, wide):
+        k = view.intrinsics
+        whole = render(MANY, view, near=NEAR)
+        assert np.isfinite(whole.image).all()
+        assert whole.alpha.max() > 0.5
+        assert whole.image.shape == (k.height, k.width, 3)
+
+
+@pytest.mark.parametrize("focal", [1e-30, 1e-3, 1e6, 1e30])
+@pytest.mark.parametrize("center", [-1e30, -5000.0, 1e7])
+def test_any_camera_that_can_be_made_gives_a_finite_view(focal: float, center: float) -> None:
+    k = Intrinsics(*SIZE, focal, focal, center, 35.0)
+    view = type(VIEW)(k, VIEW.world_from_cam)
+    drawn = render(MANY, view, near=NEAR, options=ALL)
+    assert np.isfinite(drawn.image).all()
+    assert np.isfinite(drawn.alpha).all()
+
+
+@pytest.mark.parametrize("near", [np.nan, np.inf, 0.0, -1.0])
+def test_a_near_plane_that_is_none_is_refused(near: float) -> None:
+    with pytest.raises(DigsError, match="near plane"):
+        render(MANY, VIEW, near=near)
+
+
+def test_a_background_that_is_none_is_refused() -> None:
+    with pytest.raises(DigsError, match=r"background.*NaN"):
+        render(MANY, VIEW, background=(np.nan, 0.0, 0.0))
+    with pytest.raises(DigsError, match=r"background.*shape"):
+        render(MANY, VIEW, background=(0.0, 0.0))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ({"min_alpha": 0.001}, "min_alpha: 0.001"),
+        ({"max_alpha": 1.0}, "max_alpha: 1"),
+        ({"min_transmittance": float("nan")}, "min_transmittance: nan"),
+        ({"dilation": 0.0}, "dilation: 0"),
+        ({"max_sh_degree": 4}, "max_sh_degree: 4"),
+        ({"outputs": "colour"}, "outputs: 'colour'"),
+    ],
+)
+def test_options_out_of_range_are_refused(change: dict, found: str) -> None:
+    with pytest.raises(DigsError, match=found):
+        RasterOptions(**change)
