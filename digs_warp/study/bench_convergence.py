@@ -45,7 +45,11 @@ class Case:
 
 
 def bench_convergence(
-    width: int = WIDTH, height: int = HEIGHT, frames: int = FRAMES, iterations: int = ITERATIONS
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    frames: int = FRAMES,
+    iterations: int = ITERATIONS,
+    voxel_size: float = VOXEL_SIZE,
 ) -> list[Result]:
     """Return PSNR [dB] of the held-out views along iterations and seconds, for both settings."""
     results: list[Result] = []
@@ -53,7 +57,7 @@ def bench_convergence(
         capture = _record(width, height, frames, Path(folder) / "capture")
         train_frames, test_frames = capture.split()
         test_views = load_test_views(test_frames)
-        points = initial_points(train_frames, InitConfig(voxel_size=VOXEL_SIZE))
+        points = initial_points(train_frames, InitConfig(voxel_size=voxel_size))
         cases = _cases(points, iterations)
         with progress(len(cases) * iterations, "Training both settings") as bar:
             for case in cases:

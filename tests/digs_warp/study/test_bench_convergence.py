@@ -9,7 +9,7 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def test_both_settings_are_measured_along_the_run() -> None:
-    results = bench_convergence(width=160, height=90, frames=9, iterations=25)
+    results = bench_convergence(width=160, height=90, frames=9, iterations=25, voxel_size=0.02)
     curves = {
         name: [r for r in results if r.settings["settings"] == name] for name in (DENSE, REFERENCE)
     }
