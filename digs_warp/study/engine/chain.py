@@ -9,34 +9,48 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.capture import Capture
-from digs_warp.log import read_json, versions
-from digs_warp.study.engine.case import Case
+from digs_warp.gaussians import Gaussians
+from digs_warp.log import read_json, to_json, versions, write_atomically
+from digs_warp.point_cloud import PointCloud
+from digs_warp.study.engine.case import Case, digest
 from digs_warp.study.engine.overrides import with_settings
+from sim.config import SimulateConfig
 
 CAPTURES = "captures"
+SFM = "sfm"
 WORK = "work"
+
+# What makes the scene; two recordings with these in common show the same object in the same place.
+SCENE_SETTINGS = ("mesh", "environment", "object_size", "up")
+
+# The recording that results are compared on, whatever they were made from.
+YARDSTICK: dict[str, Any] = {
+    **{"frames": 8, "width": 640, "height": 360, "tier": "truth"},
+    **{"samples_per_pixel": 16, "seed": 20260521},
+}
+
+# Points within this distance [m] of the true surface count as on it.
+SURFACE_THRESHOLD = 0.005
 
 
 def record_case(case: Case, folder: Path) -> Capture:
     """Return the recording of a case; it is made when the study's ``folder`` does not hold it yet."""
-    from sim.config import SimulateConfig
-    from sim.record import simulate
-
-    config = with_settings(SimulateConfig(), case.recording)
-    return simulate(config, folder / CAPTURES / case.recording_key, resume=True)
+    return _recorded(with_settings(SimulateConfig(), case.recording), case.recording_key, folder)
 
 
-def run_case(case: Case, folder: Path, keep: bool = False) -> dict[str, Any]:
-    """Reconstruct and return what was measured, JSON-like.
+def run_case(case: Case, folder: Path) -> dict[str, Any]:
+    """Reconstruct and return what was measured, JSON-like; only the numbers stay.
 
-    The keys: ``metrics`` (held-out quality of the result), ``course`` (quality along iterations and
-    seconds), ``seconds`` (stages; compiling kernels apart), ``results`` (counts), ``memory_mb`` (peak of
-    this process), ``versions``.
+    The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
+    seconds), ``yardstick`` (quality on views of a perfect camera on another walk: comparable between
+    recordings), ``surface`` (distances of points and Gaussians to the true surface), ``seconds`` (stages;
+    compiling kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
+    process), ``versions``.
 
     Args:
-        case: its recording is taken from the study's ``folder`` or made there.
+        case: its recording is taken from the study's ``folder`` or made there; structure from motion with
+            the same settings, too, with the time that it took.
         folder: of the study.
-        keep: leave the reconstruction in the folder's ``work``; otherwise only the numbers stay.
     """
     from digs_warp.reconstruct import ReconstructConfig, reconstruct
 
@@ -44,17 +58,29 @@ def run_case(case: Case, folder: Path, keep: bool = False) -> dict[str, Any]:
     config = with_settings(ReconstructConfig(), case.reconstruction)
     work = folder / WORK / case.key
     shutil.rmtree(work, ignore_errors=True)
+    matched = folder / SFM / digest([case.recording, config.sfm])
+    if matched.is_dir():
+        shutil.copytree(matched, work / "sfm")
     with _CompileTimes() as compiled:
-        reconstruct(capture, config, work)
-    measured = _measure(work) | {
+        gaussians = reconstruct(capture, config, work)
+    measured = _measure(work)
+    _share_sfm(work, matched, measured["seconds"])
+    measured |= {
+        "yardstick": _yardstick_score(case, gaussians, folder),
+        "surface": _surface_scores(capture, work, gaussians),
         "recording_seconds": read_json(capture.folder / "run.json", "run record")["seconds"],
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
     }
     measured["seconds"]["compile kernels"] = round(compiled.seconds, 3)
-    if not keep:
-        shutil.rmtree(work)
+    shutil.rmtree(work)
     return measured
+
+
+def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
+    from sim.record import simulate
+
+    return simulate(config, folder / CAPTURES / key, resume=True)
 
 
 def _measure(work: Path) -> dict[str, Any]:
@@ -66,6 +92,44 @@ def _measure(work: Path) -> dict[str, Any]:
         "course": course,
         "seconds": run["seconds"],
         "results": run["results"],
+    }
+
+
+def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
+    """Keep structure from motion for the next case, or note the time that it took the first one."""
+    stage = "structure from motion"
+    note = matched / "study.json"
+    if note.is_file():
+        seconds[stage] = read_json(note, "note")["seconds"]
+    elif (work / "sfm").is_dir():
+        shutil.copytree(work / "sfm", matched)
+        write_atomically(note, to_json({"seconds": seconds[stage]}).encode())
+
+
+def _yardstick_score(case: Case, gaussians: Gaussians, folder: Path) -> dict[str, float]:
+    """Measure the result on views that no case has seen: a perfect camera on a walk of its own."""
+    from digs_warp.splat.device import DeviceGaussians
+    from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
+
+    scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
+    config = with_settings(SimulateConfig(**YARDSTICK), scene)
+    views = load_test_views(_recorded(config, f"yardstick-{digest(scene)}", folder).frames)
+    return mean_score(
+        score_views(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
+    )
+
+
+def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:
+    from digs_warp.commands.true_surface import read_true_surface
+    from digs_warp.surface_metrics import surface_score
+
+    surface = read_true_surface(capture.folder)
+    if surface is None:
+        return {}
+    points = PointCloud.load(work / "initial_points.npz").points_world
+    return {
+        "points": surface_score(points, surface, SURFACE_THRESHOLD).to_json(),
+        "gaussians": surface_score(gaussians.means, surface, SURFACE_THRESHOLD).to_json(),
     }
 
 
