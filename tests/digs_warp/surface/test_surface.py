@@ -64,7 +64,7 @@ def exact_views(noise: float = 0.0) -> list[DepthView]:
     """A grey sphere in closed form: what the fusion alone has to get right."""
     rng = np.random.default_rng(0)
     views = []
-    for camera in cameras(128):
+    for camera in cameras(96):
         k = camera.intrinsics
         u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
         rays = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1)
