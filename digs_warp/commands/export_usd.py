@@ -1,15 +1,16 @@
 """`digs-warp export-usd`: Gaussians -> a USD scene."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
-from digs_warp.commands.layout import EVALUATION, RUN_RECORD, find_gaussians
+from digs_warp.checks import DigsError
+from digs_warp.commands.layout import find_gaussians
 from digs_warp.commands.output import check_output_file
-from digs_warp.commands.quality import read_quality
-from digs_warp.log import read_json
+from digs_warp.commands.usd_capture import scene_metadata, write_capture_package
+from usd.writer import WriteOptions
 
 if TYPE_CHECKING:
     from digs_warp.gaussians import Gaussians
@@ -17,7 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ExportUsd:
-    """Write reconstructed Gaussians as a USD scene, for USD viewers and simulators."""
+    """Write reconstructed Gaussians as a USD scene, for USD viewers and simulators.
+
+    With --capture the scene also holds the cameras, the initial points, the recorded object and levels of
+    detail; with --also it holds several reconstructions of that capture as variants.
+    """
 
     source: Annotated[Path, tyro.conf.Positional]
     """A folder that 'digs-warp reconstruct' or 'digs-warp run' wrote, or its gaussians.npz."""
@@ -28,7 +33,21 @@ class ExportUsd:
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the file if it exists."""
 
+    capture: Path | None = None
+    """The capture that was reconstructed: its cameras and sources go into the scene (.usdz only)."""
+
+    also: tuple[Path, ...] = ()
+    """More reconstructions of that capture: each becomes a variant, named after its initialization."""
+
+    storage: Annotated[WriteOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=WriteOptions
+    )
+
     can_resume: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.also and self.capture is None:
+            raise DigsError("--also needs --capture: the variants show one recording")
 
     def execute(self) -> str:
         """Read, write, say what was written."""
@@ -36,27 +55,21 @@ class ExportUsd:
 
         check_output_file(self.out, self.overwrite)
         source = find_gaussians(self.source)
-        gaussians = Gaussians.load(source)
-        write_scene(gaussians, source.parent, self.out)
+        if self.capture is not None:
+            folders = [source.parent, *(find_gaussians(path).parent for path in self.also)]
+            count = write_capture_package(self.capture, folders, self.out, self.storage)
+        else:
+            gaussians = Gaussians.load(source)
+            count = len(gaussians)
+            write_scene(gaussians, source.parent, self.out, self.storage)
         size = self.out.stat().st_size / 1e6
-        return f"{self.out}: {len(gaussians):,} Gaussians, {size:.1f} MB"
+        return f"{self.out}: {count:,} Gaussians, {size:.1f} MB"
 
 
-def write_scene(gaussians: "Gaussians", reconstruction: Path, path: Path) -> None:
-    """Write the scene; what is known about its making goes along as metadata."""
-    from digs_warp.splat.config import DEFAULT_OPTIONS as options
+def write_scene(
+    gaussians: "Gaussians", reconstruction: Path, path: Path, options: WriteOptions | None = None
+) -> None:
+    """Write the Gaussians alone; what is known about their making goes along as metadata."""
     from usd.writer import write_gaussians
 
-    # USD has no place for what the training assumed of its renderer.
-    kernel = {
-        "dilation_px2": options.dilation,
-        "min_alpha": options.min_alpha,
-        "max_alpha": options.max_alpha,
-    }
-    metadata: dict[str, Any] = {"kernel": kernel}
-    if (reconstruction / RUN_RECORD).is_file():
-        record = read_json(reconstruction / RUN_RECORD, "run record")
-        metadata |= {key: record[key] for key in ("settings", "versions") if key in record}
-    if (reconstruction / EVALUATION).is_file():
-        metadata["held_out"] = read_quality(reconstruction).mean
-    write_gaussians(path, gaussians, metadata)
+    write_gaussians(path, gaussians, scene_metadata(reconstruction), options)

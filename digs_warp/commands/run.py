@@ -9,13 +9,14 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.commands import layout
-from digs_warp.commands.export_usd import write_scene
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.commands.usd_capture import write_capture_package
 from digs_warp.log import RunLog
 from sim.config import SimulateConfig
+from usd.writer import WriteOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,8 @@ class Run(ReconstructionOptions):
         quality = read_quality(reconstruction)
         log.results = {"gaussians": len(gaussians), "held_out": quality.mean}
         with _saved_stage(log, "export", record):
-            write_scene(gaussians, reconstruction, folder / layout.SCENE)
+            places = folder / layout.CAPTURE, [reconstruction], folder / layout.SCENE
+            write_capture_package(*places, WriteOptions())
         with _saved_stage(log, "report", record):
             write_report(capture, reconstruction, folder / layout.REPORT)
         what = f"{len(gaussians):,} Gaussians from {len(capture)} frames, {quality}"

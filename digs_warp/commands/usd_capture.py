@@ -1,0 +1,150 @@
+"""From folders that the commands wrote to the USD package of a capture."""
+
+import hashlib
+import logging
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from digs_warp.capture import Capture, Frame, read_capture
+from digs_warp.checks import DigsError
+from digs_warp.commands.layout import EVALUATION, GAUSSIANS, RUN_RECORD
+from digs_warp.commands.quality import read_quality
+from digs_warp.log import read_json
+
+if TYPE_CHECKING:
+    from digs_warp.triangle_mesh import TriangleMesh
+    from usd.cameras import CameraPath
+    from usd.capture_scene import Reconstruction
+    from usd.writer import WriteOptions
+
+logger = logging.getLogger(__name__)
+
+
+def write_capture_package(
+    capture_folder: Path, reconstructions: Sequence[Path], path: Path, options: "WriteOptions"
+) -> int:
+    """Write one scene of all reconstructions of a capture, with its cameras; return the number of splats.
+
+    Args:
+        capture_folder: the recording.
+        reconstructions: folders of 'digs-warp reconstruct'; the first is shown by default.
+        path: the ``.usdz`` file.
+        options: precision and degree.
+
+    Raises:
+        DigsError: a folder is not finished, or the scene cannot be written.
+    """
+    from usd.capture_scene import CaptureScene, write_capture_scene
+
+    capture = read_capture(capture_folder)
+    names = variant_labels(reconstructions)
+    each = tuple(
+        _reconstruction(folder, name) for folder, name in zip(reconstructions, names, strict=True)
+    )
+    scene = CaptureScene(
+        reconstructions=each,
+        cameras=_camera_path(capture, reconstructions[0]),
+        source_mesh=_source_mesh(capture_folder),
+        metadata=scene_metadata(reconstructions[0]) | _data_hash(capture_folder),
+    )
+    write_capture_scene(path, scene, options)
+    return len(each[0].gaussians)
+
+
+def scene_metadata(reconstruction: Path) -> dict[str, Any]:
+    """Return what is known about the making of a reconstruction.
+
+    USD has no place for what the training assumed of its renderer: its constants are part of it.
+    """
+    from digs_warp.splat.config import DEFAULT_OPTIONS as options
+
+    kernel = {
+        "dilation_px2": options.dilation,
+        "min_alpha": options.min_alpha,
+        "max_alpha": options.max_alpha,
+    }
+    metadata: dict[str, Any] = {"kernel": kernel}
+    if (reconstruction / RUN_RECORD).is_file():
+        record = read_json(reconstruction / RUN_RECORD, "run record")
+        metadata |= {key: record[key] for key in ("settings", "versions") if key in record}
+    if (reconstruction / EVALUATION).is_file():
+        metadata["held_out"] = read_quality(reconstruction).mean
+    return metadata
+
+
+def variant_labels(reconstructions: Sequence[Path]) -> list[str]:
+    """Return a name for each: its initialization, else its folder; numbered where they repeat."""
+    names = []
+    for folder in reconstructions:
+        name = folder.resolve().name
+        if (folder / RUN_RECORD).is_file():
+            settings = read_json(folder / RUN_RECORD, "run record").get("settings") or {}
+            name = (settings.get("init") or {}).get("strategy") or name
+        names.append(name)
+    return [
+        f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
+    ]
+
+
+def _reconstruction(folder: Path, name: str) -> "Reconstruction":
+    from digs_warp.front_end import POINTS
+    from digs_warp.gaussians import Gaussians
+    from digs_warp.point_cloud import PointCloud
+    from usd.capture_scene import Reconstruction
+
+    points = PointCloud.load(folder / POINTS) if (folder / POINTS).is_file() else None
+    metadata = scene_metadata(folder)
+    own = {key: metadata[key] for key in ("settings", "held_out") if key in metadata}
+    return Reconstruction(name, Gaussians.load(folder / GAUSSIANS), points, own)
+
+
+def _camera_path(capture: Capture, reconstruction: Path) -> "CameraPath | None":
+    """Return the cameras as the reconstruction used them, in the order of the recording."""
+    from digs_warp.posed_frames import CAMERAS, PosedFrames
+    from usd.cameras import CameraPath
+
+    frames: list[tuple[Frame, bool]] = [(frame, False) for frame in capture.frames]
+    if (reconstruction / CAMERAS).is_file():
+        posed = PosedFrames.load(capture, reconstruction)
+        frames = [
+            *((frame, False) for frame in posed.training),
+            *((frame, True) for frame in posed.held_out),
+        ]
+    frames.sort(key=lambda entry: (entry[0].time, entry[0].name))
+    times = [frame.time for frame, _ in frames]
+    if any(later <= before for before, later in pairwise(times)):
+        times = [float(i) for i in range(len(frames))]  # photographs without a clock
+    try:
+        return CameraPath(
+            cameras=tuple(frame.camera for frame, _ in frames),
+            times=tuple(times),
+            names=tuple(frame.name for frame, _ in frames),
+            held_out=tuple(held_out for _, held_out in frames),
+            baseline=capture.rig.baseline if capture.rig else None,
+        )
+    except DigsError as error:
+        logger.warning("the scene gets no cameras: %s", error)
+        return None
+
+
+def _source_mesh(capture_folder: Path) -> "TriangleMesh | None":
+    from digs_warp.commands.true_surface import read_true_surface
+
+    try:
+        return read_true_surface(capture_folder)
+    except DigsError as error:
+        logger.warning("the scene gets no source mesh: %s", error)
+        return None
+
+
+def _data_hash(capture_folder: Path) -> dict[str, str]:
+    """Return one hash over the recording's files, from the hashes that its record lists."""
+    record = capture_folder / RUN_RECORD
+    if not record.is_file():
+        return {}
+    hashes = (read_json(record, "run record").get("results") or {}).get("sha256") or {}
+    lines = "".join(f"{hashes[name]}  {name}\n" for name in sorted(hashes))
+    return {"capture_sha256": hashlib.sha256(lines.encode()).hexdigest()} if hashes else {}

@@ -1,0 +1,60 @@
+"""Write the same Gaussians with NVIDIA's usd-convert-gsplat and with this package, in one run; print a table.
+
+    python -m venv /tmp/other && /tmp/other/bin/pip install usd-convert-gsplat usd-core
+    python scripts/compare_usd_writers.py /tmp/other/bin/usd-convert-gsplat --splats 100000
+
+The other program pins its own NumPy and reads a PLY, so it runs in its own environment; its time contains its
+start and the reading of the PLY, and so does ours, started as a process of its own. Our reader then reads
+both files, and the greatest differences between them are printed.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from digs_warp.interchange.splats.files import write_splat_file
+from digs_warp.study.bench_usd import random_splats
+from digs_warp.study.results import Result, format_table
+from usd.diff import differences
+
+
+def seconds(command: list[str]) -> float:
+    """Run a command and return how long it took."""
+    start = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    """Compare and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("converter", help="the program usd-convert-gsplat of its own environment")
+    parser.add_argument("--splats", type=int, default=100_000)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        ply, theirs, ours = (Path(folder) / name for name in ("a.ply", "theirs.usdc", "ours.usdc"))
+        write_splat_file(ply, random_splats(arguments.splats))
+        ours_command = [
+            sys.executable,
+            "-c",
+            "import sys; from digs_warp.cli import main; sys.exit(main())",
+        ]
+        commands = {
+            "usd-convert-gsplat": [arguments.converter, "-i", str(ply), "-o", str(theirs)],
+            "digs-warp convert": [*ours_command, "convert", str(ply), str(ours), "--up", "y"],
+        }
+        results = []
+        for (name, command), path in zip(commands.items(), (theirs, ours), strict=True):
+            case = {"program": name, "splats": arguments.splats}
+            results.append(Result("PLY to USD", seconds(command), "s", case))
+            results.append(Result("size", path.stat().st_size / 1e6, "MB", case))
+        lines = [format_table(results), "", "differences of the two files:"]
+        lines += [f"  {line}" for line in differences(ours, theirs)]
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
