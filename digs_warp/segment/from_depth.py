@@ -1,0 +1,258 @@
+"""Masks without a network: what stands in front by its depth, with borders from the photograph.
+
+The surface that the object stands on, or the wall behind it, is the plane that most depth pixels lie in. What
+is nearer falls into pieces at jumps of depth, and the piece in the middle of the image is the object. Depth
+is missing or wrong at the borders, where colours are sharp: there GrabCut decides (Rother, Kolmogorov and
+Blake, SIGGRAPH 2004).
+"""
+
+import numpy as np
+
+from digs_warp.checks import check_shape
+
+# The cut runs on an image of at most this side [px]: its time grows with the pixels, its exactness little.
+CUT_SIZE = 720
+CUT_ROUNDS = 3
+
+# Width, as a share of the image's longer side, of the band at the depth's borders in which colours decide.
+BAND = 0.012
+
+# Unknown depth takes its neighbour's value over this distance, as a share of the image's longer side.
+GAP = 0.015
+
+# A plane counts from this share of the known pixels on. Pixels belong to it within this relative distance.
+PLANE_SHARE = 0.35
+PLANE_MARGIN = 0.015
+PLANE_TRIALS = 200
+PLANE_SAMPLES = 2000
+
+# A table or a wall reaches the border of the image, this share of it, or lies behind something while it
+# spans nearly all that is known. A flat side of the object does neither.
+PLANE_BORDER_SHARE = 0.3
+LEAST_IN_FRONT = 0.003
+PLANE_SPAN = 0.8
+
+# Neighbours belong together when their depths differ by less than this share.
+LARGEST_STEP = 0.05
+
+# Pieces beside the best one are kept from this share of its score on, if they are about as far away.
+PIECE_SHARE = 0.1
+PIECE_DEPTH_RATIO = 1.3
+
+# Weight of a pixel by its distance to the middle, as a share of the image's shorter side.
+CENTER_SIGMA = 0.2
+
+# What the border of the image cuts is rarely the object: its score falls by this, per share of the border.
+BORDER_PENALTY = 100.0
+
+OBJECT, SURROUND = 255, 0
+
+
+def mask_from_depth(image: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return the mask of what stands in front, in the middle of the image; empty where nothing does.
+
+    Args:
+        image: sRGB, shape (height, width, 3), uint8.
+        depth: planar depth [m], shape (height, width), NaN where unknown.
+
+    Returns:
+        Shape (height, width), uint8, 0 to 255.
+    """
+    import cv2
+
+    height, width = depth.shape
+    check_shape("image", image, (height, width, 3))
+    factor = min(1.0, CUT_SIZE / max(height, width))
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    small_depth = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST)
+    gap, known = round(GAP * max(size)), np.isfinite(small_depth)
+    measured = object_by_depth(with_gaps_filled(small_depth, gap)) & known
+    if not measured.any():
+        return np.full((height, width), SURROUND, np.uint8)
+    near = without_enclosed_holes(closed(measured, gap) & (measured | ~known), known)
+    far = closed(known & ~measured, gap) & ~near
+    small_image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    cut = refine_by_color(small_image, near, far)
+    # Bilinear enlargement gives the border the soft edge of a network's mask.
+    return cv2.resize(np.where(cut, OBJECT, SURROUND).astype(np.uint8), (width, height))
+
+
+def object_by_depth(depth: np.ndarray) -> np.ndarray:
+    """Return the pixels of the piece in the middle that stands before plane and surround, (h, w) bool."""
+    in_front = np.isfinite(depth) & ~on_or_behind_main_plane(depth)
+    labels = connected_pieces(depth, in_front)
+    if not in_front.any():
+        return in_front
+    scores = np.bincount(labels[in_front], weights=_weights(depth.shape)[in_front])
+    border = _border_share(labels, in_front, len(scores))
+    scores /= 1.0 + BORDER_PENALTY * border
+    best = int(np.argmax(scores))
+    distance = np.median(depth[in_front & (labels == best)])
+    kept = [
+        piece
+        for piece in np.flatnonzero(scores >= PIECE_SHARE * scores[best])
+        if _ratio(np.median(depth[in_front & (labels == piece)]), distance) < PIECE_DEPTH_RATIO
+        and (border[piece] == 0 or border[best] > 0)
+    ]
+    return in_front & np.isin(labels, kept)
+
+
+def on_or_behind_main_plane(depth: np.ndarray) -> np.ndarray:
+    """Return which pixels the main plane accounts for, (height, width) bool; none where there is no plane.
+
+    The inverse depth of a plane is linear in the image, whatever the camera: 1 / z = a u + b v + c.
+    It is found by RANSAC (Fischler and Bolles 1981) with a fixed seed.
+    """
+    v, u = np.nonzero(np.isfinite(depth))
+    nothing = np.zeros(depth.shape, bool)
+    if len(u) < 3:
+        return nothing
+    rows = np.stack([u, v, np.ones_like(u)], axis=1).astype(np.float64)
+    inverse = 1.0 / depth[v, u].astype(np.float64)
+    rng = np.random.default_rng(0)
+    plane = _best_plane(rows, inverse, rng)
+    if plane is None:
+        return nothing
+    on_plane = np.abs(rows @ plane - inverse) < PLANE_MARGIN * inverse
+    plane = np.linalg.lstsq(rows[on_plane], inverse[on_plane], rcond=None)[0]
+    gap = inverse - rows @ plane  # above 0: nearer than the plane
+    on_plane, in_front = np.abs(gap) < PLANE_MARGIN * inverse, gap >= PLANE_MARGIN * inverse
+    on_image = nothing.copy()
+    on_image[v[on_plane], u[on_plane]] = True
+    reaches_border = _border_pixels(on_image).mean() > PLANE_BORDER_SHARE
+    span = np.ptp(rows[on_plane, :2], axis=0) / np.ptp(rows[:, :2], axis=0)
+    lies_behind = in_front.mean() > LEAST_IN_FRONT and span.min() > PLANE_SPAN
+    if on_plane.mean() < PLANE_SHARE or not (reaches_border or lies_behind):
+        return nothing
+    accounted = nothing.copy()
+    accounted[v, u] = ~in_front
+    return accounted
+
+
+def _best_plane(
+    rows: np.ndarray, inverse: np.ndarray, rng: np.random.Generator
+) -> np.ndarray | None:
+    """Return (a, b, c) through three pixels that most of a sample agrees with."""
+    sample = rng.choice(len(rows), min(PLANE_SAMPLES, len(rows)), replace=False)
+    triples = rng.choice(sample, (PLANE_TRIALS, 3))
+    corners = rows[triples]
+    usable = np.abs(np.linalg.det(corners)) > 1.0  # three pixels that span a triangle
+    if not usable.any():
+        return None
+    planes = np.linalg.solve(corners[usable], inverse[triples[usable]][..., None])[..., 0]
+    gaps = np.abs(rows[sample] @ planes.T - inverse[sample, None])
+    return planes[np.argmax((gaps < PLANE_MARGIN * inverse[sample, None]).sum(axis=0))]
+
+
+def connected_pieces(depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return the number of the piece that each pixel belongs to; pieces end at jumps of depth.
+
+    Args:
+        depth: shape (height, width); finite where ``wanted``.
+        wanted: shape (height, width), bool; other pixels are pieces of their own.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count = depth.size
+    index = np.arange(count).reshape(depth.shape)
+    logs = np.log(np.where(wanted, depth, 1.0))
+    links = []
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        together = wanted[a] & wanted[b] & (np.abs(logs[a] - logs[b]) < LARGEST_STEP)
+        links.append(np.stack([index[a][together], index[b][together]]))
+    first, second = np.concatenate(links, axis=1)
+    graph = coo_array((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].reshape(depth.shape)
+
+
+def with_gaps_filled(depth: np.ndarray, radius: int) -> np.ndarray:
+    """Return the depth with unknown pixels given the value of the nearest known one within ``radius`` px."""
+    from scipy.ndimage import distance_transform_edt
+
+    unknown = ~np.isfinite(depth)
+    if unknown.all():
+        return depth
+    found = distance_transform_edt(unknown, return_indices=True)
+    assert found is not None  # only when told to write elsewhere
+    distance, (v, u) = found
+    return np.where(distance <= radius, depth[v, u], depth)
+
+
+def closed(mask: np.ndarray, radius: int) -> np.ndarray:
+    """Return the mask with gaps up to 2 ``radius`` px filled; its outline stays (morphological closing)."""
+    import cv2
+
+    padded = np.pad(mask.astype(np.uint8), radius)  # the image border must not pull the mask
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    filled = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, kernel) > 0
+    return filled[radius : radius + mask.shape[0], radius : radius + mask.shape[1]]
+
+
+def without_enclosed_holes(near: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Return ``near`` with its holes filled where no depth says that one sees through."""
+    import cv2
+
+    _, labels = cv2.connectedComponents((~near).astype(np.uint8), connectivity=4)
+    open_labels = np.unique(
+        np.concatenate([labels[known], labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    )
+    return near | ~np.isin(labels, open_labels)
+
+
+def main_pieces(mask: np.ndarray) -> np.ndarray:
+    """Return the largest connected piece and all that are not much smaller; strays are left out."""
+    import cv2
+
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if count < 2:
+        return mask
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    kept = 1 + np.flatnonzero(areas >= PIECE_SHARE * areas.max())
+    return np.isin(labels, kept)
+
+
+def refine_by_color(image: np.ndarray, near: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Return the object, (height, width) bool: near and far stay what they are away from their borders."""
+    import cv2
+
+    radius = max(1, round(BAND * max(near.shape)))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    # The image border is no border of the object.
+    sure_object = cv2.erode(near.astype(np.uint8), kernel, borderValue=1)
+    sure_surround = cv2.erode(far.astype(np.uint8), kernel, borderValue=1)
+    if not (sure_object.any() and sure_surround.any()):  # nothing to learn colours from
+        return near
+    labels = np.where(near, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    labels[sure_object > 0] = cv2.GC_FGD
+    labels[sure_surround > 0] = cv2.GC_BGD
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)  # of this thread: the same image gives the same mask
+    bgr = np.ascontiguousarray(image[..., ::-1])
+    no_box = (0, 0, 0, 0)
+    cv2.grabCut(bgr, labels, no_box, *models, CUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
+    return main_pieces((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD))
+
+
+def _weights(shape: tuple[int, ...]) -> np.ndarray:
+    """Return 1 in the middle of the image, falling off toward its border, (height, width)."""
+    height, width = shape
+    sigma = CENTER_SIGMA * min(shape)
+    v, u = np.mgrid[:height, :width]
+    squared = (u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2
+    return np.exp(-0.5 * squared / sigma**2)
+
+
+def _border_share(labels: np.ndarray, wanted: np.ndarray, pieces: int) -> np.ndarray:
+    """Return which share of the image's border each piece takes, (pieces,)."""
+    along = _border_pixels(wanted)
+    return np.bincount(_border_pixels(labels)[along], minlength=pieces) / len(along)
+
+
+def _border_pixels(image: np.ndarray) -> np.ndarray:
+    """Return the outermost pixels, (n,); the corners twice."""
+    return np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+
+
+def _ratio(a: float, b: float) -> float:
+    return max(a, b) / min(a, b)
