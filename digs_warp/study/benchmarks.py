@@ -51,6 +51,11 @@ BENCHMARKS = (
         "the splat rasterizer: plain against vectorized, 1 and 2 threads, forward and backward",
     ),
     Benchmark(
+        "render",
+        "digs_warp.study.bench_render:bench_render",
+        "the frame rate of a film of the built-in object at three image sizes, 1 thread and all",
+    ),
+    Benchmark(
         "train",
         "digs_warp.study.bench_train:bench_train",
         "a training step, stage by stage, at three image sizes",

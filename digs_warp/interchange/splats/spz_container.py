@@ -34,8 +34,9 @@ _TABLE_ENTRY = struct.Struct("<QQ")
 
 _GZIP_MAGIC = b"\x1f\x8b"
 _GZIP_WINDOW = 16 + zlib.MAX_WBITS
-GZIP_LEVEL = 6
-ZSTD_LEVEL = 12
+# Levels beyond these take several times as long for the last per cent or two.
+GZIP_LEVEL = 3
+ZSTD_LEVEL = 3
 
 
 @dataclass(frozen=True, eq=False)
