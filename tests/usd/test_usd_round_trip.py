@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from digs_warp.checks import UsdError
 from digs_warp.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.geometry import matrix_from_quat_xyzw, quat_multiply, quat_xyzw_from_matrix
+from digs_warp.sh import rgb_from_sh, rotate_sh
+from usd.convert import Precision
 from usd.reader import read_gaussians, read_scene
-from usd.writer import write_gaussians
+from usd.writer import WriteOptions, write_gaussians
 
 # Half a step of float32 at 1, relative.
 EPS = 2.0**-24
@@ -116,3 +119,92 @@ def test_metadata_comes_back_as_it_was(tmp_path: Path, random_gaussians, suffix:
     read = read_scene(path).metadata
     assert read.pop("version")
     assert read == metadata
+
+
+# Half a step of float16 at 1, relative.
+HALF_EPS = 2.0**-11
+
+
+@pytest.mark.parametrize("precision", ["mixed", "half"])
+@pytest.mark.parametrize("degree", range(4))
+@pytest.mark.parametrize("count", [0, 1, 1000])
+def test_halves_are_read_to_their_rounding(
+    tmp_path: Path, random_gaussians, precision: Precision, degree: int, count: int
+):
+    gaussians = random_gaussians(count, degree)
+    path = tmp_path / "scene.usdz"
+    write_gaussians(path, gaussians, options=WriteOptions(precision=precision))
+    read = read_gaussians(path)
+    assert (len(read), read.sh_degree) == (count, degree)
+    if precision == "mixed":
+        assert_array_equal(read.means, gaussians.means)
+    else:
+        assert_allclose(read.means, gaussians.means, rtol=HALF_EPS, atol=1e-7)
+    # Below 6e-5 halves have fewer digits, down to a step of 6e-8.
+    assert_allclose(read.scales, gaussians.scales, rtol=HALF_EPS, atol=3.1e-8)
+    assert (read.scales > 0).all()
+    assert_allclose(read.opacities, gaussians.opacities, rtol=HALF_EPS + 1e-6, atol=1e-7)
+    turns = matrix_from_quat_xyzw(read.quats), matrix_from_quat_xyzw(gaussians.quats)
+    assert_allclose(*turns, atol=8 * HALF_EPS)
+    largest = np.abs(gaussians.sh).max(initial=1.0)
+    assert_allclose(read.sh, gaussians.sh, atol=2 * HALF_EPS * largest)
+
+
+def test_scales_below_half_precision_stay_above_zero(tmp_path: Path, random_gaussians):
+    gaussians = random_gaussians(3)
+    gaussians.log_scales[0] = -30.0
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, gaussians, options=WriteOptions(precision="half"))
+    assert_allclose(read_gaussians(path).scales[0], 2.0**-24)
+
+
+@pytest.mark.parametrize(("field", "precision"), [("means", "mixed"), ("sh", "float")])
+def test_values_beyond_half_precision_are_refused_by_name(
+    tmp_path: Path, random_gaussians, field: str, precision: str
+):
+    gaussians = random_gaussians(3)
+    getattr(gaussians, field)[1] = 70000.0
+    name = {"means": "positions", "sh": "sh"}[field]
+    with pytest.raises(UsdError, match=rf"{name} beyond 65504.*'{precision}'"):
+        write_gaussians(tmp_path / "scene.usdc", gaussians, options=WriteOptions(precision="half"))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_the_degree_of_the_file_can_be_chosen(tmp_path: Path, random_gaussians, degree):
+    for trained in range(4):
+        gaussians = random_gaussians(20, trained)
+        path = tmp_path / f"{trained}.usdc"
+        write_gaussians(path, gaussians, options=WriteOptions(sh_degree=degree))
+        read = read_gaussians(path)
+        shared = (min(trained, degree) + 1) ** 2
+        assert read.sh_degree == degree
+        assert_allclose(read.sh[:, :shared], gaussians.sh[:, :shared], atol=2e-6)
+        assert_allclose(read.sh[:, shared:], 0, atol=1e-6)
+
+
+def test_what_is_turned_before_the_export_is_turned_in_the_file(tmp_path: Path, random_gaussians):
+    """export(R scene) shows along R d what export(scene) shows along d, for any rotation R."""
+    rng = np.random.default_rng(3)
+    rotation = matrix_from_quat_xyzw(rng.normal(size=4))
+    gaussians = random_gaussians(200)
+    turned = Gaussians(
+        means=gaussians.means @ rotation.T,
+        log_scales=gaussians.log_scales,
+        quats=quat_multiply(quat_xyzw_from_matrix(rotation), gaussians.quats),
+        opacity_logits=gaussians.opacity_logits,
+        sh=rotate_sh(gaussians.sh, rotation),
+    )
+    paths = tmp_path / "straight.usdc", tmp_path / "turned.usdc"
+    for path, each in zip(paths, (gaussians, turned), strict=True):
+        write_gaussians(path, each)
+    straight, back = (read_gaussians(path) for path in paths)
+    assert_allclose(back.means, straight.means @ rotation.T, atol=1e-5)
+    for _ in range(5):
+        directions = rng.normal(size=(200, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        assert_allclose(
+            rgb_from_sh(back.sh, directions @ rotation.T),
+            rgb_from_sh(straight.sh, directions),
+            atol=1e-5,
+        )

@@ -18,7 +18,7 @@ from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.images import linear_from_srgb
 from digs_warp.sh import rgb_from_sh, sh_from_rgb
 from usd.files import MAX_PACKAGE, check_package_size
-from usd.writer import write_gaussians
+from usd.writer import WriteOptions, write_gaussians
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
 
@@ -225,7 +225,7 @@ def test_same_input_gives_the_same_bytes_in_another_process(
     there = tmp_path / f"there{suffix}"
     program = (
         "from pathlib import Path; from digs_warp.gaussians import Gaussians\n"
-        "from usd.writer import write_gaussians\n"
+        "from usd.writer import WriteOptions, write_gaussians\n"
         f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
         f"write_gaussians(Path({str(there)!r}), gaussians,"
         " {'b': 1, 'a': {'d': [1.5], 'c': 'text'}})\n"
@@ -260,6 +260,46 @@ def test_package_stores_one_aligned_member_named_default(tmp_path: Path, random_
     assert path.read_bytes()[start : start + 8] == b"PXR-USDC"
 
 
+def test_the_record_of_authorship_says_what_wrote_the_scene_from_what(
+    tmp_path: Path, random_gaussians
+):
+    from pxr import Usd, UsdMedia
+
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(2), {"settings": {"iterations": 100, "name": "a"}})
+    stage = Usd.Stage.Open(str(path))
+    record = UsdMedia.AuthorshipAPI.Get(stage.GetDefaultPrim(), "digs_train")
+    assert record.GetSoftwarePackageAttr().Get() == "digs_warp"
+    assert record.GetSoftwareVersionAttr().Get()
+    assert list(record.GetInputsAttr().Get()) == [
+        "settings.iterations",
+        "100",
+        "settings.name",
+        "a",
+    ]
+
+
+@pytest.mark.parametrize("precision", ["float", "mixed", "half"])
+def test_extent_holds_what_is_stored_in_every_precision(
+    tmp_path: Path, random_gaussians, precision
+):
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(500), options=WriteOptions(precision=precision))
+    _stage, field = field_of(path)
+
+    def stored(name: str) -> np.ndarray:
+        value = field.GetAttribute(name).Get() or field.GetAttribute(name + "h").Get()
+        return np.array(value, dtype=np.float64)
+
+    orientations = field.GetAttribute("orientations").Get()
+    orientations = orientations or field.GetAttribute("orientationsh").Get()
+    axes = matrix_from_quat_xyzw(np.array(orientations)) * stored("scales")[:, None]
+    reach = 3 * np.linalg.norm(axes, axis=2)
+    low, high = stored("extent")
+    assert (stored("positions") - reach >= low).all()
+    assert (stored("positions") + reach <= high).all()
+
+
 def test_files_of_the_same_name_and_other_suffixes_are_left_alone(tmp_path: Path, random_gaussians):
     others = [tmp_path / name for name in ("scene.usda", "scene.usdc", "default.usdc", "scene")]
     for path in others:
@@ -284,7 +324,7 @@ def test_a_write_that_runs_out_of_space_leaves_the_old_file(
     program = (
         "import resource, signal; from pathlib import Path\n"
         "from digs_warp.checks import UsdError; from digs_warp.gaussians import Gaussians\n"
-        "from usd.writer import write_gaussians\n"
+        "from usd.writer import WriteOptions, write_gaussians\n"
         f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"

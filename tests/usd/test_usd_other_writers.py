@@ -1,0 +1,297 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""Files laid out as other exporters lay theirs out come to the same Gaussians.
+
+The layouts: usd-convert-gsplat 0.1.15 (root prim, text in .usdz), 3dgrut (features half, a package of
+layers), fVDB (Z-up data turned by a transform), LichtFeld (no metadata on the coefficients, quaternions
+not normalized), one assembled from the schema's parts, and splats in centimetres under a scaled parent.
+"""
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from reference.capture_scenes import splats
+
+from digs_warp.checks import UsdError
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.sh import rgb_from_sh
+from usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
+from usd.writer import write_gaussians
+
+Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+HALF = 2.0**-10
+
+
+def y_up_arrays(tmp_path: Path, gaussians: Gaussians) -> dict[str, np.ndarray]:
+    """The schema's arrays of Gaussians in a Y-up stage, as NumPy."""
+    from pxr import Usd
+
+    path = tmp_path / "source.usdc"
+    write_gaussians(path, gaussians)
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath("/Asset/Gaussians")
+    names = {
+        "positions": "positions",
+        "orientations": "orientations",
+        "scales": "scales",
+        "opacities": "opacities",
+        "sh": "radiance:sphericalHarmonicsCoefficients",
+    }
+    return {key: np.array(prim.GetAttribute(name).Get()) for key, name in names.items()}
+
+
+def author(stage, path: str, arrays: dict[str, np.ndarray], half: tuple[str, ...] = ()):
+    """Author a field without any metadata on its coefficients."""
+    from pxr import Vt
+
+    prim = stage.DefinePrim(path, "ParticleField3DGaussianSplat")
+    kinds = {
+        "positions": ("positions", Vt.Vec3fArray, Vt.Vec3hArray),
+        "orientations": ("orientations", Vt.QuatfArray, Vt.QuathArray),
+        "scales": ("scales", Vt.Vec3fArray, Vt.Vec3hArray),
+        "opacities": ("opacities", Vt.FloatArray, Vt.HalfArray),
+        "sh": ("radiance:sphericalHarmonicsCoefficients", Vt.Vec3fArray, Vt.Vec3hArray),
+    }
+    for key, (name, full, halved) in kinds.items():
+        if key in half:
+            values = halved.FromNumpy(arrays[key].astype(np.float16))
+            prim.GetAttribute(name + "h").Set(values)
+        else:
+            values = full.FromNumpy(np.ascontiguousarray(arrays[key], dtype=np.float32))
+            prim.GetAttribute(name).Set(values)
+    count = len(arrays["sh"]) // len(arrays["positions"])
+    prim.GetAttribute("radiance:sphericalHarmonicsDegree").Set(round(count**0.5) - 1)
+    return prim
+
+
+def new_stage(path: Path, up: str = "Y", metres: float = 1.0):
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, up)
+    UsdGeom.SetStageMetersPerUnit(stage, metres)
+    return stage
+
+
+def usd_convert_gsplat(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    stage = new_stage(tmp_path / "default.usda")
+    prim = author(stage, "/mustard", arrays)
+    stage.SetDefaultPrim(prim)
+    coefficients = prim.GetAttribute("radiance:sphericalHarmonicsCoefficients")
+    coefficients.SetMetadata("elementSize", 16)
+    coefficients.SetMetadata("interpolation", "vertex")
+    prim.GetAttribute("primvars:displayColor").Set([(0.5, 0.5, 0.5)] * len(arrays["positions"]))
+    stage.Save()
+    path = tmp_path / "mustard.usdz"
+    with zipfile.ZipFile(path, "w") as archive:  # members are not aligned
+        archive.write(tmp_path / "default.usda", "default.usda")
+    return path
+
+
+def grut(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    from pxr import Sdf, Usd, UsdUtils
+
+    parts = new_stage(tmp_path / "gaussians.usdc")
+    prim = author(parts, "/Gaussians", arrays, half=("orientations", "sh"))
+    parts.SetDefaultPrim(prim)
+    prim.GetAttribute("sortingModeHint").Set("cameraDistance")
+    prim.CreateAttribute("colorSpace:name", Sdf.ValueTypeNames.Token).Set("srgb_rec709_display")
+    parts.Save()
+    stage = new_stage(tmp_path / "default.usda")
+    world = stage.DefinePrim("/World", "Xform")
+    stage.SetDefaultPrim(world)
+    stage.DefinePrim("/World/Gaussians").GetReferences().AddReference("./gaussians.usdc")
+    stage.DefinePrim("/World/Camera", "Camera")
+    stage.Save()
+    path = tmp_path / "scene.usdz"
+    assert Usd.Stage.Open(str(tmp_path / "default.usda"))
+    UsdUtils.CreateNewUsdzPackage(str(tmp_path / "default.usda"), str(path), "default.usda")
+    return path
+
+
+def fvdb(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    """The values stay in the data's own frame (z up); a transform turns them upright."""
+    from pxr import UsdGeom
+
+    z_up = dict(arrays)
+    z_up["positions"] = arrays["positions"] @ Y_UP
+    plain = splats(len(arrays["positions"]), 7)
+    z_up["orientations"], z_up["sh"] = plain.quats, plain.sh.reshape(-1, 3)
+    stage = new_stage(tmp_path / "scene.usdc")
+    root = UsdGeom.Xform.Define(stage, "/World")
+    root.AddRotateXOp().Set(-90.0)
+    author(stage, "/World/gaussians", z_up)
+    stage.SetDefaultPrim(root.GetPrim())
+    stage.Save()
+    return tmp_path / "scene.usdc"
+
+
+def lichtfeld(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    long = dict(arrays)
+    long["orientations"] = (
+        arrays["orientations"] * np.linspace(0.5, 3, len(arrays["orientations"]))[:, None]
+    )
+    stage = new_stage(tmp_path / "scene.usda")
+    stage.SetDefaultPrim(author(stage, "/GaussianSplat", long))
+    stage.Save()
+    return tmp_path / "scene.usda"
+
+
+def assembled(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    """Assembled from parts: a plain ParticleField with the kernel of ellipsoids; no degree is authored."""
+    stage = new_stage(tmp_path / "scene.usda")
+    stage.SetDefaultPrim(author(stage, "/splats", arrays))
+    stage.Save()
+    text = (tmp_path / "scene.usda").read_text()
+    text = text.replace(
+        'def ParticleField3DGaussianSplat "splats"',
+        'def ParticleField "splats" (\n    prepend apiSchemas = ['
+        '"ParticleFieldPositionAttributeAPI", "ParticleFieldOrientationAttributeAPI", '
+        '"ParticleFieldScaleAttributeAPI", "ParticleFieldOpacityAttributeAPI", '
+        '"ParticleFieldKernelGaussianEllipsoidAPI", '
+        '"ParticleFieldSphericalHarmonicsAttributeAPI"]\n)',
+    ).replace("uniform int radiance:sphericalHarmonicsDegree = 3", "")
+    (tmp_path / "assembled.usda").write_text(text)
+    return tmp_path / "assembled.usda"
+
+
+def centimetres(tmp_path: Path, arrays: dict[str, np.ndarray]) -> Path:
+    """A scene in centimetres whose parent doubles: what is authored is 50 times as large."""
+    from pxr import UsdGeom
+
+    large = dict(arrays)
+    large["positions"], large["scales"] = arrays["positions"] * 50, arrays["scales"] * 50
+    stage = new_stage(tmp_path / "scene.usdc", metres=0.01)
+    root = UsdGeom.Xform.Define(stage, "/World")
+    root.AddScaleOp().Set((2, 2, 2))
+    author(stage, "/World/gaussians", large)
+    stage.Save()
+    return tmp_path / "scene.usdc"
+
+
+@pytest.mark.parametrize(
+    ("layout", "rounding"),
+    [
+        (usd_convert_gsplat, 0.0),
+        (grut, HALF),
+        (fvdb, 0.0),
+        (lichtfeld, 0.0),
+        (assembled, 0.0),
+        (centimetres, 0.0),
+    ],
+)
+def test_layouts_of_other_exporters_are_read(
+    tmp_path: Path, layout: Callable[[Path, dict[str, np.ndarray]], Path], rounding: float
+):
+    gaussians = splats(30, 7)
+    read = read_gaussians(layout(tmp_path, y_up_arrays(tmp_path, gaussians)))
+    assert_allclose(read.means, gaussians.means, atol=1e-7)
+    assert_allclose(read.log_scales, gaussians.log_scales, atol=2e-6)
+    assert_allclose(read.opacities, gaussians.opacities, atol=1e-6)
+    turns = matrix_from_quat_xyzw(read.quats), matrix_from_quat_xyzw(gaussians.quats)
+    assert_allclose(*turns, atol=2e-6 + 4 * rounding)
+    assert_allclose(read.sh, gaussians.sh, atol=2e-6 + 4 * rounding)
+
+
+def two_fields(tmp_path: Path) -> Path:
+    arrays = y_up_arrays(tmp_path, splats(5, 1))
+    others = y_up_arrays(tmp_path, splats(7, 2, degree=1))
+    stage = new_stage(tmp_path / "scene.usdc")
+    author(stage, "/World/A", arrays)
+    author(stage, "/World/B", others)
+    stage.Save()
+    return tmp_path / "scene.usdc"
+
+
+def test_several_fields_are_read_apart_or_merged(tmp_path: Path):
+    scenes = read_fields(two_fields(tmp_path))
+    assert [scene.prim_path for scene in scenes] == ["/World/A", "/World/B"]
+    together = merged([scene.gaussians for scene in scenes])
+    assert len(together) == 12
+    assert together.sh_degree == 3
+    assert_array_equal(together.means[:5], splats(5, 1).means)
+    assert_array_equal(together.means[5:], splats(7, 2).means)
+    # The lower degree is filled up with zeros.
+    assert_array_equal(together.sh[5:, 4:], 0)
+    assert_allclose(together.sh[5:, :4], splats(7, 2, degree=1).sh, atol=1e-6)
+
+
+def test_a_time_code_chooses_positions_and_transforms(tmp_path: Path):
+    from pxr import UsdGeom, Vt
+
+    arrays = y_up_arrays(tmp_path, splats(5))
+    stage = new_stage(tmp_path / "scene.usdc")
+    prim = author(stage, "/World", arrays)
+    for time in (0, 10):
+        moved = np.ascontiguousarray(arrays["positions"] + time, dtype=np.float32)
+        prim.GetAttribute("positions").Set(Vt.Vec3fArray.FromNumpy(moved), time)
+    translate = UsdGeom.Xformable(prim).AddTranslateOp()
+    translate.Set((0, 0, 0), 0)
+    translate.Set((0, 100, 0), 10)
+    stage.Save()
+    path = tmp_path / "scene.usdc"
+    for time, shift in ((None, 0), (0, 0), (10, 10), (5, 5)):
+        read = read_scene(path, options=ReadOptions(time=time)).gaussians
+        # Y up: the stage's (t, t + 10 t, t) is (t, -t, 11 t) in our world.
+        expected = splats(5).means + np.array([shift, -shift, 11 * shift])
+        assert_allclose(read.means, expected, atol=1e-4)
+
+
+def test_deforming_transforms_are_read_on_request(tmp_path: Path):
+    from pxr import Gf, UsdGeom
+
+    gaussians = splats(40)
+    arrays = y_up_arrays(tmp_path, gaussians)
+    # Shears, mirrors, scales the axes differently.
+    local_to_world = np.array([[-2.0, 0.3, 0, 1], [0, 0.5, 0.2, 2], [0, 0, 1.5, 3], [0, 0, 0, 1]])
+    stage = new_stage(tmp_path / "scene.usdc", up="Z")
+    prim = author(stage, "/World", arrays)
+    UsdGeom.Xformable(prim).AddTransformOp().Set(Gf.Matrix4d(local_to_world.T))
+    stage.Save()
+    path = tmp_path / "scene.usdc"
+    with pytest.raises(UsdError, match="mirrors"):
+        read_gaussians(path)
+    read = read_scene(path, options=ReadOptions(approximate=True)).gaussians
+    linear = local_to_world[:3, :3] @ Y_UP
+    assert_allclose(read.means, gaussians.means @ linear.T + local_to_world[:3, 3], atol=1e-5)
+    expected = linear @ covariances(gaussians) @ linear.T
+    size = np.abs(expected).max(axis=(1, 2), keepdims=True)
+    assert_allclose(covariances(read) / size, expected / size, atol=1e-5)
+
+
+def test_a_mirrored_scene_is_exact_in_colours_too(tmp_path: Path):
+    from pxr import UsdGeom
+
+    gaussians = splats(40)
+    stage = new_stage(tmp_path / "scene.usdc", up="Z")
+    prim = author(stage, "/World", y_up_arrays(tmp_path, gaussians))
+    UsdGeom.Xformable(prim).AddScaleOp().Set((-1, 1, 1))
+    stage.Save()
+    read = read_scene(tmp_path / "scene.usdc", options=ReadOptions(approximate=True)).gaussians
+    directions = np.random.default_rng(0).normal(size=(40, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    mirrored = directions @ (np.diag([-1.0, 1.0, 1.0]) @ Y_UP).T
+    assert_allclose(
+        rgb_from_sh(read.sh, mirrored), rgb_from_sh(gaussians.sh, directions), atol=2e-6
+    )
+
+
+def test_a_collapsing_transform_is_refused_even_so(tmp_path: Path):
+    from pxr import UsdGeom
+
+    stage = new_stage(tmp_path / "scene.usdc")
+    prim = author(stage, "/World", y_up_arrays(tmp_path, splats(3)))
+    UsdGeom.Xformable(prim).AddScaleOp().Set((0, 1, 1))
+    stage.Save()
+    with pytest.raises(UsdError, match="collapses"):
+        read_scene(tmp_path / "scene.usdc", options=ReadOptions(approximate=True))
+
+
+def covariances(gaussians: Gaussians) -> np.ndarray:
+    half = matrix_from_quat_xyzw(gaussians.quats) * gaussians.scales[:, None, :].astype(np.float64)
+    return half @ half.transpose(0, 2, 1)
