@@ -20,7 +20,7 @@ class Info:
     """Say what a file or folder holds: a capture, a reconstruction, Gaussians, a USD scene, a mesh."""
 
     path: Annotated[Path, tyro.conf.Positional]
-    """A folder that a command wrote, an .npz with Gaussians, a USD file, or a mesh."""
+    """A folder that a command wrote, Gaussians (.npz, .ply, .spz, .splat), a USD file, or a mesh."""
 
     can_resume: ClassVar[bool] = False
 
@@ -40,7 +40,9 @@ def describe(path: Path) -> Facts:
     by_suffix: dict[str, Callable[[Path], Facts]] = {
         ".npz": summaries.of_gaussians,
         **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), summaries.of_usd),
-        **dict.fromkeys((".glb", ".gltf", ".obj", ".ply", ".stl"), summaries.of_mesh),
+        **dict.fromkeys((".spz", ".splat"), summaries.of_splat_file),
+        ".ply": summaries.of_ply,
+        **dict.fromkeys((".glb", ".gltf", ".obj", ".stl"), summaries.of_mesh),
     }
     summary = by_suffix.get(path.suffix.lower())
     if summary is None:

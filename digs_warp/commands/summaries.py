@@ -56,7 +56,24 @@ def _of_frame(frame: Frame) -> Facts:
 
 def of_gaussians(path: Path) -> Facts:
     """Number, degree, extent, typical size and opacity."""
-    gaussians = Gaussians.load(path)
+    return _of_gaussians(Gaussians.load(path), path)
+
+
+def of_splat_file(path: Path) -> Facts:
+    """The same of a PLY, SPZ or .splat file; PLY and .splat in the axes of the file."""
+    from digs_warp.interchange.splats.files import read_splat_file
+
+    return _of_gaussians(read_splat_file(path), path)
+
+
+def of_ply(path: Path) -> Facts:
+    """Gaussians or a mesh: a PLY file may hold either."""
+    from digs_warp.interchange.splats.ply import holds_gaussians
+
+    return of_splat_file(path) if holds_gaussians(path) else of_mesh(path)
+
+
+def _of_gaussians(gaussians: Gaussians, path: Path) -> Facts:
     facts = {
         "kind": "Gaussians",
         "number": f"{len(gaussians):,} Gaussians",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from reference.splat_files import random_gaussians, shapes
 from reference.tiny_capture import write_tiny_capture
 
@@ -124,3 +125,17 @@ def test_existing_files_are_replaced_only_on_request(
 def test_the_target_is_named_once(tmp_path: Path, capsys) -> None:
     assert run(capsys, tmp_path / "a.npz")[0] == EXIT_WRONG_USAGE
     assert run(capsys, "a.npz", "b.ply", "--out", "c.ply")[0] == EXIT_WRONG_USAGE
+
+
+def test_info_knows_splat_files_from_meshes(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    for suffix in (".ply", ".spz", ".splat"):
+        main(["convert", str(tmp_path / "a.npz"), str(tmp_path / f"a{suffix}")])
+        capsys.readouterr()
+        assert main(["info", str(tmp_path / f"a{suffix}")]) == EXIT_OK
+        assert "20 Gaussians" in capsys.readouterr().out
+    mesh = trimesh.creation.box().export(file_type="ply")
+    assert isinstance(mesh, bytes)
+    (tmp_path / "box.ply").write_bytes(mesh)
+    assert main(["info", str(tmp_path / "box.ply")]) == EXIT_OK
+    assert "triangles" in capsys.readouterr().out
