@@ -103,7 +103,8 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
 
 def _is_finished(folder: Path, config: SimulateConfig) -> bool:
     """Whether nothing is left to do."""
-    if not read_json(folder / RUN_NAME, "run record")["results"]:
+    record = folder / RUN_NAME
+    if not record.is_file() or not read_json(record, "run record")["results"]:
         return False
     try:
         frames = read_capture(folder).frames

@@ -12,6 +12,7 @@ from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.render import Render
 from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
+from digs_warp.commands.study import StudyCommand
 from digs_warp.commands.usd_scene import Usd
 
 
@@ -37,4 +38,5 @@ COMMANDS: dict[str, type[Command]] = {
     "info": Info,
     "usd": Usd,
     "bench": Bench,
+    "study": StudyCommand,
 }

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -39,24 +39,12 @@ class Case:
         return " ".join(f"{key}={value}" for key, value in self.labels.items())
 
 
-@dataclass(frozen=True)
-class Study:
-    """A question, and the cases that answer it.
-
-    Attributes:
-        name: as the command line takes it.
-        summary: one line for the help.
-        cases: the cases, those that matter most first: a study cut to a time budget keeps them.
-        sections: what the report draws from the records; see `digs_warp.study.engine.page`.
-    """
-
-    name: str
-    summary: str
-    cases: Callable[[], Sequence[Case]]
-    sections: Callable[[Sequence[Mapping[str, Any]]], Sequence[Any]]
+def plain(value: Any) -> Any:
+    """Return a value of dataclasses, paths and NumPy scalars as JSON holds it."""
+    return json.loads(to_json(value))
 
 
 def digest(value: Any) -> str:
     """Return 16 hexadecimal digits that identify a JSON-like value; the order of keys does not matter."""
-    plain = json.dumps(json.loads(to_json(value)), sort_keys=True)
-    return hashlib.sha256(plain.encode()).hexdigest()[:16]
+    text = json.dumps(plain(value), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

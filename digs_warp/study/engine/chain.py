@@ -5,7 +5,9 @@ import logging
 import resource
 import shutil
 import sys
+from importlib.util import find_spec
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from digs_warp.capture import Capture
@@ -26,7 +28,7 @@ SCENE_SETTINGS = ("mesh", "environment", "object_size", "up")
 # The recording that results are compared on, whatever they were made from.
 YARDSTICK: dict[str, Any] = {
     **{"frames": 8, "width": 640, "height": 360, "tier": "truth"},
-    **{"samples_per_pixel": 16, "seed": 20260521},
+    **{"samples_per_pixel": 4, "seed": 20260521},
 }
 
 # Points within this distance [m] of the true surface count as on it.
@@ -106,7 +108,7 @@ def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
         write_atomically(note, to_json({"seconds": seconds[stage]}).encode())
 
 
-def _yardstick_score(case: Case, gaussians: Gaussians, folder: Path) -> dict[str, float]:
+def _yardstick_score(case: Case, gaussians: Gaussians, folder: Path) -> dict[str, float | None]:
     """Measure the result on views that no case has seen: a perfect camera on a walk of its own."""
     from digs_warp.splat.device import DeviceGaussians
     from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
@@ -114,9 +116,14 @@ def _yardstick_score(case: Case, gaussians: Gaussians, folder: Path) -> dict[str
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
     config = with_settings(SimulateConfig(**YARDSTICK), scene)
     views = load_test_views(_recorded(config, f"yardstick-{digest(scene)}", folder).frames)
-    return mean_score(
-        score_views(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
-    )
+    images = render_views(DeviceGaussians.from_numpy(gaussians), views)
+    score = mean_score(score_views(images, views))
+    if find_spec("flip_evaluator"):
+        from digs_warp.flip import flip
+
+        pairs = zip(images, views, strict=True)
+        score["flip"] = fmean(flip(image, view.target) for image, view in pairs)
+    return score
 
 
 def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
-from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.store import Store
 from digs_warp.study.engine.worker import Measure, Worker
 
@@ -112,9 +112,9 @@ class _Run:
         case = worker.case
         record = {
             "key": case.key,
-            "labels": dict(case.labels),
-            "recording": dict(case.recording),
-            "reconstruction": dict(case.reconstruction),
+            "labels": plain(case.labels),
+            "recording": plain(case.recording),
+            "reconstruction": plain(case.reconstruction),
             "threads": self._threads,
         }
         try:

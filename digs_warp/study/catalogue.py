@@ -1,0 +1,74 @@
+"""The studies that ``digs-warp study`` knows. Imports no study: the command line reads its help from here."""
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from digs_warp.study.engine.case import Case
+    from digs_warp.study.engine.page import Section
+
+
+@dataclass(frozen=True)
+class Study:
+    """A question, and the module of `digs_warp.study.studies` that answers it.
+
+    The module has ``cases(objects_count, seeds, iterations)``, those that matter most first, and
+    ``sections(records)``, what the report draws.
+
+    Attributes:
+        name: as the command line takes it; also the name of the module.
+        title: of the report.
+        summary: one line for help and report.
+        objects, iterations: how much is measured when nothing else is asked for.
+    """
+
+    name: str
+    title: str
+    summary: str
+    objects: int
+    iterations: int
+
+    def cases(self, objects: int, seeds: int, iterations: int) -> "Sequence[Case]":
+        """Return the cases."""
+        return self._module().cases(objects, seeds, iterations)
+
+    def sections(self, records: Sequence[Any]) -> "Sequence[Section]":
+        """Return what the report shows of the records of cases that ended well."""
+        return self._module().sections(records)
+
+    def _module(self) -> Any:
+        return importlib.import_module(f"digs_warp.study.studies.{self.name}")
+
+
+STUDIES = (
+    Study(
+        "initialization",
+        "Five ways to start",
+        "the paper's tables 2 to 4: five initializations, quality along the iterations, times",
+        objects=4,
+        iterations=1000,
+    ),
+    Study(
+        "tradeoff",
+        "What accuracy costs in time",
+        "each knob of the chain alone, its seconds and what they buy, and the front of the best settings",
+        objects=2,
+        iterations=500,
+    ),
+    Study(
+        "robustness",
+        "Errors of the sensor",
+        "each effect of the simulated camera at rising strength, for the strategies that use depth",
+        objects=1,
+        iterations=1000,
+    ),
+    Study(
+        "segmentation",
+        "Wrong masks",
+        "spoiled object masks at rising strength, by strategy",
+        objects=1,
+        iterations=1000,
+    ),
+)

@@ -1,0 +1,37 @@
+"""The objects that studies record: the built-in one, and meshes of the sample data where they lie."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+BUILT_IN = "built-in vase"
+
+# Smooth and rough, textured and plain, thin and solid: what initializations differ on.
+SAMPLE_OBJECTS = (
+    *("ycb_mustard_bottle", "avocado", "spot"),
+    *("ycb_cracker_box", "armchair", "flight_helmet"),
+)
+# Rich in texture: structure from motion needs the surround.
+ENVIRONMENT = "forest_slope"
+
+
+def sample_data() -> Path:
+    """The folder of the sample data: DIGS_WARP_SAMPLE_DATA, or ../shared/data."""
+    return Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
+
+
+def objects(count: int) -> dict[str, dict[str, Any]]:
+    """Return the first ``count`` objects by name, as settings of a recording.
+
+    Without sample data there is the built-in object alone.
+    """
+    data = sample_data()
+    environment = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
+    surround = {"environment": environment} if environment.is_file() else {}
+    found: dict[str, dict[str, Any]] = {}
+    for name in SAMPLE_OBJECTS:
+        mesh = data / "meshes" / name / f"{name}.glb"
+        if mesh.is_file():
+            found[name] = {"mesh": mesh} | surround
+    found[BUILT_IN] = {}
+    return dict(list(found.items())[:count])

@@ -1,0 +1,130 @@
+"""The studies: cases that differ, reports from records, and one study end to end."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from digs_warp.cli import main
+from digs_warp.reconstruct import ReconstructConfig
+from digs_warp.study.catalogue import STUDIES, Study
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.overrides import with_settings
+from digs_warp.study.engine.page import write_pages
+from digs_warp.study.engine.store import RESULTS
+from sim.config import SimulateConfig
+
+BY_NAME = {study.name: study for study in STUDIES}
+
+
+def record_of(case: Case, number: int) -> dict[str, Any]:
+    """What a run of ``case`` could have measured."""
+    psnr = 25.0 + number % 7
+    return {
+        "key": case.key,
+        "labels": dict(case.labels),
+        "metrics": {"psnr": psnr, "ssim": 0.9},
+        "course": [
+            {"iteration": i, "seconds": i / 50, "psnr": psnr - 500 / i, "ssim": 0.9}
+            for i in (100, 300, 500, 1000)
+        ],
+        "yardstick": {"psnr": psnr - 1, "psnr_masked": psnr - 6},
+        "surface": {
+            name: {"chamfer": 0.004, "accuracy_median": 0.001, "f_score": 0.8}
+            for name in ("points", "gaussians")
+        },
+        "seconds": {"initialize": 1.0, "train": 10.0 + number, "compile kernels": 99.0},
+        "recording_seconds": {"render": 20.0, "sense": 500.0},
+        "results": {"initial_points": 1000 + number, "gaussians": 900},
+    }
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
+    cases = study.cases(2, 2, 300)
+    assert len({case.key for case in cases}) == len(cases) > 10
+    for case in cases:
+        with_settings(SimulateConfig(), case.recording)
+        config = with_settings(ReconstructConfig(), case.reconstruction)
+        if case.labels.get("knob") != "iterations":
+            assert config.train.iterations == 300
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
+def test_a_report_is_drawn_from_some_or_all_records(study: Study, tmp_path: Path) -> None:
+    records = [record_of(case, n) for n, case in enumerate(study.cases(2, 2, 1000))]
+    for count in (1, len(records) // 2, len(records)):
+        sections = study.sections(records[:count])
+        page = write_pages(study.title, study.summary, sections, tmp_path / str(count))
+        assert page.stat().st_size > 5000
+    assert any(table.rows for section in sections for table in section.tables)
+
+
+def test_the_table_of_initializations_holds_means_over_objects_and_the_papers_figures() -> None:
+    study = BY_NAME["initialization"]
+    records = [record_of(case, n) for n, case in enumerate(study.cases(2, 1, 1000))]
+    psnr, _ = study.sections(records)[0].tables
+    assert psnr.headings[:3] == ["PSNR [dB]", "100", "300"]
+    fusion = next(row for row in psnr.rows if row[0] == "fusion")
+    mine = [r["metrics"]["psnr"] for r in records if r["labels"]["strategy"] == "fusion"]
+    assert fusion[4].startswith(f"{sum(mine) / len(mine) - 0.5:.2f} ±")
+    assert fusion[psnr.headings.index("paper 1000")] == "25.13"
+
+
+def test_a_knob_is_priced_against_the_usual_settings() -> None:
+    study = BY_NAME["tradeoff"]
+    cases = study.cases(1, 1, 500)
+    records = [record_of(case, 0) for case in cases]
+    slow = next(r for r in records if r["labels"]["knob"] == "iterations")
+    slow["seconds"]["train"] += 5.0
+    slow["yardstick"]["psnr"] += 1.5
+    sections = {section.title: section for section in study.sections(records)}
+    row = sections["Iterations"].tables[0].rows[0]
+    assert row[3:] == ["+5.0", "+1.50"]
+    assert "+1.50 dB for +5.0 s" in sections["Iterations"].text
+    # Sensing overlaps with rendering, and compiling is no part of a run.
+    assert row[1] == "36.0"
+
+
+def test_a_study_is_measured_resumed_and_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Segmentation, with a recording so small that only the machinery is tested."""
+    from digs_warp.study.studies import segmentation
+
+    def few(objects_count: int, seeds: int, iterations: int) -> list[Case]:
+        return [
+            Case(
+                {"object": "vase", "mask error": error, "strategy": "highdepth", "seed": 0},
+                {"frames": 6, "width": 96, "height": 54, "samples_per_pixel": 1, "tier": "law"},
+                {"segment.masks": "degraded", "segment.mask_error": error}
+                | {"init.voxel_size": 0.02, "train.iterations": iterations, "test_every": 3},
+            )
+            for error in (0.0, 2.0)
+        ]
+
+    monkeypatch.setattr(segmentation, "cases", few)
+    out = tmp_path / "out"
+    assert main(["study", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
+    assert "2 cases measured" in capsys.readouterr().out
+    records = [json.loads(line) for line in (out / RESULTS).read_text().splitlines()]
+    for record in records:
+        assert record["yardstick"]["psnr"] > 5
+        assert 0 < record["surface"]["points"]["chamfer"] < 0.2
+        assert record["memory_mb"] > 100
+        assert record["course"][-1]["iteration"] == 4
+        assert record["seconds"]["train"] > 0
+    assert not list((out / "work").iterdir())
+    before = (out / RESULTS).read_bytes()
+    assert main(["study", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
+    assert "2 were there before" in capsys.readouterr().out
+    assert (out / RESULTS).read_bytes() == before
+    assert "Wrong masks" in (out / "report.md").read_text()
+
+
+def test_unknown_studies_and_numbers_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["nothing"], ["tradeoff", "--workers", "0"], ["tradeoff", "--minutes", "0"]):
+        assert main(["study", *arguments]) == 2
+    assert main(["study", "tradeoff", "--report-only", "--out", "/nonexistent"]) != 0
+    assert "no case ended well" in capsys.readouterr().err
