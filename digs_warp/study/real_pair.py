@@ -17,8 +17,9 @@ from sim.sensor.frame import FrameTruth, Motion
 SAME_SURFACE = 1.0
 
 # Standard deviation of the grain of these tripod exposures in each channel [DN], after their reduction to a
-# quarter; that of the luma is 1 DN.
-IMAGE_NOISE = 1.5
+# quarter: that of the luma is 0.5 DN, rounding included, in the plainest blocks of either image (second
+# differences across rows and columns, Immerkaer 1996).
+IMAGE_NOISE = 0.75
 
 
 class WarpedRays:

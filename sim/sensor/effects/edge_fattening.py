@@ -16,6 +16,7 @@ from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.steps import Runs, Steps, find_steps
+from sim.sensor.texture import noise_of
 
 # Smallest jump that a window notices [px] (measured on textured steps of 10 to 40 px).
 STEP = 2.0
@@ -27,8 +28,10 @@ GROWTH = (1.15, 0.53)
 EROSION = (1.0, 0.27)
 SATURATION = np.log(5.0)
 
-# Along columns the outline moves a third to a half as far as along rows.
-VERTICAL_SHARE = 0.5
+# Along columns the outline moves a third to a half as far as along rows, where both sides have texture; it
+# moves as far before a background whose gradient drowns in the image noise, as in rendered frames of four
+# meshes: there nothing but smoothness decides, which knows no direction.
+VERTICAL_SNRS, VERTICAL_SHARES = (0.75, 2.0), (1.0, 0.5)
 
 # With equal texture the outline still wanders between -1 and +0.6 px.
 EQUAL_SHIFT, WANDER = -0.2, 0.4
@@ -81,13 +84,14 @@ class EdgeFattening:
         sideways = _Work(
             truth.disparity,
             truth.gradient,
+            noise_of(truth.rig.image_noise),
             sensed.disparity,
             sensed.disparity.copy(),
             np.zeros(sensed.disparity.shape, dtype=bool),
         )
         upright = sideways.turned()
-        _move(sideways, half, strength, rng)
-        _move(upright, half, strength * VERTICAL_SHARE, rng)
+        _move(sideways, half, (strength, strength), rng)
+        _move(upright, half, tuple(strength * share for share in VERTICAL_SHARES), rng)
         _close_gaps(sideways, strength, rng)
         _close_gaps(upright, strength, rng)
         disparity = sideways.disparity
@@ -102,6 +106,7 @@ class _Work:
     Attributes:
         true: disparity that tells where the steps are [px].
         texture: strength of the texture [DN/px].
+        noise: of the image [DN].
         source: sensed disparity before the effect [px].
         disparity: the same, to be written to.
         moved: what has been written, to be marked.
@@ -109,6 +114,7 @@ class _Work:
 
     true: np.ndarray
     texture: np.ndarray
+    noise: float
     source: np.ndarray
     disparity: np.ndarray
     moved: np.ndarray
@@ -120,7 +126,8 @@ class _Work:
 
     def turned(self) -> "_Work":
         """Return the frame with columns for rows; what is written to it is written to this one."""
-        return _Work(self.true.T, self.texture.T, self.source.T, self.disparity.T, self.moved.T)
+        images = (self.source.T, self.disparity.T, self.moved.T)
+        return _Work(self.true.T, self.texture.T, self.noise, *images)
 
     def write(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
         """Write disparities at some pixels."""
@@ -144,18 +151,22 @@ def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) 
     )
 
 
-def _move(work: _Work, half: int, strength: float, rng: np.random.Generator) -> None:
-    """Move the outlines along the rows, for a window of half-width ``half`` [px]."""
+def _move(work: _Work, half: int, strengths: tuple[float, ...], rng: np.random.Generator) -> None:
+    """Move the outlines along the rows, for a window of half-width ``half`` [px].
+
+    ``strengths`` are factors on how far, before a background without and with texture.
+    """
     steps, texture, shape = work.steps, work.texture, work.true.shape
     # The outline itself moves with the near side and is often its strongest texture: the window of the
     # near side touches it, that of the far side does not.
     near_window = np.clip(steps.near - half * steps.away, 0, shape[1] - 1)
     far_window = np.clip(steps.far + (half + 2) * steps.away, 0, shape[1] - 1)
-    shift = outline_shift(texture[steps.rows, near_window], texture[steps.rows, far_window], half)
+    far_texture = texture[steps.rows, far_window]
+    shift = outline_shift(texture[steps.rows, near_window], far_texture, half)
     drawn = coherent_uniform(rng, shape, steps.rows, steps.near, COHERENCE)
     shift *= np.interp(drawn, *_spread_quantiles())
     shift += WANDER * coherent_normal(rng, shape, steps.rows, steps.near, COHERENCE)
-    shift *= strength
+    shift *= np.interp(far_texture / work.noise, VERTICAL_SNRS, strengths)
     for sign, giver, taker in ((1, steps.near, steps.far), (-1, steps.far, steps.near)):
         pixels = np.floor(np.maximum(sign * shift, 0.0) + rng.random(len(shift)))
         _spread(work, giver, taker, pixels)
@@ -165,7 +176,8 @@ def _move(work: _Work, half: int, strength: float, rng: np.random.Generator) -> 
 def _spread_quantiles() -> tuple[np.ndarray, np.ndarray]:
     """Return shares of 0 to 1 and the quantiles there of a gamma distribution of mean 1.
 
-    Its inverse takes longer for one outline than the rest of the effect; a table is exact to 1 %.
+    Its inverse takes longer for one outline than the rest of the effect; a table is exact to
+    1 %, but for one outline in ten thousand.
     """
     from scipy.special import gammaincinv, ndtr
 

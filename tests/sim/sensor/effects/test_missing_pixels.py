@@ -155,8 +155,9 @@ def uniform_snr(snr: float, shape: tuple[int, int] = (240, 320)) -> FrameTruth:
     return replace(truth, rig=replace(truth.rig, image_noise=gradient / snr / LUMA_NOISE))
 
 
-@pytest.mark.parametrize(("snr", "fill"), [(0.06, 0.003), (0.12, 0.09), (0.24, 0.99), (0.47, 1.0)])
+@pytest.mark.parametrize(("snr", "fill"), [(0.06, 0.003), (0.12, 0.09), (0.24, 0.9), (0.47, 1.0)])
 def test_weak_texture_is_lost_as_measured(snr: float, fill: float) -> None:
+    """Ideal synthetic pairs have 0.99 at 0.24; rendered frames lose strips there."""
     sensed = sense_effects(uniform_snr(snr), ["weak-texture"])
     assert sensed.known.mean() == pytest.approx(fill, abs=0.06)
     assert (sensed.cause[~sensed.known] == Cause.WEAK_TEXTURE).all()
@@ -164,7 +165,7 @@ def test_weak_texture_is_lost_as_measured(snr: float, fill: float) -> None:
 
 @pytest.mark.parametrize(
     ("snr", "rms", "bad"),
-    [(0.09, 0.50, 0.25), (0.18, 0.45, 0.10), (0.37, 0.36, 0.05), (0.75, 0.27, 0.01)],
+    [(0.09, 0.52, 0.36), (0.18, 0.46, 0.17), (0.37, 0.38, 0.08), (0.75, 0.31, 0.05)],
 )
 def test_weak_texture_adds_the_noise_of_rendered_scenes(snr: float, rms: float, bad: float) -> None:
     truth = uniform_snr(1.0)
@@ -177,6 +178,23 @@ def test_weak_texture_adds_the_noise_of_rendered_scenes(snr: float, rms: float, 
     inliers = error[np.abs(error) < 1]
     assert np.sqrt(np.mean(inliers**2)) == pytest.approx(rms, rel=0.2)
     assert np.mean(np.abs(error) > 1) == pytest.approx(bad, abs=0.05)
+
+
+def test_weak_texture_fails_in_strips_along_the_rows_that_read_too_far() -> None:
+    truth = uniform_snr(
+        1.0
+    )  # typical gradients are half of that: noise alone is rarely wrong there
+    sensed = sense_effects(truth, ["weak-texture"])
+    error = sensed.disparity - truth.disparity
+    wrong = np.abs(error) > 1
+    assert wrong.mean() == pytest.approx(0.08, abs=0.04)
+    assert (error[wrong] < 0).mean() > 0.7
+    centred = wrong - wrong.mean()
+    along, across = (
+        float(np.mean(a * b))
+        for a, b in ((centred[:, :-16], centred[:, 16:]), (centred[:-16], centred[16:]))
+    )
+    assert along > 2 * max(across, 0.0) and along > 0.2 * float(np.mean(centred**2))
 
 
 def test_weak_texture_labels_what_is_wrong() -> None:
