@@ -1,47 +1,29 @@
 """`digs-warp bench convergence`: how fast held-out views get better, against the settings of 3DGS.
 
 The built-in object is recorded (not timed) and initialized from its depth; the same points are then trained
-twice, with the defaults for a dense start and with the start and the rates of the 3DGS reference. Seconds are
-those of training steps: measuring the views does not count.
+twice, with the defaults for a dense start and with the start and the rates of the 3DGS reference.
 """
 
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from digs_warp.capture import Capture
-from digs_warp.gaussians import Gaussians
 from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import INITIAL_OPACITY, seed_gaussians
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.point_cloud import PointCloud
 from digs_warp.study.results import Result
+from digs_warp.study.training_case import Case, record_scene, train_case
 from digs_warp.train.config import REFERENCE_RATES, TrainConfig
-from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
-from digs_warp.train.trainer import Trainer
-from digs_warp.train.view_store import ViewStore, open_views
 
 WIDTH, HEIGHT = 960, 540
 FRAMES = 32
 VOXEL_SIZE = 0.003  # [m]
 ITERATIONS = 300
 MEASURE_AT = (0, 10, 25, 50, 100, 150, 200, 300)
-SH_DEGREE = 1
 
 DENSE, REFERENCE = "dense start", "3DGS"
-
-
-@dataclass(frozen=True)
-class Case:
-    """A start and how it is trained."""
-
-    name: str
-    seeds: Gaussians
-    config: TrainConfig
 
 
 def bench_convergence(
@@ -54,30 +36,26 @@ def bench_convergence(
     """Return PSNR [dB] of the held-out views along iterations and seconds, for both settings."""
     results: list[Result] = []
     with tempfile.TemporaryDirectory() as folder:
-        capture = _record(width, height, frames, Path(folder) / "capture")
-        train_frames, test_frames = capture.split()
-        test_views = load_test_views(test_frames)
-        points = initial_points(train_frames, InitConfig(voxel_size=voxel_size))
-        cases = _cases(points, iterations)
-        with progress(len(cases) * iterations, "Training both settings") as bar:
+        scene = record_scene(width, height, frames, voxel_size, Path(folder) / "capture")
+        cases = _cases(scene.points, iterations)
+        with progress(len(cases), "Training both settings", "run") as bar:
             for case in cases:
-                views = open_views(train_frames, case.config)
-                results += _train(case, views, test_views)
-                bar.update(iterations)
-                views.close()
+                shared = {
+                    "image": f"{width}x{height}",
+                    "splats": len(case.seeds),
+                    "threads": default_threads(),
+                    "settings": case.name,
+                }
+                for m in train_case(case, scene, MEASURE_AT):
+                    at = {"iteration": m.iteration, "seconds": round(m.seconds, 2)}
+                    results.append(Result("held-out PSNR", m.psnr, "dB", shared | at))
+                bar.update()
     return results
-
-
-def _record(width: int, height: int, frames: int, folder: Path) -> Capture:
-    from sim.record import SimulateConfig, simulate
-
-    config = SimulateConfig(frames=frames, width=width, height=height, tier="law")
-    return simulate(config, folder)
 
 
 def _cases(points: PointCloud, iterations: int) -> list[Case]:
     init = InitConfig()
-    dense = TrainConfig(iterations=iterations, sh_degree=SH_DEGREE)
+    dense = TrainConfig(iterations=iterations)
     r = REFERENCE_RATES
     reference = replace(
         dense,
@@ -89,29 +67,8 @@ def _cases(points: PointCloud, iterations: int) -> list[Case]:
         rates_end=r.end,
         half_size_until=0.0,
     )
+    degree = dense.sh_degree
     return [
-        Case(DENSE, seed_gaussians(points, SH_DEGREE, init.seed_opacity, init.seed_width), dense),
-        Case(REFERENCE, seed_gaussians(points, SH_DEGREE, INITIAL_OPACITY), reference),
+        Case(DENSE, seed_gaussians(points, degree, init.seed_opacity, init.seed_width), dense),
+        Case(REFERENCE, seed_gaussians(points, degree, INITIAL_OPACITY), reference),
     ]
-
-
-def _train(case: Case, views: ViewStore, test_views: list[TestView]) -> list[Result]:
-    """Train and measure along the way."""
-    trainer = Trainer(case.seeds, views, case.config)
-    k = views.cameras[0].intrinsics
-    shared = {
-        "image": f"{k.width}x{k.height}",
-        "splats": len(case.seeds),
-        "threads": default_threads(),
-        "settings": case.name,
-    }
-    results = []
-    for step in range(case.config.iterations + 1):
-        if step in MEASURE_AT or step == case.config.iterations:
-            scores = score_views(render_views(trainer.gaussians, test_views), test_views)
-            psnr = float(np.mean([score.psnr for score in scores]))
-            at = {"iteration": step, "seconds": round(trainer.seconds, 2)}
-            results.append(Result("held-out PSNR", psnr, "dB", shared | at))
-        if step < case.config.iterations:
-            trainer.step()
-    return results

@@ -67,6 +67,12 @@ BENCHMARKS = (
         plot_function="digs_warp.study.plot_convergence:plot_convergence",
     ),
     Benchmark(
+        "options",
+        "digs_warp.study.bench_options:bench_options",
+        "what each option of the training costs in time and brings in quality",
+        wide=True,
+    ),
+    Benchmark(
         "init",
         "digs_warp.study.bench_init:bench_init",
         "from 200 depth maps of 2208x1242 to points: seconds, memory, distance to the true surface",
@@ -87,6 +93,12 @@ BENCHMARKS = (
         "usd",
         "digs_warp.study.bench_usd:bench_usd",
         "USD scenes of a million splats: write, read, validate; what each precision saves and loses",
+        wide=True,
+    ),
+    Benchmark(
+        "splat-files",
+        "digs_warp.study.bench_splat_files:bench_splat_files",
+        "PLY, SPZ, .splat, USD: bytes, seconds to write and read, and what is lost to the eye",
         wide=True,
     ),
     Benchmark(

@@ -1,0 +1,74 @@
+"""Train a simulated recording under given settings and measure the held-out views along the way."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.capture import Frame
+from digs_warp.gaussians import Gaussians
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from digs_warp.point_cloud import PointCloud
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+
+
+@dataclass(frozen=True)
+class Case:
+    """A start and how it is trained."""
+
+    name: str
+    seeds: Gaussians
+    config: TrainConfig
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A recording split into training and held-out views, and the points that its depth gives."""
+
+    train_frames: list[Frame]
+    test_views: list[TestView]
+    points: PointCloud
+
+
+@dataclass(frozen=True)
+class Milestone:
+    """Where a run stands: steps taken, training seconds, PSNR of the held-out views [dB], Gaussians."""
+
+    iteration: int
+    seconds: float
+    psnr: float
+    splats: int
+
+
+def record_scene(width: int, height: int, frames: int, voxel_size: float, folder: Path) -> Scene:
+    """Record the built-in object with the depth law of a stereo camera and initialize from its depth."""
+    from sim.record import SimulateConfig, simulate
+
+    capture = simulate(
+        SimulateConfig(frames=frames, width=width, height=height, tier="law"), folder
+    )
+    train_frames, test_frames = capture.split()
+    points = initial_points(train_frames, InitConfig(voxel_size=voxel_size))
+    return Scene(train_frames, load_test_views(test_frames), points)
+
+
+def train_case(case: Case, scene: Scene, measure_at: Collection[int] = ()) -> list[Milestone]:
+    """Train, and measure at the given iterations and at the end; measuring takes no training seconds."""
+    views = open_views(scene.train_frames, case.config)
+    trainer = Trainer(case.seeds, views, case.config)
+    total = case.config.iterations
+    milestones = []
+    for step in range(total + 1):
+        if step in measure_at or step == total:
+            images = render_views(trainer.gaussians, scene.test_views)
+            psnr = np.mean([score.psnr for score in score_views(images, scene.test_views)])
+            milestones.append(Milestone(step, trainer.seconds, float(psnr), len(trainer.gaussians)))
+        if step < total:
+            trainer.step()
+    views.close()
+    return milestones
