@@ -1,0 +1,106 @@
+"""`digs-warp bench splat-files`: what each file format of Gaussians takes, and what it loses.
+
+The built-in object is recorded and trained for a while (not timed), written in every format, read again and
+rendered from an orbit. PSNR is against renders of the Gaussians before they were written, over the pixels
+that they cover: a file cannot be seen to differ much above 40 dB.
+"""
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.commands.splat_scenes import SplatOptions, read_splats, write_splats
+from digs_warp.film.camera_path import find_subject, orbit
+from digs_warp.gaussians import Gaussians
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.log import progress
+from digs_warp.metrics import psnr
+from digs_warp.splat.render import RenderOutput, render
+from digs_warp.study.results import Result
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+
+# Name, suffix, version of SPZ.
+FORMATS = (
+    ("npz", ".npz", 3),
+    ("PLY", ".ply", 3),
+    (".splat", ".splat", 3),
+    ("SPZ 2", ".spz", 2),
+    ("SPZ 3", ".spz", 3),
+    ("SPZ 4", ".spz", 4),
+    ("USD", ".usdz", 3),
+)
+RECORDED_FRAMES = 24
+RECORDED_SIZE = (480, 270)
+STEPS = 400
+VIEWS = 4
+VIEW_SIZE = (960, 540)
+COVERED = 0.5  # alpha
+
+
+def bench_splat_files(
+    frames: int = RECORDED_FRAMES,
+    recorded_size: tuple[int, int] = RECORDED_SIZE,
+    steps: int = STEPS,
+    view_size: tuple[int, int] = VIEW_SIZE,
+) -> list[Result]:
+    """Return bytes per Gaussian, seconds per million to write and read, and PSNR [dB], by format."""
+    gaussians = _trained_object(frames, recorded_size, steps)
+    cameras = orbit(find_subject(gaussians), Intrinsics.from_fov(*view_size, 45.0), VIEWS)
+    before = [render(gaussians, camera) for camera in cameras]
+    results: list[Result] = []
+    with tempfile.TemporaryDirectory() as folder, progress(len(FORMATS), "Measuring") as bar:
+        source = Path(folder) / "gaussians.npz"
+        gaussians.save(source)
+        for name, suffix, version in FORMATS:
+            path = Path(folder) / f"scene{suffix}"
+            start = time.perf_counter()
+            write_splats(path, gaussians, source, SplatOptions(), version)
+            written = time.perf_counter()
+            read = read_splats(path, SplatOptions())
+            seconds = {"write": written - start, "read": time.perf_counter() - written}
+            settings = {"format": name, "splats": len(gaussians), "degree": gaussians.sh_degree}
+            bytes_each = path.stat().st_size / len(gaussians)
+            results.append(Result("size", bytes_each, "B/splat", settings))
+            results += [
+                Result(action, 1e6 * value / len(gaussians), "s/million", settings)
+                for action, value in seconds.items()
+            ]
+            results.append(Result("PSNR", _likeness(read, cameras, before), "dB", settings))
+            bar.update()
+    return results
+
+
+def _likeness(gaussians: Gaussians, cameras: list[Camera], before: list[RenderOutput]) -> float:
+    """Return the mean PSNR [dB] over the pixels that the object covered before."""
+    values = []
+    for camera, view in zip(cameras, before, strict=True):
+        image = render(gaussians, camera).image
+        values.append(psnr(image, view.image, view.alpha > COVERED))
+    return float(np.mean(values))
+
+
+def _trained_object(frames: int, size: tuple[int, int], steps: int) -> Gaussians:
+    from sim.record import SimulateConfig, simulate
+
+    config = SimulateConfig(
+        frames=frames, width=size[0], height=size[1], samples_per_pixel=1, tier="law"
+    )
+    init = InitConfig()
+    train = TrainConfig(iterations=steps, sh_degree=3)
+    with tempfile.TemporaryDirectory() as folder:
+        capture = simulate(config, Path(folder) / "capture")
+        points = initial_points(capture.frames, init)
+        seeds = seed_gaussians(points, train.sh_degree, init.seed_opacity, init.seed_width)
+        trainer = Trainer(seeds, open_views(capture.frames, train), train)
+        with progress(steps, "Training", "step") as bar:
+            for _ in range(steps):
+                trainer.step()
+                bar.update()
+        return trainer.gaussians.to_numpy()
