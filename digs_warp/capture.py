@@ -175,6 +175,11 @@ class Capture:
     def __len__(self) -> int:
         return len(self.frames)
 
+    @property
+    def knows_poses(self) -> bool:
+        """Whether the poses mean anything: a recording without them has the identity in every frame."""
+        return bool(self.metadata.get("poses_known", True))
+
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
         """Return (training, test) frames: every ``test_every``-th, from the first on, is held out."""
         test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]
@@ -271,8 +276,8 @@ class FrameImages:
     """
 
     image: np.ndarray
-    depth: np.ndarray
-    mask: np.ndarray
+    depth: np.ndarray | None = None
+    mask: np.ndarray | None = None
     right: np.ndarray | None = None
     depth_true: np.ndarray | None = None
     cause: np.ndarray | None = None
@@ -319,14 +324,24 @@ class CaptureWriter:
                 raise CaptureError(f"frame {number}, {key}: shape {pixels.shape}, expected {shape}")
             write_image(self.folder / _FILES[key].format(number), pixels)
 
-    def add_pose(self, number: int, world_from_cam: np.ndarray, time: float) -> None:
-        """Note the pose and time [s] of frame ``number``, whose files are written (now or before)."""
+    def add_pose(
+        self,
+        number: int,
+        world_from_cam: np.ndarray,
+        time: float,
+        intrinsics: Intrinsics | None = None,
+    ) -> None:
+        """Note the pose and time [s] of frame ``number``, whose files are written (now or before).
+
+        ``intrinsics`` is its own camera where that differs from the others', at the same image size.
+        """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
         paths = {key: pattern.format(number) for key, pattern in _FILES.items()}
         self._entries[number] = {
             **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
             "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
             "time": time,
+            **({} if intrinsics is None else _camera_keys(intrinsics)),
         }
 
     def finish(self, metadata: dict[str, Any] | None = None) -> Capture:
@@ -341,12 +356,16 @@ class CaptureWriter:
             "camera_model": "PINHOLE",
             "w": k.width,
             "h": k.height,
-            **{"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy},
+            **_camera_keys(k),
             "digs_warp": ours | (metadata or {}),
             "frames": [self._entries[number] for number in sorted(self._entries)],
         }
         write_atomically(self.folder / INDEX_NAME, to_json(index).encode())
         return read_capture(self.folder)
+
+
+def _camera_keys(k: Intrinsics) -> dict[str, float]:
+    return {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
 
 
 def file_hashes(folder: Path) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""`digs-warp convert`: a capture folder, or Gaussians, -> another program's format."""
+"""`digs-warp convert`: captures and Gaussians -> other programs' formats, recordings -> captures."""
 
 import os
 import shutil
@@ -16,6 +16,7 @@ from digs_warp.commands.output import OutputFolder
 from digs_warp.log import RunLog
 
 CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
+RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "redwood", "bop"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,11 +25,12 @@ class Convert:
 
     Gaussians: digs-warp convert out/reconstruction scene.spz, or a.ply b.usdz: any two of .npz, .ply, .spz,
     .splat, .usdz, .usdc, .usda. A capture: digs-warp convert out/capture --to colmap --out out/colmap
-    (nerfstudio reads the capture as it is).
+    (nerfstudio reads the capture as it is). A recording of a real camera becomes a capture: digs-warp
+    convert my/recording --from tum --out out/capture.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
-    """A capture folder; or Gaussians: a reconstruction folder or a file."""
+    """A capture folder; or Gaussians: a reconstruction folder or a file; or, with --from, a recording."""
 
     target: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="TARGET")] = None
     """The file or folder to write; --out says the same."""
@@ -42,6 +44,10 @@ class Convert:
     to: CaptureFormat | None = None
     """For a capture, the format: COLMAP model (text or binary), TUM RGB-D, BOP, or Redwood for Open3D."""
 
+    recorded_as: Annotated[RecordingFormat | None, tyro.conf.arg(name="from")] = None
+    """For a recording of a real RGB-D camera, the form of its folder; a capture folder is written
+    (docs/recordings.md says what each form holds)."""
+
     gaussians: Annotated[SplatConversion, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SplatConversion
     )
@@ -51,6 +57,10 @@ class Convert:
     def __post_init__(self) -> None:
         if (self.target is None) == (self.out is None):
             raise DigsError("name what to write once: as TARGET or with --out")
+        if self.recorded_as is not None and self.to is not None:
+            raise DigsError(
+                "--from and --to together: convert the recording to a capture first, then the capture"
+            )
 
     def execute(self) -> str:
         """Find out what the source is, and convert it."""
@@ -58,6 +68,8 @@ class Convert:
         assert target is not None
         if not self.source.exists():
             raise DigsError(f"'{self.source}': no such file or folder")
+        if self.recorded_as is not None:
+            return import_recording(self.source, self.recorded_as, target, self.overwrite)
         if self.to is not None:
             return export_capture_folder(self.source, self.to, target, self.overwrite)
         if (self.source / INDEX_NAME).is_file():
@@ -85,3 +97,20 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     return f"{out}: {len(capture)} frames as {form}, {log.seconds['export']:.1f} s"
+
+
+def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: bool) -> str:
+    """Write the capture of a recording; its index comes last, so a capture that opens is complete."""
+    from digs_warp.interchange.recordings.read import read_recording
+    from digs_warp.interchange.recordings.recording import write_capture
+
+    recording = read_recording(source, form)
+    folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source])
+    log = RunLog("convert", {"recording": source, "from": form})
+    log.save(folder / RUN_RECORD)  # from here on --overwrite may delete the folder
+    with log.stage("convert"):
+        capture = write_capture(recording, form, folder)
+    log.results = {"frames": len(capture), "poses_known": capture.knows_poses}
+    log.save(folder / RUN_RECORD)
+    hint = "" if capture.knows_poses else "; poses unknown: structure from motion has to find them"
+    return f"{out}: {len(capture)} frames from {form}, {log.seconds['convert']:.1f} s{hint}"

@@ -1,0 +1,124 @@
+"""nerfstudio's transforms.json as other programs write it: JPEG images, lens distortion, often no depth.
+
+Poses stay in nerfstudio's world (``applied_transform`` turned it so that up is up); ``applied_scale`` is
+taken back, because depth is in metres. See https://docs.nerf.studio/quickstart/data_conventions.html.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.capture import INDEX_NAME
+from digs_warp.checks import CaptureError
+from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.interchange.recordings.files import IMAGE_SUFFIXES, image_size
+from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
+from digs_warp.log import read_json
+
+MM_PER_METRE = 1000.0
+DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
+PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+
+
+def read_nerfstudio(folder: Path) -> Recording:
+    """Read a folder with transforms.json.
+
+    Raises:
+        CaptureError: no usable index, a fisheye lens, a missing image, or distortion that differs between
+            frames.
+    """
+    index = read_json(folder / INDEX_NAME, "nerfstudio index")
+    entries = index.get("frames")
+    if not isinstance(entries, list) or not entries:
+        raise CaptureError(f"recording '{folder}': {INDEX_NAME} lists no frames")
+    model = str(index.get("camera_model", "OPENCV")).upper()
+    if model not in PINHOLES:
+        raise CaptureError(
+            f"recording '{folder}': camera model {model}, expected one of {', '.join(PINHOLES)}; "
+            "undistort the images first"
+        )
+    scale = float(index.get("applied_scale", 1.0))
+    frames = tuple(_frame(folder, index, entry, i, scale) for i, entry in enumerate(entries))
+    lenses = {tuple(float(_value(index, e, key, 0.0)) for key in DISTORTION_KEYS) for e in entries}
+    if len(lenses) > 1:
+        raise CaptureError(
+            f"recording '{folder}': {len(lenses)} different lens distortions, expected one; undistort "
+            "the images"
+        )
+    lens = lenses.pop()
+    ours = index.get("digs_warp")
+    rig = ours.get("rig", {}) if isinstance(ours, dict) else {}
+    return Recording(
+        folder, frames, distortion=lens if any(lens) else (), baseline=rig.get("baseline")
+    )
+
+
+def _frame(
+    folder: Path, index: dict[str, Any], entry: dict[str, Any], number: int, scale: float
+) -> RecordedFrame:
+    where = f"recording '{folder}', frame {number} of {INDEX_NAME}"
+    try:
+        image = _image_path(folder, str(entry["file_path"]), where)
+        matrix = np.array(entry["transform_matrix"], dtype=np.float64)
+        matrix[:3, 3] /= scale
+        time = float(_value(index, entry, "time", _value(index, entry, "timestamp", number)))
+        intrinsics = _intrinsics(index, entry, image)
+    except KeyError as error:
+        raise CaptureError(f"{where}: no {error}") from None
+    except (TypeError, ValueError, IndexError) as error:
+        raise CaptureError(f"{where}: {error}") from None
+    depth = _optional(folder, entry, "depth_file_path", where)
+    return RecordedFrame(
+        image=image,
+        intrinsics=intrinsics,
+        time=time,
+        world_from_cam=matrix @ OPENCV_FROM_OPENGL,
+        depth=depth,
+        depth_units_per_metre=MM_PER_METRE if depth and depth.suffix == ".png" else 1.0,
+        mask=_optional(folder, entry, "mask_path", where),
+        right=_optional(folder, entry, "right_file_path", where),
+    )
+
+
+def _intrinsics(index: dict[str, Any], entry: dict[str, Any], image: Path) -> Intrinsics:
+    """The camera of a frame: its own keys, the shared ones, or the field of view of synthetic scenes."""
+    if "w" in entry or "w" in index:
+        size = int(_value(index, entry, "w")), int(_value(index, entry, "h"))
+    else:
+        size = image_size(image)
+    if "fl_x" not in entry and "fl_x" not in index and "camera_angle_x" in index:
+        return Intrinsics.from_fov(*size, float(np.rad2deg(float(index["camera_angle_x"]))))
+    fx = float(_value(index, entry, "fl_x"))
+    return Intrinsics(
+        *size,
+        fx,
+        float(_value(index, entry, "fl_y", fx)),
+        float(_value(index, entry, "cx", size[0] / 2)),
+        float(_value(index, entry, "cy", size[1] / 2)),
+    )
+
+
+def _value(index: dict[str, Any], entry: dict[str, Any], key: str, default: Any = None) -> Any:
+    """A frame's own value, else the shared one, else ``default``; without one a KeyError."""
+    if default is None:
+        return entry[key] if key in entry else index[key]
+    return entry.get(key, index.get(key, default))
+
+
+def _image_path(folder: Path, name: str, where: str) -> Path:
+    path = folder / name
+    candidates = [path, *(path.with_name(path.name + suffix) for suffix in IMAGE_SUFFIXES)]
+    found = next((candidate for candidate in candidates if candidate.is_file()), None)
+    if found is None:
+        raise CaptureError(f"{where}: '{name}' does not exist")
+    return found
+
+
+def _optional(folder: Path, entry: dict[str, Any], key: str, where: str) -> Path | None:
+    if not entry.get(key):
+        return None
+    if not (folder / entry[key]).is_file():
+        raise CaptureError(f"{where}, {key}: '{entry[key]}' does not exist")
+    return folder / entry[key]
