@@ -29,7 +29,7 @@ STRIP_LOST = (0.60, 0.45, 0.05, 0.005, 0.0, 0.0, 0.0, 0.0)
 
 # Correlation length of the strips along rows and columns [px]. The wrong pixels of the matcher are still
 # correlated by 0.2 at 32 px along rows, by 0.1 along columns.
-STRIP_LENGTHS = (48.0, 12.0)
+STRIP_LENGTHS = (48.0, 5.0)
 
 # Half of the wrong pixels are off by more than 1.4 px, one in ten by more than 2.5 px: error at the rim of a
 # strip [px], and its growth per unit of the field of which the strips are the peaks.
