@@ -29,13 +29,15 @@ FOV_DEG = 45.0
 OPAQUE_LOGIT = 3.0  # opacity 0.95, as of most splats of a trained object
 
 
-def bench_render(
-    sizes: tuple[tuple[int, int], ...] = SIZES,
-    frames: int = FRAMES,
-    recorded_size: tuple[int, int] = RECORDED_SIZE,
+def bench_render() -> list[Result]:
+    """Return the frame rates of the built-in object, see `measure_films`."""
+    return measure_films(_object())
+
+
+def measure_films(
+    gaussians: Gaussians, sizes: tuple[tuple[int, int], ...] = SIZES, frames: int = FRAMES
 ) -> list[Result]:
     """Return frames per second, and the mean time of a frame [ms], by image size and threads."""
-    gaussians = _object(*recorded_size)
     subject = find_subject(gaussians)
     threads = sorted({1, default_threads()})
     results: list[Result] = []
@@ -58,10 +60,11 @@ def bench_render(
     return results
 
 
-def _object(width: int, height: int) -> Gaussians:
+def _object() -> Gaussians:
     """Return the built-in object as Gaussians of degree 3."""
     from sim.record import SimulateConfig, simulate
 
+    width, height = RECORDED_SIZE
     config = SimulateConfig(
         frames=RECORDED_FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"
     )

@@ -44,14 +44,13 @@ VIEW_SIZE = (960, 540)
 COVERED = 0.5  # alpha
 
 
-def bench_splat_files(
-    frames: int = RECORDED_FRAMES,
-    recorded_size: tuple[int, int] = RECORDED_SIZE,
-    steps: int = STEPS,
-    view_size: tuple[int, int] = VIEW_SIZE,
-) -> list[Result]:
+def bench_splat_files() -> list[Result]:
+    """Return what the formats take and lose on the built-in object, see `measure_formats`."""
+    return measure_formats(_trained_object())
+
+
+def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE) -> list[Result]:
     """Return bytes per Gaussian, seconds per million to write and read, and PSNR [dB], by format."""
-    gaussians = _trained_object(frames, recorded_size, steps)
     cameras = orbit(find_subject(gaussians), Intrinsics.from_fov(*view_size, 45.0), VIEWS)
     before = [render(gaussians, camera) for camera in cameras]
     results: list[Result] = []
@@ -86,21 +85,22 @@ def _likeness(gaussians: Gaussians, cameras: list[Camera], before: list[RenderOu
     return float(np.mean(values))
 
 
-def _trained_object(frames: int, size: tuple[int, int], steps: int) -> Gaussians:
+def _trained_object() -> Gaussians:
     from sim.record import SimulateConfig, simulate
 
+    width, height = RECORDED_SIZE
     config = SimulateConfig(
-        frames=frames, width=size[0], height=size[1], samples_per_pixel=1, tier="law"
+        frames=RECORDED_FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"
     )
     init = InitConfig()
-    train = TrainConfig(iterations=steps, sh_degree=3)
+    train = TrainConfig(iterations=STEPS, sh_degree=3)
     with tempfile.TemporaryDirectory() as folder:
         capture = simulate(config, Path(folder) / "capture")
         points = initial_points(capture.frames, init)
         seeds = seed_gaussians(points, train.sh_degree, init.seed_opacity, init.seed_width)
         trainer = Trainer(seeds, open_views(capture.frames, train), train)
-        with progress(steps, "Training", "step") as bar:
-            for _ in range(steps):
+        with progress(STEPS, "Training", "step") as bar:
+            for _ in range(STEPS):
                 trainer.step()
                 bar.update()
         return trainer.gaussians.to_numpy()
