@@ -31,6 +31,9 @@ STRIP_LOST = (0.60, 0.45, 0.05, 0.005, 0.0, 0.0, 0.0, 0.0)
 # correlated by 0.2 at 32 px along rows, by 0.1 along columns.
 STRIP_LENGTHS = (48.0, 5.0)
 
+# Holes need weak texture over this many pixels.
+STRIP_SURROUNDINGS = 81
+
 # Half of the wrong pixels are off by more than 1.4 px, one in ten by more than 2.5 px: error at the rim of a
 # strip [px], and its growth per unit of the field of which the strips are the peaks.
 STRIP_ERROR, STRIP_GROWTH = 1.05, 1.6
@@ -116,7 +119,9 @@ def _with_strips(
     from scipy.special import ndtri
 
     shape = sensed.disparity.shape
-    lost = np.interp(snr, STRIP_SNRS, STRIP_LOST)
+    # What is lost in a small plain patch is filled from its rim.
+    wider = np.exp(box_mean(np.log(snr), STRIP_SURROUNDINGS // STRIDE | 1))
+    lost = np.interp(wider, STRIP_SNRS, STRIP_LOST)
     wrong = lost + (1 - lost) * np.interp(snr, STRIP_SNRS, STRIP_WRONG)
     if wrong.max() == 0:
         return sensed
