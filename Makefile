@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo figures sensor sensor-cost performance test lint format constraints clean
+.PHONY: help setup demo docs figures sensor sensor-cost performance test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -46,6 +46,10 @@ sensor: setup ## Photograph every effect of the simulated camera and write docs/
 
 sensor-cost: setup ## Measure the simulated camera against real matching and write docs/sensor-cost.md
 	$(BIN)/python scripts/sensor_cost_page.py
+
+docs: setup ## The documentation as a site in build/site; fails when a link leads nowhere
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e '.[docs]'
+	$(BIN)/zensical build --strict
 
 performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py

@@ -45,6 +45,17 @@ def test_files_named_in_code_spans_exist(document: Path) -> None:
 
 
 @each_document
+def test_tests_named_in_code_spans_exist(document: Path) -> None:
+    spans = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", document.read_text(encoding="utf-8"))
+    lost = [
+        f"{path}::{name}"
+        for path, name in spans
+        if f"def {name}(" not in (REPOSITORY / path).read_text(encoding="utf-8")
+    ]
+    assert lost == []
+
+
+@each_document
 def test_command_lines_parse(document: Path) -> None:
     for arguments in shell_lines(document, "digs-warp"):
         cli.parse(arguments)
