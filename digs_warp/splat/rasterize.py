@@ -25,7 +25,8 @@ partial gradients: threads never share an address, so the result is the same for
 What keeps the inner loops fast: no libm calls, no branches (`wp.where`), no variable name used in two
 loops, and all pixel state of a tile, copies of its gradient planes included, in few local arrays (with five
 of them LLVM gives up; a read from a Warp array, whose stride is known only at run time, becomes a gather).
-What a view does not ask for is not in the kernel: there is one kernel per set of outputs.
+The options are constants of the kernel, and what a view does not ask for is not in it: there is one kernel
+per set of options.
 A test compiles this file with LLVM's vectorization remarks on and fails when a loop falls out.
 """
 
@@ -33,7 +34,13 @@ from functools import cache
 
 import warp as wp
 
-from digs_warp.splat.config import TILE_PIXELS, TILE_SIZE, raster_module_options
+from digs_warp.splat.config import (
+    TILE_PIXELS,
+    TILE_SIZE,
+    RasterOptions,
+    raster_module_options,
+    vector_lanes,
+)
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -42,6 +49,7 @@ from digs_warp.splat.records import (
     SPLAT_C,
     SPLAT_GREEN,
     SPLAT_HALF_HEIGHT,
+    SPLAT_HALF_WIDTH,
     SPLAT_OPACITY,
     SPLAT_RED,
     SPLAT_U,
@@ -53,6 +61,9 @@ wp.set_module_options({"enable_backward": False})
 
 _TILE = wp.constant(TILE_SIZE)
 _PIXELS = wp.constant(TILE_PIXELS)
+# Columns are walked in groups of one vector.
+_LANES = wp.constant(vector_lanes())
+_GROUP_MASK = wp.constant(TILE_SIZE // vector_lanes() - 1)
 # y & 15 is y, and tells LLVM that it is no negative index, which Warp would have to wrap: without it a
 # third of the time of a row goes into index checks.
 _ROW_MASK = wp.constant(TILE_SIZE - 1)
@@ -89,8 +100,6 @@ _ADJ_NY = wp.constant(7 * TILE_PIXELS)
 _ADJ_NZ = wp.constant(8 * TILE_PIXELS)
 # Whether a tile is saturated is looked up once every so many splats: a sum over its 256 pixels.
 _CHECK_EVERY = wp.constant(8)
-# Below this mean transmittance of a tile it pays to look for saturated rows.
-_CROWDED = wp.constant(TILE_PIXELS / 4.0)
 
 
 @wp.func
@@ -108,8 +117,11 @@ def exp_in_range(x: float) -> float:
 
 
 @cache
-def forward_kernel(with_depth: bool, with_normals: bool) -> wp.Kernel:
-    """Return the kernel that composites one tile, for a set of outputs; normals imply depth."""
+def forward_kernel(options: RasterOptions) -> wp.Kernel:
+    """Return the kernel that composites one tile."""
+    with_depth, with_normals = options.has_depth, options.has_normals
+    min_alpha, max_alpha = options.min_alpha, options.max_alpha
+    least = options.min_transmittance
     channels = 8 if with_normals else 5 if with_depth else 3
     name = "forward_normals" if with_normals else "forward_depth" if with_depth else "forward_color"
 
@@ -136,18 +148,15 @@ def forward_kernel(with_depth: bool, with_normals: bool) -> wp.Kernel:
         """Composite one tile."""
         tile = first + wp.tid()
         columns = views[0].columns
-        column = tile % columns
+        tile_column = tile % columns
         tile_row = tile // columns
         if tile_row < views[0].first_row or tile_row >= views[0].end_row:
             return
-        if column < views[0].first_column or column >= views[0].end_column:
+        if tile_column < views[0].first_column or tile_column >= views[0].end_column:
             return
         width = views[0].width
         height = views[0].height
-        min_alpha = views[0].min_alpha
-        max_alpha = views[0].max_alpha
-        least = views[0].min_transmittance
-        tile_x = column * _TILE
+        tile_x = tile_column * _TILE
         tile_y = tile_row * _TILE
         # A saturated pixel has working = 0 for good; final = 1 - sum of weights keeps its transmittance.
         # (Selecting the old value instead would cost the vectorization of the loop.)
@@ -188,33 +197,45 @@ def forward_kernel(with_depth: bool, with_normals: bool) -> wp.Kernel:
             # Clamped as floats: a huge splat would overflow an integer.
             y_first = int(wp.max(wp.ceil(mean_y - half_height), 0.0))
             y_last = int(wp.min(wp.floor(mean_y + half_height), 15.0))
-            for y in range(y_first, y_last + 1):
-                dy = float(y) - mean_y
-                row = (y & _ROW_MASK) * _TILE
-                e0 = -0.5 * c * dy * dy
-                e1 = -b * dy
-                for x in range(_TILE):
-                    dx = float(x) - mean_x
-                    power = wp.min(e0 + dx * (e1 - 0.5 * a * dx), 0.0)
-                    alpha = wp.min(opacity * exp_in_range(power), max_alpha)
-                    alpha = wp.where(alpha >= min_alpha, alpha, 0.0)
-                    before = working[row + x]
-                    after = before * (1.0 - alpha)
-                    weight = wp.where(after >= least, alpha * before, 0.0)
-                    working[row + x] = wp.where(after >= least, after, 0.0)
-                    if wp.static(with_depth):
-                        color[_DEPTH + row + x] = color[_DEPTH + row + x] + weight * z
-                        passed = wp.where(final[row + x] > 0.5, z, 0.0)
-                        passed = wp.where(final[row + x] - weight <= 0.5, passed, 0.0)
-                        color[_MEDIAN + row + x] = color[_MEDIAN + row + x] + passed
-                    if wp.static(with_normals):
-                        color[_NORMAL_X + row + x] = color[_NORMAL_X + row + x] + weight * normal[0]
-                        color[_NORMAL_Y + row + x] = color[_NORMAL_Y + row + x] + weight * normal[1]
-                        color[_NORMAL_Z + row + x] = color[_NORMAL_Z + row + x] + weight * normal[2]
-                    final[row + x] = final[row + x] - weight
-                    color[row + x] = color[row + x] + weight * color_r
-                    color[_GREEN + row + x] = color[_GREEN + row + x] + weight * color_g
-                    color[_BLUE + row + x] = color[_BLUE + row + x] + weight * color_b
+            half_width = splats[g, SPLAT_HALF_WIDTH]
+            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // _LANES
+            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // _LANES
+            for group in range(x_first, x_last + 1):
+                left = float(group * _LANES) - mean_x
+                column = (group & _GROUP_MASK) * _LANES
+                for y in range(y_first, y_last + 1):
+                    dy = float(y) - mean_y
+                    e0 = -0.5 * c * dy * dy
+                    e1 = -b * dy
+                    row = (y & _ROW_MASK) * _TILE + column
+                    for x in range(_LANES):
+                        dx = float(x) + left
+                        power = wp.min(e0 + dx * (e1 - 0.5 * a * dx), 0.0)
+                        alpha = wp.min(opacity * exp_in_range(power), wp.static(max_alpha))
+                        alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
+                        before = working[row + x]
+                        after = before * (1.0 - alpha)
+                        weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
+                        working[row + x] = wp.where(after >= wp.static(least), after, 0.0)
+                        if wp.static(with_depth):
+                            color[_DEPTH + row + x] = color[_DEPTH + row + x] + weight * z
+                            passed = wp.where(final[row + x] > 0.5, z, 0.0)
+                            passed = wp.where(final[row + x] - weight <= 0.5, passed, 0.0)
+                            color[_MEDIAN + row + x] = color[_MEDIAN + row + x] + passed
+                        if wp.static(with_normals):
+                            color[_NORMAL_X + row + x] = (
+                                color[_NORMAL_X + row + x] + weight * normal[0]
+                            )
+                            color[_NORMAL_Y + row + x] = (
+                                color[_NORMAL_Y + row + x] + weight * normal[1]
+                            )
+                            color[_NORMAL_Z + row + x] = (
+                                color[_NORMAL_Z + row + x] + weight * normal[2]
+                            )
+                        final[row + x] = final[row + x] - weight
+                        color[row + x] = color[row + x] + weight * color_r
+                        color[_GREEN + row + x] = color[_GREEN + row + x] + weight * color_g
+                        color[_BLUE + row + x] = color[_BLUE + row + x] + weight * color_b
         tile_ends[tile] = stop
         back_r = background[0]
         back_g = background[1]
@@ -240,11 +261,14 @@ def forward_kernel(with_depth: bool, with_normals: bool) -> wp.Kernel:
 
 
 @cache
-def backward_kernel(with_depth: bool, with_normals: bool, with_absolute: bool) -> wp.Kernel:
-    """Return the kernel that writes the gradient records of one tile, for a set of outputs.
+def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
+    """Return the kernel that writes the gradient records of one tile.
 
     ``with_absolute`` adds the sums of the absolute values of the gradient in u and v (AbsGS).
     """
+    with_depth, with_normals = options.has_depth, options.has_normals
+    min_alpha, max_alpha = options.min_alpha, options.max_alpha
+    least = options.min_transmittance
     layout = GradientLayout.of(with_depth, with_normals, with_absolute)
     planes = 9 if with_normals else 6 if with_depth else 5
     lane_count = 12 if with_absolute else 10 if with_normals else 7 if with_depth else 6
@@ -280,14 +304,11 @@ def backward_kernel(with_depth: bool, with_normals: bool, with_absolute: bool) -
         """Write the gradient records of one tile; re-reads what the forward pass wrote."""
         tile = first + wp.tid()
         columns = views[0].columns
-        column = tile % columns
+        tile_column = tile % columns
         tile_row = tile // columns
         if tile_row >= views[0].rows:
             return
-        min_alpha = views[0].min_alpha
-        max_alpha = views[0].max_alpha
-        least = views[0].min_transmittance
-        tile_x = column * _TILE
+        tile_x = tile_column * _TILE
         tile_y = tile_row * _TILE
         start = origin + tile_y * pitch + tile_x
         begin = tile_starts[tile]
@@ -348,56 +369,72 @@ def backward_kernel(with_depth: bool, with_normals: bool, with_absolute: bool) -
                 normal = normals[g]
             y_first = int(wp.max(wp.ceil(mean_y - half_height), 0.0))
             y_last = int(wp.min(wp.floor(mean_y + half_height), 15.0))
+            half_width = splats[g, SPLAT_HALF_WIDTH]
+            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // _LANES
+            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // _LANES
             for lane_z in range(wp.static(lane_count * TILE_SIZE)):
                 lanes[lane_z] = 0.0
-            for y in range(y_first, y_last + 1):
-                dy = float(y) - mean_y
-                row = (y & _ROW_MASK) * _TILE
-                e0 = -0.5 * c * dy * dy
-                e1 = -b * dy
-                for x in range(_TILE):
-                    dx = float(x) - mean_x
-                    power = wp.min(e0 + dx * (e1 - 0.5 * a * dx), 0.0)
-                    raw = opacity * exp_in_range(power)
-                    alpha = wp.min(raw, max_alpha)
-                    alpha = wp.where(alpha >= min_alpha, alpha, 0.0)
-                    before = state[row + x]
-                    after = before * (1.0 - alpha)
-                    weight = wp.where(after >= least, alpha * before, 0.0)
-                    state[row + x] = wp.where(after >= least, after, 0.0)
-                    v_r = state[_ADJ_R + row + x]
-                    v_g = state[_ADJ_G + row + x]
-                    v_b = state[_ADJ_B + row + x]
-                    shine = color_r * v_r + color_g * v_g + color_b * v_b
-                    if wp.static(with_depth):
-                        v_d = state[_ADJ_DEPTH + row + x]
-                        shine = shine + z * v_d
-                        lanes[_LANE_DEPTH + x] = lanes[_LANE_DEPTH + x] + weight * v_d
-                    if wp.static(with_normals):
-                        v_x = state[_ADJ_NX + row + x]
-                        v_y = state[_ADJ_NY + row + x]
-                        v_z = state[_ADJ_NZ + row + x]
-                        shine = shine + normal[0] * v_x + normal[1] * v_y + normal[2] * v_z
-                        lanes[_LANE_NX + x] = lanes[_LANE_NX + x] + weight * v_x
-                        lanes[_LANE_NY + x] = lanes[_LANE_NY + x] + weight * v_y
-                        lanes[_LANE_NZ + x] = lanes[_LANE_NZ + x] + weight * v_z
-                    rest = state[_AHEAD + row + x] - weight * shine
-                    state[_AHEAD + row + x] = rest
-                    d_alpha = before * shine - rest / (1.0 - alpha)
-                    # d_alpha * alpha = dL/dpower; zero where capped, cut, or stopped
-                    moving = wp.where(raw <= max_alpha, alpha, 0.0)
-                    d_power = wp.where(after >= least, d_alpha * moving, 0.0)
-                    if wp.static(with_absolute):
-                        d_u = wp.abs(d_power * (a * dx + b * dy))
-                        d_v = wp.abs(d_power * (b * dx + c * dy))
-                        lanes[_LANE_AU + x] = lanes[_LANE_AU + x] + d_u
-                        lanes[_LANE_AV + x] = lanes[_LANE_AV + x] + d_v
-                    lanes[x] = lanes[x] + d_power
-                    lanes[_LANE_Y + x] = lanes[_LANE_Y + x] + d_power * dy
-                    lanes[_LANE_YY + x] = lanes[_LANE_YY + x] + d_power * dy * dy
-                    lanes[_LANE_R + x] = lanes[_LANE_R + x] + weight * v_r
-                    lanes[_LANE_G + x] = lanes[_LANE_G + x] + weight * v_g
-                    lanes[_LANE_B + x] = lanes[_LANE_B + x] + weight * v_b
+            for group in range(x_first, x_last + 1):
+                left = float(group * _LANES) - mean_x
+                column = (group & _GROUP_MASK) * _LANES
+                for y in range(y_first, y_last + 1):
+                    dy = float(y) - mean_y
+                    e0 = -0.5 * c * dy * dy
+                    e1 = -b * dy
+                    row = (y & _ROW_MASK) * _TILE + column
+                    for x in range(_LANES):
+                        dx = float(x) + left
+                        power = wp.min(e0 + dx * (e1 - 0.5 * a * dx), 0.0)
+                        raw = opacity * exp_in_range(power)
+                        alpha = wp.min(raw, wp.static(max_alpha))
+                        alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
+                        before = state[row + x]
+                        after = before * (1.0 - alpha)
+                        weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
+                        state[row + x] = wp.where(after >= wp.static(least), after, 0.0)
+                        v_r = state[_ADJ_R + row + x]
+                        v_g = state[_ADJ_G + row + x]
+                        v_b = state[_ADJ_B + row + x]
+                        shine = color_r * v_r + color_g * v_g + color_b * v_b
+                        if wp.static(with_depth):
+                            v_d = state[_ADJ_DEPTH + row + x]
+                            shine = shine + z * v_d
+                            lanes[_LANE_DEPTH + column + x] = (
+                                lanes[_LANE_DEPTH + column + x] + weight * v_d
+                            )
+                        if wp.static(with_normals):
+                            v_x = state[_ADJ_NX + row + x]
+                            v_y = state[_ADJ_NY + row + x]
+                            v_z = state[_ADJ_NZ + row + x]
+                            shine = shine + normal[0] * v_x + normal[1] * v_y + normal[2] * v_z
+                            lanes[_LANE_NX + column + x] = (
+                                lanes[_LANE_NX + column + x] + weight * v_x
+                            )
+                            lanes[_LANE_NY + column + x] = (
+                                lanes[_LANE_NY + column + x] + weight * v_y
+                            )
+                            lanes[_LANE_NZ + column + x] = (
+                                lanes[_LANE_NZ + column + x] + weight * v_z
+                            )
+                        rest = state[_AHEAD + row + x] - weight * shine
+                        state[_AHEAD + row + x] = rest
+                        d_alpha = before * shine - rest / (1.0 - alpha)
+                        # d_alpha * alpha = dL/dpower; zero where capped, cut, or stopped
+                        moving = wp.where(raw <= wp.static(max_alpha), alpha, 0.0)
+                        d_power = wp.where(after >= wp.static(least), d_alpha * moving, 0.0)
+                        if wp.static(with_absolute):
+                            d_u = wp.abs(d_power * (a * dx + b * dy))
+                            d_v = wp.abs(d_power * (b * dx + c * dy))
+                            lanes[_LANE_AU + column + x] = lanes[_LANE_AU + column + x] + d_u
+                            lanes[_LANE_AV + column + x] = lanes[_LANE_AV + column + x] + d_v
+                        lanes[column + x] = lanes[column + x] + d_power
+                        lanes[_LANE_Y + column + x] = lanes[_LANE_Y + column + x] + d_power * dy
+                        lanes[_LANE_YY + column + x] = (
+                            lanes[_LANE_YY + column + x] + d_power * dy * dy
+                        )
+                        lanes[_LANE_R + column + x] = lanes[_LANE_R + column + x] + weight * v_r
+                        lanes[_LANE_G + column + x] = lanes[_LANE_G + column + x] + weight * v_g
+                        lanes[_LANE_B + column + x] = lanes[_LANE_B + column + x] + weight * v_b
             sum_0 = float(0.0)
             sum_x = float(0.0)
             sum_y = float(0.0)

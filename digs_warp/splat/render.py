@@ -318,14 +318,13 @@ class SplatRenderer:
         )
         if not self.vectorized:
             return
-        outputs = self.options.has_depth, self.options.has_normals
         self._forward = self._launch(
-            forward_kernel(*outputs),
+            forward_kernel(self.options),
             self._max_tiles,
             [*self._raster_inputs(), self._background, *self._raster_outputs()],
         )
         self._backward = self._launch(
-            backward_kernel(*outputs, layout.absolute >= 0),
+            backward_kernel(self.options, layout.absolute >= 0),
             self._max_tiles,
             [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
             + [lists.pair_gradients],

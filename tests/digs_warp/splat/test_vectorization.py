@@ -11,6 +11,7 @@ COMPILE = """
 import warp as wp
 wp.config.kernel_cache_dir = {cache!r}
 import digs_warp.splat.rasterize as rasterize
+from digs_warp.splat.config import RasterOptions
 options = rasterize.raster_module_options
 def with_remarks():
     made = options()
@@ -20,14 +21,14 @@ rasterize.raster_module_options = with_remarks
 wp.load_module(rasterize.{kernel}.module, device="cpu")
 """
 
-HOT_LOOP = "for x in range(_TILE):"
+HOT_LOOP = "for x in range(_LANES):"
 
 KERNELS = {
-    "colour, forward": "forward_kernel(False, False)",
-    "depth and normals, forward": "forward_kernel(True, True)",
-    "colour, backward": "backward_kernel(False, False, False)",
-    "depth, backward, with absolute gradients": "backward_kernel(True, False, True)",
-    "depth and normals, backward": "backward_kernel(True, True, False)",
+    "colour, forward": "forward_kernel(RasterOptions())",
+    "depth and normals, forward": "forward_kernel(RasterOptions(outputs='normals'))",
+    "colour, backward": "backward_kernel(RasterOptions(), False)",
+    "depth, backward, with absolute gradients": "backward_kernel(RasterOptions(outputs='depth'), True)",
+    "depth and normals, backward": "backward_kernel(RasterOptions(outputs='normals'), False)",
 }
 
 
