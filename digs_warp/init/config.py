@@ -70,8 +70,8 @@ class InitConfig:
     weight_by_confidence: bool = False
     """Weigh measurements by the confidence that the sensor reported for them."""
 
-    visibility_check: bool = False
-    """Leave out points that more views have seen through than seen: floaters before the object."""
+    visibility_check: bool = True
+    """Leave out points that more views have seen through than seen: floaters around the object."""
 
     shape: Shape = "round"
     """Gaussians at the start: 'round'; 'flat' along the surface, by the normals of the depth maps; or

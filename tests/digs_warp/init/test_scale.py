@@ -30,6 +30,14 @@ def test_a_million_values_tell_the_mode_to_a_thousandth(deviation: float, outlie
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.5])
+def test_the_bandwidth_is_the_rule_for_the_derivative_of_a_normal_density(outliers: float) -> None:
+    found = estimate_scale(noisy(200_000, 0.02, outliers))
+    in_peak = 200_000 * (1 - outliers)
+    expected = (4 / 5) ** (1 / 7) * 0.02 * TRUE * in_peak ** (-1 / 7)
+    assert found.bandwidth == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.5])
 def test_binned_density_equals_the_direct_one(outliers: float) -> None:
     values = np.sort(noisy(10_000, 0.02, outliers))
     bandwidth = estimate_scale(values).bandwidth
