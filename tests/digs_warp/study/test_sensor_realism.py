@@ -1,4 +1,4 @@
-"""The planned tier against real matching of a real pair with true disparity (Middlebury Motorcycle)."""
+"""The planned tier against matching: of a real pair (Middlebury Motorcycle), and of rendered images."""
 
 from pathlib import Path
 
@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from digs_warp.study.real_pair import WarpedRays, load_motorcycle
+from sim.config import SimulateConfig
 from sim.sensor.blame import near_steps
+from sim.sensor.color.recorded import recorded_images
 from sim.sensor.facts import measure_facts
 from sim.sensor.frame import FrameTruth
 from sim.sensor.matcher import sense_by_matching
 from sim.sensor.planner import plan
 from sim.sensor.scores import bad_by_edge_distance, score
 from sim.sensor.tiers import sense
+from sim.sensor_plan import plan_for_facts
+from sim.session import load_inputs, prepare_session
+from sim.shutter import Shutter
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +70,30 @@ def test_errors_gather_at_the_steps_for_both(
         # 72 to 74 % of the bad pixels near edges read too near in the reference measurement.
         error = (disparity - pair.disparity)[near_steps(pair.disparity, 5)]
         assert (error[np.abs(error) > 1] > 0).mean() > 0.6
+
+
+def test_errors_fall_off_from_the_steps_as_the_matchers(
+    pair: FrameTruth, matched: np.ndarray, planned: np.ndarray
+) -> None:
+    """Bad-1 at 0-2, 2-5, 5-10, 10-20 and beyond 20 px; the model is milder right at the steps."""
+    real, model = (np.array(bad_by_edge_distance(d, pair)) for d in (matched, planned))
+    assert (np.abs(model - real) < [0.2, 0.12, 0.06, 0.03, 0.02]).all()
+    assert 0.4 * real[0] < model[0] < 1.1 * real[0]
+
+
+def test_on_a_rendered_frame_the_planned_tier_fails_about_as_often_as_the_matcher() -> None:
+    """The built-in object in its room, and the images that would be recorded."""
+    config = SimulateConfig(width=400, frames=7, seed=2)
+    session = prepare_session(config, load_inputs(config))
+    truth, _ = session.truth(3, Shutter())
+    plans = plan_for_facts(measure_facts([truth]), session.rig, config)
+    recorded = recorded_images(truth, plans.pixel_effects)
+    real = score(sense(truth, "matcher", recorded=recorded).disparity, truth)
+    model = score(sense(truth, "planned", plans.depth).disparity, truth)
+    assert model.fill == pytest.approx(real.fill, abs=0.06)
+    assert model.bad_1 == pytest.approx(real.bad_1, abs=0.06)
+    assert model.occluded_holes == pytest.approx(real.occluded_holes, abs=0.2)
+    assert real.fill < 0.97 and real.bad_1 > 0.01  # or there is nothing to compare
 
 
 def test_the_rays_of_a_disparity_image_find_what_a_box_hides() -> None:

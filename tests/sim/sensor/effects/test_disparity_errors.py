@@ -72,6 +72,15 @@ def test_temporal_noise_is_normal() -> None:
     assert kstest(apart.ravel() / 0.2, "norm").pvalue > 0.01
 
 
+def test_what_remains_after_the_ripple_is_normal() -> None:
+    rig = make_rig(640, 480, disparity_sigma=0.1, temporal_share=1.0, ripple=0.07)
+    disparity = np.linspace(40, 60, 640)[None, :]
+    error = error_of(make_frame(disparity, rig), "correlated-noise", "ripple")
+    rest = (error + 0.07 * np.sin(2 * np.pi * disparity))[::12, ::12]
+    assert kstest(rest.ravel() / 0.1, "norm").pvalue > 0.01
+    assert kstest(error[::12, ::12].ravel() / 0.1, "norm").pvalue < 0.01
+
+
 @pytest.mark.parametrize("length", [3.0, 4.0, 6.0, 9.0])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_temporal_noise_has_the_correlation_length_of_the_rig(length: float, axis: int) -> None:
