@@ -73,6 +73,24 @@ BENCHMARKS = (
         wide=True,
     ),
     Benchmark(
+        "sfm",
+        "digs_warp.study.bench_sfm:bench_sfm",
+        "structure from motion: seconds, memory and pose errors of each choice (pairs, features, mapper)",
+        wide=True,
+    ),
+    Benchmark(
+        "sfm-full",
+        "digs_warp.study.bench_sfm:bench_sfm_full",
+        "structure from motion on 200 images of 1600x900",
+        wide=True,
+    ),
+    Benchmark(
+        "masks",
+        "digs_warp.study.bench_masks:bench_masks",
+        "object masks without a network against the true ones",
+        wide=True,
+    ),
+    Benchmark(
         "init",
         "digs_warp.study.bench_init:bench_init",
         "from 200 depth maps of 2208x1242 to points: seconds, memory, distance to the true surface",
@@ -93,6 +111,12 @@ BENCHMARKS = (
         "usd",
         "digs_warp.study.bench_usd:bench_usd",
         "USD scenes of a million splats: write, read, validate; what each precision saves and loses",
+        wide=True,
+    ),
+    Benchmark(
+        "mesh",
+        "digs_warp.study.bench_mesh:bench_mesh",
+        "the mesh of the built-in object at four voxel sizes: seconds, triangles, distance to the truth",
         wide=True,
     ),
     Benchmark(
