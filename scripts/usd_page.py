@@ -16,8 +16,8 @@ BEGIN, END = "<!-- figures -->\n", "<!-- end of figures -->\n"
 
 TEXT = """Times are for {splats:,} splats of degree 3: from memory to a new file, back to Gaussians, and
 validation with our rules and those of OpenUSD. PSNR is that of pictures of {pictured:,} splats
-that were written, read and rendered, against pictures of the original (120 dB: no difference). Measured on {machine}, Python {python},
-usd-core {usd}.
+that were written, read and rendered, against pictures of the original (120 dB: no difference). Measured on
+{machine}, Python {python}, usd-core {usd}.
 
 {table}
 """

@@ -112,7 +112,7 @@ def author_cameras(stage: "Usd.Stage", path: CameraPath, box: np.ndarray) -> Non
 
 
 def _animate(rig: "UsdGeom.Xform", cameras: Sequence[Camera]) -> None:
-    """Author translation and rotation apart: between two views USD turns along the shortest arc."""
+    """Author translation and rotation apart: between two views everyone turns along the shorter arc."""
     from pxr import Gf, UsdGeom
 
     asset_from_usd = np.stack(

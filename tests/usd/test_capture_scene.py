@@ -154,6 +154,11 @@ def test_between_two_views_the_camera_turns_along_the_shorter_arc(package: Path)
             np.array(rig.GetLocalTransformation(i + t))[2, :3] for t in (0, 0.5, 1)
         )
         assert between @ before > 0.5 + 0.5 * (before @ after) - 1e-6
+    # Also for programs that interpolate the four numbers.
+    orient = stage.GetPrimAtPath("/Asset/Rig").GetAttribute("xformOp:orient")
+    quats = [orient.Get(i) for i in range(9)]
+    numbers = np.array([[q.GetReal(), *q.GetImaginary()] for q in quats])
+    assert ((numbers[1:] * numbers[:-1]).sum(axis=1) > 0).all()
 
 
 def test_a_single_camera_is_no_stereo_rig(tmp_path: Path):
