@@ -15,16 +15,11 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats, write_splats
 from digs_warp.film.camera_path import find_subject, orbit
 from digs_warp.gaussians import Gaussians
-from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initial_points
-from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.log import progress
 from digs_warp.metrics import psnr
 from digs_warp.splat.render import RenderOutput, render
 from digs_warp.study.results import Result
-from digs_warp.train.config import TrainConfig
-from digs_warp.train.trainer import Trainer
-from digs_warp.train.view_store import open_views
+from digs_warp.study.trained_object import trained_object
 
 # Name, suffix, version of SPZ.
 FORMATS = (
@@ -36,9 +31,6 @@ FORMATS = (
     ("SPZ 4", ".spz", 4),
     ("USD", ".usdz", 3),
 )
-RECORDED_FRAMES = 24
-RECORDED_SIZE = (480, 270)
-STEPS = 400
 VIEWS = 4
 VIEW_SIZE = (960, 540)
 COVERED = 0.5  # alpha
@@ -46,7 +38,7 @@ COVERED = 0.5  # alpha
 
 def bench_splat_files() -> list[Result]:
     """Return what the formats take and lose on the built-in object, see `measure_formats`."""
-    return measure_formats(_trained_object())
+    return measure_formats(trained_object().gaussians)
 
 
 def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE) -> list[Result]:
@@ -83,24 +75,3 @@ def _likeness(gaussians: Gaussians, cameras: list[Camera], before: list[RenderOu
         image = render(gaussians, camera).image
         values.append(psnr(image, view.image, view.alpha > COVERED))
     return float(np.mean(values))
-
-
-def _trained_object() -> Gaussians:
-    from sim.record import SimulateConfig, simulate
-
-    width, height = RECORDED_SIZE
-    config = SimulateConfig(
-        frames=RECORDED_FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"
-    )
-    init = InitConfig()
-    train = TrainConfig(iterations=STEPS, sh_degree=3)
-    with tempfile.TemporaryDirectory() as folder:
-        capture = simulate(config, Path(folder) / "capture")
-        points = initial_points(capture.frames, init)
-        seeds = seed_gaussians(points, train.sh_degree, init.seed_opacity, init.seed_width)
-        trainer = Trainer(seeds, open_views(capture.frames, train), train)
-        with progress(STEPS, "Training", "step") as bar:
-            for _ in range(STEPS):
-                trainer.step()
-                bar.update()
-        return trainer.gaussians.to_numpy()
