@@ -21,8 +21,8 @@ machine, which other work may have shared.
 
 ![Tiers and effects by time and by their gap to real matching](images/sensor-cost.png)
 
-The yardstick is the `matcher` tier: semi-global matching of the two rendered images with the noise of the
-camera. `planned` does not look at the right image at all. Its effects are fitted to that matcher and to a
+The yardstick is the `matcher` tier: semi-global matching of the two images as the camera records them, with
+vignetting, shot and read noise. `planned` does not look at the right image at all. Its effects are fitted to that matcher and to a
 real pair with true disparity (Middlebury Motorcycle, quarter size), the last rows.
 
 *fill*: share of the pixels with a value. *bad-1*: share of the values that are wrong by more than a pixel.
@@ -49,16 +49,17 @@ by one rule for both tiers.
 
 ## Where the planned tier is off
 
-- **Edges.** Next to steps the matcher is wrong up to twice as often. Its outlines grow along rows and columns
-  alike where the background has little texture, even where the contrast rule says that a weak foreground
-  shrinks; here outlines move half as far along columns. On the real pair part of the difference is the
-  truth itself, which blends both sides of a step over a pixel or two.
-- **Patches.** Weakly textured areas go wrong together along whole scanlines in semi-global matching, which
-  carries disparity from pixel to pixel; here they fail in round patches. Shares agree, shapes do not.
-- **Hidden pixels** become holes as often as in matching in the mean of a frame; which ones do is drawn, where
-  a real matcher lets the texture decide.
-- **Noise of the real pair** is higher than the model's (rms above): real images differ between the eyes by
-  more than noise, and the true disparity has an error of its own.
+- **Edges.** Next to steps the matcher is wrong more often. Before a background whose texture drowns in the
+  noise it carries a strong outline five pixels and more into what is hidden behind it; here the hidden pixels
+  are drawn one patch at a time. On the real pair part of the difference is the truth itself, which blends
+  both sides of a step over a pixel or two.
+- **Strips.** Weakly textured areas fail in strips along the rows, as in semi-global matching. How many fail
+  follows the texture in both; which ones is drawn here, and the noise of the two images decides there.
+- **Weak texture of the real pair** costs the matcher less than that of rendered images at the same ratio of
+  gradient to noise: the rays of a pixel add a grain of their own to rendered images.
+- **Noise of the real pair** is higher than the model's (rms above): the grain of its images, half a grey
+  level, explains little of it; the eyes differ by more than grain, and the true disparity has an error of its
+  own.
 - **Repeated texture** is not modelled: a matcher may lock on to the wrong period.
 - **Flying pixels** and holes in saturated areas belong to the profile's device, not to plain matching:
   they widen the gap where they act, and are right to.

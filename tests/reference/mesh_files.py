@@ -1,0 +1,111 @@
+"""Small meshes, files of them, and what every loaded scene promises."""
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from PIL import Image
+from reference.scene_checks import check_arrays
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
+
+from sim.mesh.normalize import STANDARD_SIZE
+from sim.scene import Scene
+
+# A textured square in the plane z = 0.
+OBJ = (
+    "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl paint\nf 1/1 2/2 3/3\n"
+)
+
+
+def check_scene(scene: Scene, size: float = STANDARD_SIZE) -> None:
+    """Everything that `sim.scene.Scene` promises."""
+    n, m = len(scene.vertices), len(scene.faces)
+    check_arrays(scene)
+    assert m >= 1
+    assert set(np.unique(scene.faces)) == set(range(n))
+    assert scene.face_materials.min() >= 0
+    assert scene.face_materials.max() < len(scene.materials)
+    low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
+    np.testing.assert_allclose((high - low).max(), size, rtol=1e-6)
+    np.testing.assert_allclose(low + high, 0, atol=1e-6 * size)
+    np.testing.assert_allclose(np.linalg.norm(scene.normals, axis=1), 1, atol=1e-5)
+    facing = face_vectors(scene)
+    assert np.linalg.norm(facing, axis=1).min() > 0
+    assert (np.einsum("ij,ij->i", facing, scene.normals[scene.faces].sum(axis=1)) >= 0).all()
+    assert scene.vertex_colors.min() >= 0
+    assert scene.vertex_colors.max() <= 1
+    for material in scene.materials:
+        assert 0 <= material.roughness <= 1
+        assert 0 <= material.metallic <= 1
+        assert material.base_color.shape == (3,)
+        if material.texture is not None:
+            assert material.texture.dtype == np.uint8
+            assert material.texture.ndim == 3
+            assert material.texture.shape[2] == 3
+
+
+def face_vectors(scene: Scene) -> np.ndarray:
+    """Normals as long as twice the area of each face."""
+    a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
+    return np.cross(b - a, c - a)
+
+
+def corners_of(scene: Scene) -> np.ndarray:
+    """Corner positions face by face: the shape, however vertices are shared, (m, 3, 3)."""
+    return scene.vertices[scene.faces]
+
+
+def save(path: Path, mesh: Any) -> Path:
+    """Write a mesh or scene with trimesh, in the format of the suffix."""
+    data = mesh.export(file_type=path.suffix[1:])
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return path
+
+
+def lopsided() -> trimesh.Trimesh:
+    """A small smooth mesh without any symmetry."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+    mesh.vertices = mesh.vertices * (1.0, 1.7, 0.6)
+    mesh.vertices[:, 0] += 0.3 * mesh.vertices[:, 1] ** 2
+    return mesh
+
+
+def checker(size: int = 16) -> Image.Image:
+    """Red on the top left, green on the top right, blue below."""
+    pixels = np.zeros((size, size, 3), np.uint8)
+    pixels[: size // 2, : size // 2] = (255, 0, 0)
+    pixels[: size // 2, size // 2 :] = (0, 255, 0)
+    pixels[size // 2 :] = (0, 0, 255)
+    return Image.fromarray(pixels)
+
+
+def textured_square(texture_share: float = 1.0, **material: Any) -> trimesh.Trimesh:
+    """A unit square in the plane z = 0 that shows the lower left part of its texture, or all."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    pbr = PBRMaterial(name="paint", **material)
+    visual = TextureVisuals(uv=vertices[:, :2] * texture_share, material=pbr)
+    return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+
+
+def edit_gltf(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    """Change the JSON header of a GLB file in place."""
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    header = json.loads(data[20 : 20 + length])
+    change(header)
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    total = 20 + len(text) + len(rest)
+    path.write_bytes(
+        struct.pack("<4sII", b"glTF", 2, total)
+        + struct.pack("<I4s", len(text), b"JSON")
+        + text
+        + rest
+    )
+    return path
