@@ -22,8 +22,8 @@ machine, which other work may have shared.
 ![Tiers and effects by time and by their gap to real matching](images/sensor-cost.png)
 
 The yardstick is the `matcher` tier: semi-global matching of the two images as the camera records them, with
-vignetting, shot and read noise. `planned` does not look at the right image at all. Its effects are fitted to that matcher and to a
-real pair with true disparity (Middlebury Motorcycle, quarter size), the last rows.
+vignetting, shot and read noise. `planned` does not look at the right image at all. Its effects are fitted to
+that matcher and to a real pair with true disparity (Middlebury Motorcycle, quarter size), the last rows.
 
 *fill*: share of the pixels with a value. *bad-1*: share of the values that are wrong by more than a pixel.
 *rms*: of the other errors. *edge bad-1*: bad-1 within two pixels of a depth step. *occluded holes*: share
