@@ -22,8 +22,8 @@ and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
 Where pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
 are blurred.
 
-One thread works on a block of 16 rows by 64 columns of one channel. Only blocks that touch a region of
-interest are computed: elsewhere image and target are the same background, SSIM is 1 and its gradient 0.
+One thread works on a block of 16 rows by 64 columns of one channel. Only active blocks are computed:
+elsewhere image and target are the same background, SSIM is 1 and its gradient 0.
 """
 
 import math
@@ -87,7 +87,7 @@ def similarity_kernel(
     pitch: int,
     plane: int,
     origin: int,
-    region: wp.array[int],  # [4] x0, y0, x1, y1: pixels whose loss counts
+    active: wp.array[int],  # [blocks_y * blocks_x] not 0 where the loss counts
     image: wp.array[float],  # 3 padded planes
     target: wp.array[float],  # 3 padded planes
     weighted: int,  # whether pixels count as much as ``weights`` say; otherwise all count 1
@@ -103,9 +103,7 @@ def similarity_kernel(
     top = (block // blocks_x % blocks_y) * _ROWS
     sums[block, 0] = 0.0
     sums[block, 1] = 0.0
-    if left >= region[2] or left + _COLUMNS <= region[0]:
-        return
-    if top >= region[3] or top + _ROWS <= region[1]:
+    if active[block % (blocks_x * blocks_y)] == 0:
         return
     line = wp.zeros(shape=(_LINES_5,), dtype=float)
     blur = wp.zeros(shape=(_MAPS_5,), dtype=float)
@@ -240,7 +238,7 @@ def similarity_gradient_kernel(
     pitch: int,
     plane: int,
     origin: int,
-    region: wp.array[int],  # [4] x0, y0, x1, y1: pixels whose gradient is wanted
+    active: wp.array[int],  # [blocks_y * blocks_x] not 0 where the gradient is wanted
     image: wp.array[float],
     target: wp.array[float],
     weighted: int,
@@ -256,9 +254,7 @@ def similarity_gradient_kernel(
     channel = block // (blocks_x * blocks_y)
     left = (block % blocks_x) * _COLUMNS
     top = (block // blocks_x % blocks_y) * _ROWS
-    if left >= region[2] or left + _COLUMNS <= region[0]:
-        return
-    if top >= region[3] or top + _ROWS <= region[1]:
+    if active[block % (blocks_x * blocks_y)] == 0:
         return
     line = wp.zeros(shape=(_LINES_4,), dtype=float)
     blur = wp.zeros(shape=(_MAPS_3,), dtype=float)

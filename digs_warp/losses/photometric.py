@@ -10,12 +10,11 @@ import numpy as np
 import warp as wp
 
 from digs_warp.image_planes import ImagePlanes
-from digs_warp.losses.regions import Box, grown, union
+from digs_warp.losses.regions import blocks_of, loss_blocks
 from digs_warp.parallel import ParallelLaunch
 from digs_warp.ssim import (
     BLOCK_COLUMNS,
     BLOCK_ROWS,
-    REACH,
     similarity_gradient_kernel,
     similarity_kernel,
 )
@@ -54,46 +53,55 @@ class PhotometricLoss:
         width, height = image.max_width, image.max_height
         self.dssim_weight = dssim_weight
         self._maps = ImagePlanes(width, height, 9, device)
-        self._loss_region = wp.zeros(4, dtype=int, device=device)
-        self._gradient_region = wp.zeros(4, dtype=int, device=device)
         blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
         blocks = 3 * blocks_x * blocks_y
+        self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
+        self._wanted = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
         self._sums = wp.zeros((blocks, 2), dtype=float, device=device)
         shape = [blocks_x, blocks_y, width, height, image.pitch, image.plane, image.origin]
         read = [image.data, target.data, 0, weights.data]
         self._similarity = ParallelLaunch(
             similarity_kernel,
             blocks,
-            [*shape, self._loss_region, *read, self._maps.data, self._sums],
+            [*shape, self._active.flatten(), *read, self._maps.data, self._sums],
             device,
             threads,
         )
         self._gradient = ParallelLaunch(
             similarity_gradient_kernel,
             blocks,
-            [*shape, self._gradient_region, *read, self._maps.data, 0.0, 0.0, adj_image.data],
+            [*shape, self._wanted.flatten(), *read, self._maps.data, 0.0, 0.0, adj_image.data],
             device,
             threads,
         )
         self._resize(width, height)
 
-    def run(self, size: tuple[int, int], content: Box, drawn: Box, weighted: bool = False) -> None:
+    def run(
+        self,
+        size: tuple[int, int],
+        content: np.ndarray,
+        drawn: np.ndarray,
+        weighted: bool = False,
+    ) -> None:
         """Compute the loss and its gradient.
 
         Args:
             size: width and height of the present view [px], up to those of the planes.
-            content: a box outside of which image and target both show the background.
-            drawn: the box inside which the gradient is wanted (where splats are).
+            content: tiles outside of which the target shows the background, (rows, columns), bool.
+            drawn: tiles outside of which the image does; there the gradient is wanted.
             weighted: whether pixels count as much as ``weights`` say.
         """
         if size != (self._maps.width, self._maps.height):
             self._resize(*size)
         for launch in (self._similarity, self._gradient):
             launch.set_param(_WEIGHTED, int(weighted))
-        # SSIM differs from 1 up to one window around the content, and the gradient reads one more.
-        region = grown(union(content, drawn), 2 * REACH, *size)
-        self._loss_region.assign(np.array(region, dtype=np.int32))
-        self._gradient_region.assign(np.array(drawn, dtype=np.int32))
+        for buffer, blocks in (
+            (self._active, loss_blocks(content, drawn)),
+            (self._wanted, blocks_of(drawn)),
+        ):
+            whole = np.zeros(buffer.shape, dtype=np.int32)
+            whole[: blocks.shape[0], : blocks.shape[1]] = blocks
+            buffer.assign(whole)
         self._similarity.run()
         self._gradient.run()
 
@@ -115,18 +123,3 @@ class PhotometricLoss:
             launch.set_param(_HEIGHT, height)
         self._gradient.set_param(_L1_WEIGHT, (1.0 - self.dssim_weight) / self._count)
         self._gradient.set_param(_DSSIM_WEIGHT, self.dssim_weight / self._count)
-
-
-def read_region(content: Box, drawn: Box, size: tuple[int, int]) -> Box:
-    """Return the pixels of the target that `PhotometricLoss.run` reads.
-
-    The loss works on whole blocks; a block reads one window further on every side.
-    """
-    x0, y0, x1, y1 = grown(union(content, drawn), 2 * REACH, *size)
-    blocks = (
-        x0 // BLOCK_COLUMNS * BLOCK_COLUMNS,
-        y0 // BLOCK_ROWS * BLOCK_ROWS,
-        -(-x1 // BLOCK_COLUMNS) * BLOCK_COLUMNS,
-        -(-y1 // BLOCK_ROWS) * BLOCK_ROWS,
-    )
-    return grown(blocks, REACH, *size)

@@ -1,6 +1,12 @@
-"""Boxes of pixels: where an image has content, and where a loss has to be computed."""
+"""Boxes and tiles of pixels: where an image has content, and where a loss has to be computed."""
 
 import numpy as np
+
+from digs_warp.image_planes import ALIGNMENT
+from digs_warp.ssim import BLOCK_COLUMNS, BLOCK_ROWS, REACH
+
+# Tiles are those of the rasterizer.
+TILE_SIZE = ALIGNMENT
 
 Box = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1); empty when x0 >= x1 or y0 >= y1."""
@@ -13,6 +19,46 @@ def union(a: Box, b: Box) -> Box:
     if b[0] >= b[2] or b[1] >= b[3]:
         return a
     return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+def tiles_of(mask: np.ndarray) -> np.ndarray:
+    """Return which tiles of 16x16 px have a pixel above 0, shape (tile rows, tile columns), bool."""
+    height, width = mask.shape
+    rows, columns = -(-height // TILE_SIZE), -(-width // TILE_SIZE)
+    padded = np.zeros((rows * TILE_SIZE, columns * TILE_SIZE), dtype=bool)
+    padded[:height, :width] = mask > 0
+    return padded.reshape(rows, TILE_SIZE, columns, TILE_SIZE).max(axis=(1, 3))
+
+
+def blocks_of(tiles: np.ndarray) -> np.ndarray:
+    """Return which blocks of the SSIM kernels contain one of ``tiles``, shape (rows, columns), bool."""
+    high, wide = BLOCK_ROWS // TILE_SIZE, BLOCK_COLUMNS // TILE_SIZE
+    rows, columns = -(-tiles.shape[0] // high), -(-tiles.shape[1] // wide)
+    padded = np.zeros((rows * high, columns * wide), dtype=bool)
+    padded[: tiles.shape[0], : tiles.shape[1]] = tiles
+    return padded.reshape(rows, high, columns, wide).max(axis=(1, 3))
+
+
+def loss_blocks(content: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """Return the blocks where image and target may differ, or a gradient is read from, as `blocks_of`.
+
+    SSIM differs from 1 up to one window around what differs, and the gradient reads one window further: one
+    tile more on each side covers both.
+
+    Args:
+        content: tiles outside of which the target shows the background.
+        drawn: tiles outside of which the image does.
+    """
+    wide = np.pad(content | drawn, 1)
+    wide = wide[:-2] | wide[1:-1] | wide[2:]
+    return blocks_of(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
+
+
+def read_region(blocks: np.ndarray, size: tuple[int, int]) -> Box:
+    """Return the pixels that the loss of ``blocks`` reads: a window further on every side."""
+    x0, y0, x1, y1 = mask_box(blocks)
+    pixels = (x0 * BLOCK_COLUMNS, y0 * BLOCK_ROWS, x1 * BLOCK_COLUMNS, y1 * BLOCK_ROWS)
+    return grown(pixels, REACH, *size)
 
 
 def grown(box: Box, margin: int, width: int, height: int) -> Box:

@@ -125,10 +125,14 @@ class TileBinner:
             self._bin_by_sorting()
         return lists
 
+    def drawn_tiles(self) -> np.ndarray:
+        """Return which tiles have splats, shape (rows, columns), bool."""
+        starts = self.lists.tile_starts.numpy()[: self.tiles + 1]
+        return np.diff(starts).reshape(self.rows, self.columns) > 0
+
     def drawn_box(self) -> tuple[int, int, int, int]:
         """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
-        starts = self.lists.tile_starts.numpy()[: self.tiles + 1]
-        filled = np.diff(starts).reshape(self.rows, self.columns) > 0
+        filled = self.drawn_tiles()
         ys, xs = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
         if not len(xs):
             return 0, 0, 0, 0

@@ -4,7 +4,8 @@ import numpy as np
 
 from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss
-from digs_warp.losses.photometric import PhotometricLoss, read_region
+from digs_warp.losses.photometric import PhotometricLoss
+from digs_warp.losses.regions import loss_blocks, read_region
 from digs_warp.losses.target import Target
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.train.config import TrainConfig
@@ -39,11 +40,12 @@ class Objective:
             background: the sRGB colour (3,) that the image was rendered over.
         """
         drawn = self._renderer.binner.drawn_box()
-        region = read_region(view.box, drawn, view.size)
+        drawn_tiles = self._renderer.binner.drawn_tiles()
+        region = read_region(loss_blocks(view.tiles, drawn_tiles), view.size)
         self._target.compose(
             view.pixels, view.box, background, region, view.size, self._keeps_color
         )
-        self._photometric.run(view.size, view.box, drawn, weighted=self._keeps_color)
+        self._photometric.run(view.size, view.tiles, drawn_tiles, weighted=self._keeps_color)
         if self._coverage is not None:
             self._coverage.run(view.size, view.box, drawn)
         if self._depth is not None and view.depth is not None:

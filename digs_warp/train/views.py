@@ -9,7 +9,7 @@ import warp as wp
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.capture import Frame
 from digs_warp.losses.depth import DepthTarget, depth_weights
-from digs_warp.losses.regions import Box, mask_box
+from digs_warp.losses.regions import Box, mask_box, tiles_of
 from digs_warp.losses.target import pack_view
 
 
@@ -22,6 +22,7 @@ class View:
         camera: of the whole image.
         pixels: the planes of `pack_view` inside ``box``.
         box: the box of its mask; outside there is only background. Empty without foreground.
+        tiles: which tiles of 16x16 px have foreground, shape (tile rows, tile columns), bool.
         depth: what the depth camera measured inside ``box``; None when it is not asked for.
         half: the same view at half the size; None when it is not asked for.
     """
@@ -30,6 +31,7 @@ class View:
     camera: Camera
     pixels: wp.array
     box: Box
+    tiles: np.ndarray
     depth: DepthTarget | None = None
     half: "View | None" = None
 
@@ -88,7 +90,7 @@ def packed_view(
     box = mask_box(mask)
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
-    return View(name, camera, pixels, box)
+    return View(name, camera, pixels, box, tiles_of(mask))
 
 
 def halved(k: Intrinsics) -> Intrinsics:

@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 import warp as wp
 
-from digs_warp.losses.photometric import read_region
-from digs_warp.losses.regions import Box, grown, mask_box, union
+from digs_warp.losses.regions import (
+    Box,
+    blocks_of,
+    grown,
+    loss_blocks,
+    mask_box,
+    read_region,
+    tiles_of,
+    union,
+)
 from digs_warp.losses.target import Target, pack_view
 
 BACKGROUND = np.array([0.1, 0.6, 0.9])
@@ -79,6 +87,21 @@ def test_boxes() -> None:
     assert grown((5, 5, 5, 9), 3, 12, 20) == (0, 0, 0, 0)
 
 
-def test_the_region_that_is_read_covers_whole_blocks_and_a_window() -> None:
-    assert read_region((100, 40, 110, 50), (0, 0, 0, 0), (1000, 1000)) == (59, 11, 133, 69)
-    assert read_region((0, 0, 0, 0), (0, 0, 0, 0), (1000, 1000)) == (0, 0, 0, 0)
+def test_tiles_and_blocks() -> None:
+    mask = np.zeros((40, 100))
+    mask[20, 70] = mask[39, 99] = 1
+    tiles = tiles_of(mask)
+    assert tiles.shape == (3, 7)
+    assert np.argwhere(tiles).tolist() == [[1, 4], [2, 6]]
+    assert np.argwhere(blocks_of(tiles)).tolist() == [[1, 1], [2, 1]]
+
+
+def test_the_loss_looks_one_tile_further_and_reads_a_window_more() -> None:
+    content, drawn = np.zeros((60, 60), dtype=bool), np.zeros((60, 60), dtype=bool)
+    content[10, 11] = True  # one further lies in the next block of four tiles
+    blocks = loss_blocks(content, drawn)
+    assert np.argwhere(blocks).tolist() == [[r, c] for r in (9, 10, 11) for c in (2, 3)]
+    assert read_region(blocks, (960, 960)) == (123, 139, 261, 197)
+    drawn[0, 0] = True
+    assert read_region(loss_blocks(content, drawn), (960, 960)) == (0, 0, 261, 197)
+    assert read_region(loss_blocks(drawn & content, drawn & content), (960, 960)) == (0, 0, 0, 0)
