@@ -2,12 +2,14 @@
 
 Two scenes of random splats that fill the image (no culling helps): "broad" with radii around 4 px at
 1600x896, and "fine" with 1 to 4 px at 1280x720. Times are the best of several launches after a warm-up, so
-compilation does not count. Absolute times belong to the machine; the ratios are the point.
+compilation does not count. Absolute times belong to the machine; the ratios are the point, among them the
+share of the rate of a matrix product: how much of what the core can do is used.
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,11 +19,19 @@ from digs_warp.gaussians import Gaussians
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.sh import sh_from_rgb
+from digs_warp.splat.config import TILE_SIZE, vector_lanes
 from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.results import Result
 
-_NEAR = 0.1
+# Additions and multiplications of one pixel and one splat; comparisons and selections not counted. Forward:
+# power 6, exponential 16, opacity 1, transmittance and weight 4, three colours 6. Backward: the same without
+# the sums of colours, and light 5, what is still to come 2, d_alpha 4, d_power 1, six sums 12.
+FORWARD_FLOPS = 33
+BACKWARD_FLOPS = 51
+
+NEAR = 0.1
 _FOCAL = 1000.0
 
 
@@ -74,20 +84,23 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
     threads = sorted({1, 2, default_threads()})
     variants = [("plain", 1), *(("vectorized", count) for count in threads)]
     results: list[Result] = []
+    matrix_rate = measure_matrix_product()
     with progress(len(scenes) * len(variants), "Measuring", "variant") as bar:
         for scene in scenes:
             gaussians = DeviceGaussians.from_numpy(scene.gaussians())
             plain: dict[str, float] = {}
             for kernel, count in variants:
-                times, pairs = _measure(scene, gaussians, kernel == "vectorized", count)
+                times, renderer = _measure(scene, gaussians, kernel == "vectorized", count)
                 settings = {
                     "scene": scene.name,
                     "image": f"{scene.width}x{scene.height}",
                     "splats": scene.splats,
-                    "pairs": pairs,
+                    "pairs": renderer.binner.total_pairs,
                     "kernel": kernel,
                     "threads": count,
                 }
+                if kernel == "vectorized":
+                    results += _rates(renderer, times, count, matrix_rate, settings)
                 for stage, milliseconds in times.items():
                     results.append(Result(stage, milliseconds, "ms", settings))
                     before = plain.setdefault(stage, milliseconds)
@@ -101,20 +114,81 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
 
 def _measure(
     scene: RasterScene, gaussians: DeviceGaussians, vectorized: bool, threads: int
-) -> tuple[dict[str, float], int]:
-    """Return the times [ms] of the stages of one variant, and its number of (tile, splat) pairs."""
+) -> tuple[dict[str, float], SplatRenderer]:
+    """Return the times [ms] of the stages of one variant, and the renderer that drew it."""
     renderer = SplatRenderer(
         gaussians, scene.width, scene.height, vectorized=vectorized, threads=threads
     )
     camera = scene.camera()
     rng = np.random.default_rng(1)
     renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
-    renderer.forward(camera, near=_NEAR)
+    renderer.forward(camera, near=NEAR)
     renderer.backward()
     repeats = 7 if vectorized else 2  # the plain kernels take seconds
     stages = renderer.stages()
     times = {name: best_time(stage, repeats) for name, stage in stages.items()}
-    return times, renderer.binner.total_pairs
+    return times, renderer
+
+
+@dataclass(frozen=True)
+class Work:
+    """What the raster kernels have to do for one view.
+
+    Attributes:
+        rows: (tile, splat, row) triples.
+        pixels: pixels evaluated: the vectors of these rows that the splat touches, times their width.
+    """
+
+    rows: int
+    pixels: int
+
+
+def count_work(renderer: SplatRenderer) -> Work:
+    """Count the work of the last view of a renderer, were no pixel saturated."""
+    lists, binner = renderer.binner.lists, renderer.binner
+    starts = np.array(lists.tile_starts.numpy(), dtype=np.int64)[: binner.tiles + 1]
+    members = np.array(lists.tile_splats.numpy(), dtype=np.int64)[: binner.total_pairs]
+    splats = np.array(lists.splats.numpy(), dtype=np.float64)[members]
+    tiles = np.repeat(np.arange(binner.tiles), np.diff(starts))
+    corners = np.stack([tiles % binner.columns, tiles // binner.columns], axis=1) * TILE_SIZE
+    centers = splats[:, [SPLAT_U, SPLAT_V]] - corners - 0.5
+    halves = splats[:, [SPLAT_HALF_WIDTH, SPLAT_HALF_HEIGHT]]
+    first = np.maximum(np.ceil(centers - halves), 0)
+    last = np.minimum(np.floor(centers + halves), TILE_SIZE - 1)
+    rows = np.maximum(last[:, 1] - first[:, 1] + 1, 0)
+    lanes = vector_lanes()
+    vectors = np.maximum(last[:, 0] // lanes - first[:, 0] // lanes + 1, 0)
+    return Work(int(rows.sum()), int((rows * vectors).sum()) * lanes)
+
+
+def _rates(
+    renderer: SplatRenderer,
+    times: dict[str, float],
+    threads: int,
+    matrix_rate: float,
+    settings: dict[str, Any],
+) -> list[Result]:
+    """Return row evaluations per second and core, and the share of the matrix product's rate."""
+    work, results = count_work(renderer), []
+    for stage, operations in (("forward", FORWARD_FLOPS), ("backward", BACKWARD_FLOPS)):
+        seconds = 1e-3 * times[stage] * threads
+        results.append(
+            Result(f"{stage} rows", work.rows / seconds / 1e6, "M rows/s/core", settings)
+        )
+        share = operations * work.pixels / seconds / matrix_rate
+        results.append(Result(f"{stage} rate", 100 * share, "% of matrix product", settings))
+    return results
+
+
+def measure_matrix_product(size: int = 1024) -> float:
+    """Return the operations per second of a float32 matrix product on one core."""
+    a = np.random.default_rng(0).normal(size=(size, size)).astype(np.float32)
+    shortest = np.inf
+    for _ in range(5):
+        start = time.process_time()  # of all threads of the library: seconds of one core
+        np.dot(a, a)
+        shortest = min(shortest, time.process_time() - start)
+    return 2 * size**3 / shortest
 
 
 def _measure_sorts(keys: int = 800_000) -> list[Result]:

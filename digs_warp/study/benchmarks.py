@@ -51,6 +51,12 @@ BENCHMARKS = (
         "the splat rasterizer: plain against vectorized, 1 and 2 threads, forward and backward",
     ),
     Benchmark(
+        "scaling",
+        "digs_warp.study.bench_scaling:bench_scaling",
+        "how the time of a view grows with pixels, splats, overlap and threads, memory, compilation",
+        plot_function="digs_warp.study.plot_scaling:plot_scaling",
+    ),
+    Benchmark(
         "render",
         "digs_warp.study.bench_render:bench_render",
         "the frame rate of a film of the built-in object at three image sizes, 1 thread and all",

@@ -1,0 +1,213 @@
+"""`digs-warp bench scaling`: how the time of a view grows with pixels, splats, overlap and threads.
+
+One of the four varies at a time, the others stay. A law is fitted to all points of one thread together,
+
+    raster [ns] = p pixels + q pairs + e evaluated pixels
+    per splat [ns] = s splats + r pairs
+
+where pairs are (tile, splat) and an evaluated pixel is one pixel under one splat. The first line is the
+rasterizer forward and backward, the second projection, binning and their gradient. Memory is counted, not
+measured: the bytes of every buffer that a renderer and the optimizer hold.
+"""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import warp as wp
+
+from digs_warp.image_planes import ImagePlanes
+from digs_warp.log import progress
+from digs_warp.parallel import default_threads
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer
+from digs_warp.study.bench_raster import NEAR, RasterScene, best_time, count_work
+from digs_warp.study.results import Result
+
+REPEATS = 5
+RASTER_STAGES = ("forward", "backward")
+BASE = RasterScene("base", 640, 360, 20_000, lambda rng, n: rng.uniform(1.0, 4.0, (n, 2)))
+SH_COEFFICIENTS = 16  # degree 3
+
+# Loads every kernel that training needs, as a first run does.
+LOAD_KERNELS = """
+import sys, time
+import warp as wp
+wp.config.kernel_cache_dir = sys.argv[1]
+wp.config.quiet = True
+import digs_warp.losses
+import digs_warp.train.trainer
+from digs_warp.splat.config import DEFAULT_OPTIONS
+from digs_warp.splat.rasterize import backward_kernel, forward_kernel
+forward_kernel(DEFAULT_OPTIONS), backward_kernel(DEFAULT_OPTIONS, False)
+start = time.perf_counter()
+wp.force_load(device="cpu")
+print(time.perf_counter() - start)
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One point of one curve."""
+
+    curve: str
+    at: float  # what the curve is drawn over
+    scene: RasterScene
+    threads: int = 1
+    spread: float = 1.0  # factor on the radii of the splats
+
+
+@dataclass(frozen=True)
+class Point:
+    """What was measured and counted at a case; times in ms."""
+
+    case: Case
+    raster: float
+    per_splat: float
+    pixels: int
+    splats: int
+    pairs: int
+    evaluated: int
+
+
+def cases() -> list[Case]:
+    """Return the points of all curves."""
+    sizes = ((320, 180), (640, 360), (960, 540), (1280, 720))
+    pixels = [
+        Case("pixels", w * h, replace(BASE, width=w, height=h), spread=w / BASE.width)
+        for w, h in sizes
+    ]
+    splats = [Case("splats", n, replace(BASE, splats=n)) for n in (5_000, 10_000, 40_000, 80_000)]
+    overlap = [Case("overlap", f, BASE, spread=f) for f in (0.5, 1.5, 2.0, 3.0)]
+    cores = sorted({1, 2, default_threads()})
+    threads = [Case("threads", n, replace(BASE, splats=80_000), threads=n) for n in cores]
+    return [*pixels, *splats, *overlap, *threads]
+
+
+def bench_scaling(repeats: int = REPEATS) -> list[Result]:
+    """Return the times of all cases, the fitted laws, memory, and the time to compile the kernels."""
+    todo = cases()
+    points = []
+    with progress(len(todo) + 2, "Measuring", "case") as bar:
+        for case in todo:
+            points.append(measure(case, repeats))
+            bar.update()
+        results = [result for point in points for result in results_of(point)]
+        results += fit_laws([point for point in points if point.case.threads == 1])
+        results += count_memory()
+        with tempfile.TemporaryDirectory() as cache:
+            for state in ("cold", "warm"):
+                results.append(Result("kernels", _load_kernels(cache), "s", {"cache": state}))
+                bar.update()
+    return results
+
+
+def measure(case: Case, repeats: int = REPEATS) -> Point:
+    """Draw and pull back the scene of a case."""
+    scene = case.scene
+    gaussians = scene.gaussians()
+    wide = replace(gaussians, log_scales=gaussians.log_scales + np.log(case.spread))
+    renderer = SplatRenderer(
+        DeviceGaussians.from_numpy(wide), scene.width, scene.height, threads=case.threads
+    )
+    rng = np.random.default_rng(1)
+    renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
+    renderer.forward(scene.camera(), near=NEAR)
+    renderer.backward()
+    times = {name: best_time(stage, repeats) for name, stage in renderer.stages().items()}
+    raster = sum(times[name] for name in RASTER_STAGES)
+    return Point(
+        case,
+        raster,
+        sum(times.values()) - raster,
+        scene.width * scene.height,
+        scene.splats,
+        renderer.binner.total_pairs,
+        count_work(renderer).pixels,
+    )
+
+
+def fit_laws(points: list[Point]) -> list[Result]:
+    """Return the costs of the laws of the module [ns], none below zero, and how far they miss the points.
+
+    The error that is minimized is relative: small scenes count as much as large ones.
+    """
+    from scipy.optimize import nnls
+
+    laws = {"raster": ("pixels", "pairs", "evaluated"), "per splat": ("splats", "pairs")}
+    results = []
+    for law, terms in laws.items():
+        times = 1e6 * np.array([getattr(point, law.replace(" ", "_")) for point in points])
+        counts = np.array([[getattr(point, term) for term in terms] for point in points], float)
+        costs, _ = nnls(counts / times[:, None], np.ones(len(points)))
+        for term, cost in zip(terms, costs, strict=True):
+            results.append(Result(f"{law} law", float(cost), "ns", {"per": term}))
+        misses = np.abs(counts @ costs / times - 1)
+        results.append(Result(f"{law} law error", float(100 * np.median(misses)), "% median"))
+        results.append(Result(f"{law} law error", float(100 * misses.max()), "% largest"))
+    return results
+
+
+def count_memory(splats: int = 30_000) -> list[Result]:
+    """Return the bytes per splat and per pixel of the buffers of training, without those of the loss.
+
+    The lists grow with the (tile, splat) pairs; here there are as many as in the base scene.
+    """
+    scene = replace(BASE, splats=splats)
+    gaussians = scene.gaussians()
+    sh = np.zeros((splats, SH_COEFFICIENTS, 3))
+    sh[:, :1] = gaussians.sh
+    renderer = SplatRenderer(
+        DeviceGaussians.from_numpy(replace(gaussians, sh=sh)), scene.width, scene.height
+    )
+    renderer.forward(scene.camera(), near=NEAR)
+    lists = renderer.binner.lists
+    parameters = _bytes(renderer.gaussians.arrays)
+    per_splat = {
+        "parameters, degree 3": parameters,
+        "gradients": _bytes(renderer.gradients.arrays),
+        "moments of Adam": 2 * parameters,
+        "tile lists": _bytes(getattr(lists, field.name) for field in fields(lists)),
+    }
+    results = [
+        Result("memory", size / splats, "bytes/splat", {"part": part})
+        for part, size in per_splat.items()
+    ]
+    total = sum(per_splat.values()) / splats
+    results.append(Result("memory", total, "bytes/splat", {"part": "total"}))
+    planes = [value for value in vars(renderer).values() if isinstance(value, ImagePlanes)]
+    size = _bytes(p.data for p in planes) / (scene.width * scene.height)
+    part = "view and its gradient, borders included"
+    return [*results, Result("memory", size, "bytes/pixel", {"part": part})]
+
+
+def _bytes(arrays: Iterable[wp.array]) -> int:
+    return sum(int(array.capacity) for array in arrays)
+
+
+def _load_kernels(cache: str) -> float:
+    """Return the seconds that a fresh process needs to compile or load all kernels of training."""
+    command = [sys.executable, "-c", LOAD_KERNELS, cache]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(done.stdout.split()[-1])
+
+
+def results_of(point: Point) -> list[Result]:
+    """Return the times of a point, with all that the laws are made of."""
+    case = point.case
+    settings = {
+        "curve": case.curve,
+        "at": case.at,
+        "threads": case.threads,
+        "pixels": point.pixels,
+        "splats": point.splats,
+        "pairs": point.pairs,
+        "evaluated": point.evaluated,
+    }
+    return [
+        Result("raster", point.raster, "ms", settings),
+        Result("per splat", point.per_splat, "ms", settings),
+    ]

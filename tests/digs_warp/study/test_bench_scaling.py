@@ -1,0 +1,82 @@
+"""The benchmarks of the rasterizer: counts against brute force, the fit against a known law."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.splat.config import vector_lanes
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.render import SplatRenderer
+from digs_warp.study.bench_raster import NEAR, count_work, measure_matrix_product
+from digs_warp.study.bench_scaling import (
+    BASE,
+    Case,
+    Point,
+    count_memory,
+    fit_laws,
+    measure,
+    results_of,
+)
+from digs_warp.study.plot_scaling import plot_scaling
+
+SMALL = replace(BASE, width=64, height=48, splats=40)
+
+
+def test_the_work_is_that_of_a_count_by_hand() -> None:
+    renderer = SplatRenderer(DeviceGaussians.from_numpy(SMALL.gaussians()), 64, 48)
+    renderer.forward(SMALL.camera(), near=NEAR)
+    lists, lanes = renderer.binner.lists, vector_lanes()
+    starts, members, splats = (
+        array.numpy() for array in (lists.tile_starts, lists.tile_splats, lists.splats)
+    )
+    rows = pixels = 0
+    for tile in range(4 * 3):
+        for g in members[starts[tile] : starts[tile + 1]]:
+            u, v, half_width, half_height = splats[g, [0, 1, 9, 10]]
+            x = 16 * (tile % 4) + np.arange(16) + 0.5
+            y = 16 * (tile // 4) + np.arange(16) + 0.5
+            drawn_rows = (np.abs(y - v) <= half_height).sum()
+            columns = np.flatnonzero(np.abs(x - u) <= half_width)
+            rows += drawn_rows
+            pixels += drawn_rows * lanes * len(np.unique(columns // lanes))
+    work = count_work(renderer)
+    assert work.rows == rows > 100
+    assert work.pixels == pixels
+
+
+def test_the_fit_finds_a_law() -> None:
+    rng = np.random.default_rng(0)
+    points = []
+    for _ in range(9):
+        pixels, splats, pairs, evaluated = (int(v) for v in rng.uniform(1e3, 1e6, 4))
+        raster = 1e-6 * (3.0 * pixels + 50.0 * pairs + 0.5 * evaluated)
+        per_splat = 1e-6 * (200.0 * splats + 30.0 * pairs)
+        case = Case("splats", splats, SMALL)
+        points.append(Point(case, raster, per_splat, pixels, splats, pairs, evaluated))
+    found = {(r.name, r.settings.get("per")): r.value for r in fit_laws(points)}
+    assert found["raster law", "pixels"] == pytest.approx(3.0)
+    assert found["raster law", "pairs"] == pytest.approx(50.0)
+    assert found["raster law", "evaluated"] == pytest.approx(0.5)
+    assert found["per splat law", "splats"] == pytest.approx(200.0)
+    assert found["per splat law", "pairs"] == pytest.approx(30.0)
+    assert found["raster law error", None] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_case_is_measured_and_drawn() -> None:
+    points = [measure(Case("splats", n, replace(SMALL, splats=n)), repeats=1) for n in (10, 40)]
+    assert all(p.raster > 0 and p.per_splat > 0 and p.evaluated > p.pairs for p in points)
+    results = [result for point in points for result in results_of(point)]
+    assert plot_scaling([*results, *fit_laws(points)]).startswith(b"\x89PNG")
+
+
+def test_memory_is_that_of_the_parameters_and_their_followers() -> None:
+    memory = {r.settings["part"]: r.value for r in count_memory(2000)}
+    assert memory["parameters, degree 3"] == 59 * 4
+    assert memory["gradients"] == 59 * 4
+    assert memory["moments of Adam"] == 2 * 59 * 4
+    assert memory["total"] == pytest.approx(4 * 59 * 4 + memory["tile lists"])
+
+
+def test_the_yardstick_is_a_plausible_rate() -> None:
+    assert 1e8 < measure_matrix_product(256) < 1e13
