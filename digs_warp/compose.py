@@ -10,6 +10,14 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_
 _NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 
 
+@wp.func
+def fill(plane: wp.array[float], start: int, count: int, value: float):
+    """Set ``count`` floats."""
+    begin = start & _NOT_NEGATIVE
+    for x in range(count):
+        plane[begin + x] = value
+
+
 @wp.kernel
 def compose_kernel(
     row: int,
@@ -29,30 +37,27 @@ def compose_kernel(
     y = row + wp.tid()
     if y < region[1] or y >= region[3]:
         return
-    left = region[0]
-    count = region[2] - left
-    start = (origin + y * pitch + left) & _NOT_NEGATIVE
-    for channel in range(3):
-        color = background[channel]
-        shifted = (start + channel * plane) & _NOT_NEGATIVE
-        for x in range(count):
-            target[shifted + x] = color
-    for xm in range(count):
-        mask[start + xm] = 0.0
-    if y < box[1] or y >= box[3]:
-        return
+    # Columns first .. last show the photograph, those of the region on both sides the background.
+    first = region[2]
+    last = region[2]
+    if y >= box[1] and y < box[3]:
+        first = wp.clamp(box[0], region[0], region[2])
+        last = wp.clamp(box[2], first, region[2])
+    start = (origin + y * pitch) & _NOT_NEGATIVE
+    fill(mask, start + region[0], first - region[0], 0.0)
+    fill(mask, start + last, region[2] - last, 0.0)
     size = (box[2] - box[0]) * (box[3] - box[1])
-    first = wp.max(box[0], left)
-    inside = wp.min(box[2], region[2]) - first
     source = ((y - box[1]) * (box[2] - box[0]) + first - box[0]) & _NOT_NEGATIVE
-    there = (origin + y * pitch + first) & _NOT_NEGATIVE
-    for xi in range(inside):
+    there = (start + first) & _NOT_NEGATIVE
+    for xi in range(last - first):
         mask[there + xi] = float(pixels[source + 3 * size + xi]) * (1.0 / 255.0)
-    for c in range(3):
-        back = background[c]
-        at = (there + c * plane) & _NOT_NEGATIVE
-        taken = (source + c * size) & _NOT_NEGATIVE
-        for xb in range(inside):
+    for channel in range(3):
+        back = background[channel]
+        fill(target, start + channel * plane + region[0], first - region[0], back)
+        fill(target, start + channel * plane + last, region[2] - last, back)
+        at = (there + channel * plane) & _NOT_NEGATIVE
+        taken = (source + channel * size) & _NOT_NEGATIVE
+        for xb in range(last - first):
             share = wp.where(keeps_color != 0, 1.0, mask[there + xb])
             value = float(pixels[taken + xb]) * (1.0 / 255.0)
             target[at + xb] = back + share * (value - back)
