@@ -15,7 +15,7 @@
       progress.usdc
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,14 +32,14 @@ from usd.author import author_field, begin_asset, begin_stage
 from usd.cameras import CameraPath, author_cameras
 from usd.convert import SplatArrays
 from usd.extent import three_sigma_extent
-from usd.files import package_folder
+from usd.files import export_layer, package_folder
 from usd.lod import LEVELS, level_of_detail
 from usd.metadata import portable_json, usd_from_json
 from usd.shapes import author_mesh, author_points
 from usd.writer import WriteOptions, asset_arrays
 
 if TYPE_CHECKING:
-    from pxr import Usd
+    from pxr import Sdf, Usd
 
 _FIELD_IN_PAYLOAD = "/Gaussians"
 _PROGRESS_LAYER = "progress.usdc"
@@ -140,7 +140,8 @@ def write_capture_scene(
             for variant, each in zip(variants, scene.reconstructions, strict=True):
                 levels = _level_arrays(each, options)
                 boxes.append(three_sigma_extent(next(iter(levels.values()))))
-                _write_payloads(folder, variant, levels)
+                for level, arrays in levels.items():
+                    _write_payload(folder / _payload_name(variant, level), arrays, path)
                 _author_variant(stage, variant, each)
                 bar.update(len(levels))
             _select_first(stage, variants[0])
@@ -148,8 +149,10 @@ def write_capture_scene(
                 author_cameras(stage, scene.cameras, _union(boxes))
             if scene.course:
                 rate = stage.GetTimeCodesPerSecond()
-                _write_course(folder, scene.course, options, rate, bar.update)
+                layer = _course_layer(scene.course, options, rate)
+                export_layer(layer, folder / _PROGRESS_LAYER, path)
                 _author_course(stage, scene.course)
+                bar.update(len(scene.course))
         stage.DefinePrim(names.SOURCE_PATH, "Scope")
         for place, mesh in (
             (names.MESH_PATH, scene.source_mesh),
@@ -157,7 +160,8 @@ def write_capture_scene(
         ):
             if mesh is not None:
                 author_mesh(stage, place, mesh)
-        root.Save()
+        if not root.Save():
+            raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
 
 
 def _level_arrays(each: Reconstruction, options: WriteOptions) -> dict[str, SplatArrays]:
@@ -172,13 +176,18 @@ def _payload_name(variant: str, level: str) -> str:
     return f"splats_{variant}_{level}.usdc"
 
 
-def _write_payloads(folder: Path, variant: str, levels: dict[str, SplatArrays]) -> None:
-    for level, arrays in levels.items():
-        stage = begin_stage()
-        prim = stage.DefinePrim(_FIELD_IN_PAYLOAD, names.FIELD_TYPE)
-        stage.SetDefaultPrim(prim)
-        author_field(prim, arrays)
-        stage.GetRootLayer().Export(str(folder / _payload_name(variant, level)))
+def _write_payload(target: Path, arrays: SplatArrays, path: Path) -> None:
+    stage, prim = _begin_payload()
+    author_field(prim, arrays)
+    export_layer(stage.GetRootLayer(), target, path)
+
+
+def _begin_payload() -> "tuple[Usd.Stage, Usd.Prim]":
+    """Return a stage in memory and its only prim, a field."""
+    stage = begin_stage()
+    prim = stage.DefinePrim(_FIELD_IN_PAYLOAD, names.FIELD_TYPE)
+    stage.SetDefaultPrim(prim)
+    return stage, prim
 
 
 def _author_variant(stage: "Usd.Stage", variant: str, each: Reconstruction) -> None:
@@ -209,18 +218,12 @@ def _select_first(stage: "Usd.Stage", variant: str) -> None:
     inits.SetVariantSelection(variant)
 
 
-def _write_course(
-    folder: Path,
-    course: Sequence[tuple[int, Gaussians]],
-    options: WriteOptions,
-    rate: float,
-    step: Callable[[], object],
-) -> None:
-    """Write the training as time samples, a time code each: colour only, halves but for the positions."""
+def _course_layer(
+    course: Sequence[tuple[int, Gaussians]], options: WriteOptions, rate: float
+) -> "Sdf.Layer":
+    """Return the training as time samples, a time code each: colour only, halves but for the positions."""
     sparing = replace(options, precision="mixed", sh_degree=0)
-    stage = begin_stage()
-    prim = stage.DefinePrim(_FIELD_IN_PAYLOAD, names.FIELD_TYPE)
-    stage.SetDefaultPrim(prim)
+    stage, prim = _begin_payload()
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(len(course) - 1)
     # Time codes of a layer with another rate than the scene's would be scaled.
@@ -229,8 +232,7 @@ def _write_course(
         author_field(
             prim, asset_arrays(gaussians, sparing, f"Gaussians at iteration {iteration}"), i
         )
-        step()
-    stage.GetRootLayer().Export(str(folder / _PROGRESS_LAYER))
+    return stage.GetRootLayer()
 
 
 def _author_course(stage: "Usd.Stage", course: Sequence[tuple[int, Gaussians]]) -> None:

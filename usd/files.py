@@ -76,10 +76,10 @@ def save_layer(layer: "Sdf.Layer", path: Path) -> None:
     """
     if path.suffix.lower() == ".usdz":
         with package_folder(path) as folder:
-            _export(layer, folder / names.PACKAGE_ROOT, path)
+            export_layer(layer, folder / names.PACKAGE_ROOT, path)
     else:
         with finished_file(path) as unfinished:
-            _export(layer, unfinished, path)
+            export_layer(layer, unfinished, path)
 
 
 @contextmanager
@@ -122,7 +122,8 @@ def finished_file(path: Path) -> Iterator[Path]:
         ) from error
 
 
-def _export(layer: "Sdf.Layer", target: Path, path: Path) -> None:
+def export_layer(layer: "Sdf.Layer", target: Path, path: Path) -> None:
+    """Write a layer to ``target``, on the way to the scene at ``path``, or raise a `UsdError`."""
     if not layer.Export(str(target)):
         raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
 

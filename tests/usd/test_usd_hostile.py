@@ -3,12 +3,15 @@
 import io
 import os
 import struct
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from reference import usd_mutator
+from reference.capture_scenes import splats
 
 from digs_warp.checks import UsdError
 from digs_warp.gaussians import Gaussians
@@ -116,6 +119,34 @@ def test_places_that_cannot_be_written_are_an_error_that_names_them(
     with pytest.raises(UsdError, match=r"scene\.usdz': cannot be written"):
         write(path, random_gaussians(2))
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_capture_that_does_not_fit_on_the_disk_leaves_the_old_scene(tmp_path: Path):
+    path = tmp_path / "scene.usdz"
+    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(3)),)))
+    before = path.read_bytes()
+    # The system refuses files of more than 100 kB to this process.
+    program = (
+        "import resource, signal, sys; from pathlib import Path\n"
+        f"sys.path[:0] = {sys.path!r}\n"
+        "from digs_warp.checks import UsdError; from reference.capture_scenes import splats\n"
+        "from usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "try:\n"
+        "    scene = CaptureScene((Reconstruction('a', splats(1500)),))\n"
+        f"    write_capture_scene(Path({str(path)!r}), scene)\n"
+        "except UsdError as error:\n"
+        "    print(error)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=False, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    assert "scene.usdz" in result.stdout
+    assert "too large" in result.stdout
+    assert path.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["scene.usdz"]
 
 
 def test_a_file_in_a_read_only_folder_stays(tmp_path: Path, random_gaussians):

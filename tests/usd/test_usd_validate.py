@@ -50,7 +50,8 @@ def test_all_variants_of_a_capture_pass(tmp_path: Path):
     report = validate(tmp_path / "scene.usdz")
     assert report.findings == ()
     assert report.combinations == 9
-    assert report.samples == 9
+    # The splats of each, and the three moments of the training that is switched off.
+    assert report.samples == 9 + 3
 
 
 @pytest.mark.skipif(HAS_NVIDIA, reason="NVIDIA's validator is installed")
@@ -300,6 +301,20 @@ def test_a_mistake_in_one_time_sample_is_found_and_named(tmp_path: Path):
     found = [finding for finding in report.findings if finding.rule == "opacity-range"]
     assert [finding.where for finding in found] == [f"{FIELD} at time 1"]
     assert report.samples == 3
+
+
+def test_splats_that_are_switched_off_are_checked_too(tmp_path: Path):
+    from pxr import Usd
+
+    path = tmp_path / "scene.usda"
+    write_edited(path, logits)
+    stage = Usd.Stage.Open(str(path))
+    stage.GetPrimAtPath(FIELD).SetActive(False)
+    stage.Save()
+    before = path.read_bytes()
+    rules = {finding.rule for finding in validate(path).findings}
+    assert rules == {"opacity-range", "one-field"}  # and no field is left that shows
+    assert path.read_bytes() == before
 
 
 def test_packages_of_other_programs_are_judged_by_their_structure(tmp_path: Path):

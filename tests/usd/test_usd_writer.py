@@ -45,7 +45,11 @@ def test_stock_validators_find_nothing(tmp_path: Path, random_gaussians, suffix:
 
     path = tmp_path / f"scene{suffix}"
     write_gaussians(path, random_gaussians(count), {"psnr": 30.0})
-    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    validators = [
+        validator
+        for validator in UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+        if not validator.GetMetadata().name.startswith("digs_warp:")
+    ]
     assert len(validators) >= 20
     stage = Usd.Stage.Open(str(path))
     errors = UsdValidation.ValidationContext(validators).Validate(stage)
