@@ -88,7 +88,9 @@ class Gaussians:
             BadZipFile,
             KeyError,
             EOFError,
+            MemoryError,  # an array's header may promise any size
             OSError,
+            RuntimeError,  # encrypted, or a compression that Python does not know
             TypeError,
             ValueError,
             zlib.error,

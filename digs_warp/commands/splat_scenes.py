@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.commands.layout import find_gaussians
+from digs_warp.commands.layout import GAUSSIANS, find_gaussians
 
 if TYPE_CHECKING:
     from digs_warp.gaussians import Gaussians
@@ -78,8 +78,18 @@ def write_splats(
 
         write_splat_file(target, gaussians, options.up, spz_version)
     elif suffix in USD_SUFFIXES:
-        from digs_warp.commands.export_usd import write_scene
-
-        write_scene(gaussians, find_gaussians(source).parent, target)
+        _write_usd(target, gaussians, find_gaussians(source))
     else:
         gaussians.save(target)
+
+
+def _write_usd(target: Path, gaussians: "Gaussians", source: Path) -> None:
+    """Write a USD scene; only a reconstruction's own file is told how it was made."""
+    if source.name == GAUSSIANS:
+        from digs_warp.commands.export_usd import write_scene
+
+        write_scene(gaussians, source.parent, target)
+    else:
+        from usd.writer import write_gaussians
+
+        write_gaussians(target, gaussians, {"source": source.name})

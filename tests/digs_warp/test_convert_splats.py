@@ -11,6 +11,8 @@ from reference.tiny_capture import write_tiny_capture
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.splat_scenes import SUFFIXES, SplatOptions, read_splats
 from digs_warp.gaussians import Gaussians
+from digs_warp.log import RunLog
+from usd.reader import read_scene
 
 DEGREE = 1
 
@@ -125,6 +127,23 @@ def test_existing_files_are_replaced_only_on_request(
 def test_the_target_is_named_once(tmp_path: Path, capsys) -> None:
     assert run(capsys, tmp_path / "a.npz")[0] == EXIT_WRONG_USAGE
     assert run(capsys, "a.npz", "b.ply", "--out", "c.ply")[0] == EXIT_WRONG_USAGE
+
+
+def test_only_a_reconstruction_lends_its_record_to_usd(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    """A foreign file is not said to have been trained as whatever lies beside it."""
+    gaussians.save(tmp_path / "gaussians.npz")
+    RunLog("reconstruct", {"iterations": 123}).save(tmp_path / "run.json")
+    run(capsys, tmp_path / "gaussians.npz", tmp_path / "foreign.ply")
+    for name in ("gaussians.npz", "foreign.ply"):
+        assert run(capsys, tmp_path / name, tmp_path / f"{name}.usda")[0] == EXIT_OK
+    ours, foreign = (
+        read_scene(tmp_path / f"{name}.usda").metadata for name in ("gaussians.npz", "foreign.ply")
+    )
+    assert ours["settings"] == {"iterations": 123}
+    assert "settings" not in foreign
+    assert foreign["source"] == "foreign.ply"
 
 
 def test_info_knows_splat_files_from_meshes(tmp_path: Path, gaussians: Gaussians, capsys) -> None:

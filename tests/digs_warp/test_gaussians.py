@@ -1,6 +1,8 @@
 """Gaussians: exact files, errors that name them, and activation at the extremes."""
 
+import io
 import warnings
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -118,3 +120,14 @@ def test_a_wrong_number_of_colour_coefficients_raises_our_error(shape: tuple[int
     arrays = {field: getattr(random_gaussians(5), field) for field in FIELDS}
     with pytest.raises(DigsError):
         Gaussians(**(arrays | {"sh": np.zeros(shape)}))
+
+
+def test_a_file_that_promises_terabytes_is_refused(tmp_path: Path) -> None:
+    header = io.BytesIO()
+    promise = {"descr": "<f4", "fortran_order": False, "shape": (10**13, 3)}
+    np.lib.format.write_array_header_1_0(header, promise)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for name in FIELDS:
+            archive.writestr(f"{name}.npy", header.getvalue() + bytes(40))
+    with pytest.raises(DigsError, match=r"a\.npz.*Unable to allocate"):
+        Gaussians.load(tmp_path / "a.npz")

@@ -46,6 +46,8 @@ def originals(folder: Path) -> list[Path]:
             write_splat_file(path, g, spz_version=version)
             files.append(path)
         files.append(_as_text(folder / f"{count}-a.ply", len(g)))
+        g.save(folder / f"{count}-ours.npz")
+        files.append(folder / f"{count}-ours.npz")
         # A gzip stream hides the payload from bit flips behind its checksum: without it they get through.
         plain = folder / f"{count}-plain.spz"
         plain.write_bytes(gzip.decompress((folder / f"{count}-v3.spz").read_bytes()))
@@ -109,6 +111,12 @@ def _injured(data: bytes, rng: np.random.Generator) -> bytes:
 
 def outcome(path: Path) -> str:
     """Read ``path`` both ways and say how it ended; everything but the two good ends is raised."""
+    if path.suffix == ".npz":
+        try:
+            Gaussians.load(path)
+        except DigsError:
+            return "refused"
+        return "read"
     ends = []
     for drop in (False, True):
         try:
