@@ -12,7 +12,7 @@ import warp as wp
 
 from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.init import edge_kernel, voxel_kernel
+from digs_warp.init import edge_kernel, normal_kernel, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
@@ -80,7 +80,7 @@ def depth_points(
         DigsError: no frames, a frame without depth or mask, or not a single point in any view.
     """
     _require_layers(frames, config)
-    for module in (edge_kernel, voxel_kernel):
+    for module in (edge_kernel, normal_kernel, voxel_kernel):
         wp.load_module(module, device="cpu")  # once, before several threads launch
     report = DepthReport()
     size = first_voxel_size(frames, config, sfm_per_metre)

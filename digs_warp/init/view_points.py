@@ -90,7 +90,7 @@ def view_points(
         weights *= stereo_weights(depth)
     if confidence is not None:
         weights *= confidence
-    extra = _shape_values(frame.camera, depth, config, baseline)
+    extra = _shape_values(frame.camera, depth, keep, config, baseline)
     laps.lap("weights")
     voxels = back_project(frame.camera, image, depth, weights, voxel_size, extra)
     laps.lap("back-project")
@@ -100,11 +100,15 @@ def view_points(
 
 
 def _shape_values(
-    camera: Camera, depth: np.ndarray, config: InitConfig, baseline: float | None
+    camera: Camera,
+    depth: np.ndarray,
+    keep: np.ndarray,
+    config: InitConfig,
+    baseline: float | None,
 ) -> np.ndarray | None:
     """Return what the shape of the Gaussians needs per pixel, shape (height, width, k), or None."""
     if config.shape == "flat":
-        return normals_from_depth(camera, depth)
+        return normals_from_depth(camera, depth, keep)
     if config.shape == "ray":
         if baseline is None:
             raise DigsError(

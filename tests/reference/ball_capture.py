@@ -1,5 +1,6 @@
 """A ball in front of a wall, seen by cameras around it: closed-form depth, no simulator needed."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,17 @@ RADIUS = 0.2
 WALL_RADIUS = 3.0
 BASELINE = 0.12
 INTRINSICS = Intrinsics.from_fov(80, 60, 50.0)
-View = tuple[Camera, FrameImages]
+
+
+@dataclass(frozen=True, eq=False)
+class BallImages(FrameImages):
+    """The pixels of a view; depth and mask are always there."""
+
+    depth: np.ndarray = field(default_factory=lambda: np.zeros((60, 80), np.float32))
+    mask: np.ndarray = field(default_factory=lambda: np.zeros((60, 80), np.uint8))
+
+
+View = tuple[Camera, BallImages]
 
 
 def ball_view(angle: float, distance: float = 0.9) -> View:
@@ -29,7 +40,7 @@ def ball_view(angle: float, distance: float = 0.9) -> View:
     normals = (eye + near[..., None] * directions) / RADIUS
     image = np.where(hit[..., None], 127.5 * (normals + 1), 255).astype(np.uint8)
     mask = (255 * hit).astype(np.uint8)
-    return camera, FrameImages(image, depth, mask, depth_true=depth)
+    return camera, BallImages(image, depth, mask, depth_true=depth)
 
 
 def ball_views(count: int = 8, distance: float = 0.9) -> list[View]:

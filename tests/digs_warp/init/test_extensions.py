@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from reference.ball_capture import BASELINE, INTRINSICS, RADIUS, ball_views, write_capture
+from reference.init_twin import normals_of
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.capture import Capture
@@ -13,6 +14,7 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at, matrix_from_quat_xyzw
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import FLATNESS
+from digs_warp.init.normal_kernel import REACH
 from digs_warp.init.normals import normals_from_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
@@ -140,18 +142,36 @@ def test_normals_of_a_slanted_plane() -> None:
     normal = np.array([0.6, 0.3, np.sqrt(1 - 0.45)])
     rays = camera.unproject(pixel_centers(40, 30), np.ones((30, 40))) - camera.center_world
     depth = (-(camera.center_world @ normal) / (rays @ normal)).astype(np.float32)
-    found = normals_from_depth(camera, depth)
+    found = normals_from_depth(camera, depth, np.ones(depth.shape, bool))
     known = np.linalg.norm(found, axis=-1) > 0
     assert known[3:-3, 3:-3].all() and not known[:3].any() and not known[:, -3:].any()
     # Tangents of about 0.1 m, depth rounded to float32.
     np.testing.assert_allclose(found[known], np.broadcast_to(normal, found[known].shape), atol=1e-5)
 
 
+@pytest.mark.parametrize("shape", [(30, 40), (7, 7), (6, 40), (1, 1)])
+def test_normals_equal_their_twin(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(5)
+    rows, columns = np.indices(shape)
+    depth = 1.0 + 0.2 * np.sin(0.2 * rows) * np.cos(0.3 * columns) + 1e-3 * rng.normal(size=shape)
+    depth[rng.random(shape) < 0.02] = np.nan
+    camera = Camera(
+        Intrinsics(shape[1], shape[0], 50.0, 52.0, 19.0, 16.0),
+        look_at(np.array([1.0, 0.5, 0.8]), np.zeros(3), np.array([0.0, 0.0, 1.0])),
+    )
+    wanted = rng.random(shape) < 0.7
+    found = normals_from_depth(camera, depth.astype(np.float32), wanted)
+    expected = np.where(wanted[..., None], normals_of(camera, depth.astype(np.float32), REACH), 0.0)
+    # Differences of points at 1 m over a tenth of a metre, in float32.
+    np.testing.assert_allclose(found, np.nan_to_num(expected), atol=2e-5)
+
+
 def test_normals_next_to_holes_are_unknown() -> None:
     camera = Camera(INTRINSICS, np.eye(4))
     depth = np.ones((60, 80), np.float32)
     depth[30, 40] = np.nan
-    unknown = np.argwhere(np.linalg.norm(normals_from_depth(camera, depth), axis=-1) == 0)
+    found = normals_from_depth(camera, depth, np.ones(depth.shape, bool))
+    unknown = np.argwhere(np.linalg.norm(found, axis=-1) == 0)
     inner = [(v, u) for v, u in unknown.tolist() if 3 <= v < 57 and 3 <= u < 77]
     assert inner == [(27, 40), (30, 37), (30, 43), (33, 40)]
 

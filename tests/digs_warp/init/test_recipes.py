@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.ball_capture import RADIUS, ball_views, write_capture
+from reference.ball_capture import RADIUS, View, ball_views, write_capture
 
-from digs_warp.camera import Camera
-from digs_warp.capture import Frame, FrameImages
+from digs_warp.capture import Frame
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.init.recipes import InitConfig, initial_points
 
@@ -17,7 +16,7 @@ CONFIG = InitConfig(voxel_size=0.02)
 
 
 @pytest.fixture(scope="module")
-def views() -> list[tuple[Camera, FrameImages]]:
+def views() -> list[View]:
     return ball_views()
 
 
@@ -26,7 +25,7 @@ def without(frame: Frame, key: str) -> Frame:
 
 
 def test_points_lie_on_the_ball_with_its_colours_and_cover_its_sides(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+    tmp_path: Path, views: list[View]
 ) -> None:
     capture = write_capture(tmp_path, views)
     points = initial_points(capture.frames, CONFIG)
@@ -41,9 +40,7 @@ def test_points_lie_on_the_ball_with_its_colours_and_cover_its_sides(
     assert np.histogram(azimuth, bins=12, range=(-180, 180))[0].min() > 20
 
 
-def test_the_order_of_the_frames_does_not_matter(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
-) -> None:
+def test_the_order_of_the_frames_does_not_matter(tmp_path: Path, views: list[View]) -> None:
     capture = write_capture(tmp_path, views)
     points = initial_points(capture.frames, CONFIG)
     reversed_points = initial_points(capture.frames[::-1], CONFIG)
@@ -52,7 +49,7 @@ def test_the_order_of_the_frames_does_not_matter(
 
 
 def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, views: list[View], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     capture = write_capture(tmp_path, views)
     found = []
@@ -64,7 +61,7 @@ def test_the_same_frames_give_the_same_bits_with_one_thread_and_four(
 
 
 def test_edge_filter_removes_the_pixels_between_ball_and_wall(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+    tmp_path: Path, views: list[View]
 ) -> None:
     # A mask one pixel too large lets the wall in, as a segmentation network's does.
     grown = []
@@ -81,7 +78,7 @@ def test_edge_filter_removes_the_pixels_between_ball_and_wall(
 
 
 def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+    tmp_path: Path, views: list[View]
 ) -> None:
     leaking = []
     for camera, images in views:
@@ -99,7 +96,7 @@ def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
 
 def test_a_view_without_foreground_is_skipped_with_a_warning(
     tmp_path: Path,
-    views: list[tuple[Camera, FrameImages]],
+    views: list[View],
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     camera, images = views[1]
@@ -117,9 +114,7 @@ def test_a_view_without_foreground_is_skipped_with_a_warning(
     np.testing.assert_array_equal(points.points_world, expected.points_world)
 
 
-def test_missing_depth_everywhere_tells_the_counts(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
-) -> None:
+def test_missing_depth_everywhere_tells_the_counts(tmp_path: Path, views: list[View]) -> None:
     camera, images = views[0]
     images = replace(images, depth=np.full_like(images.depth, np.nan))
     in_mask = np.count_nonzero(images.mask)
@@ -128,18 +123,14 @@ def test_missing_depth_everywhere_tells_the_counts(
         initial_points(capture.frames, CONFIG)
 
 
-def test_empty_masks_everywhere_tell_to_check_the_masks(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
-) -> None:
+def test_empty_masks_everywhere_tell_to_check_the_masks(tmp_path: Path, views: list[View]) -> None:
     camera, images = views[0]
     capture = write_capture(tmp_path, [(camera, replace(images, mask=images.mask * 0))])
     with pytest.raises(DigsError, match=r"0 pixels inside the masks.*check the masks"):
         initial_points(capture.frames, CONFIG)
 
 
-def test_depth_too_sparse_for_the_edge_filter_says_so(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
-) -> None:
+def test_depth_too_sparse_for_the_edge_filter_says_so(tmp_path: Path, views: list[View]) -> None:
     camera, images = views[0]
     sparse = np.full_like(images.depth, np.nan)
     sparse[::3, ::3] = images.depth[::3, ::3]
@@ -153,7 +144,7 @@ def test_depth_too_sparse_for_the_edge_filter_says_so(
     ("key", "advice"), [("depth_file_path", "EXR"), ("mask_path", "8-bit PNG")]
 )
 def test_frames_without_depth_or_mask_are_named(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]], key: str, advice: str
+    tmp_path: Path, views: list[View], key: str, advice: str
 ) -> None:
     first, second, third = write_capture(tmp_path, views[:3]).frames
     with pytest.raises(DigsError, match=rf"1 of 3 frames have no '{key}' .*'0001'.*{advice}"):
@@ -161,7 +152,7 @@ def test_frames_without_depth_or_mask_are_named(
 
 
 def test_an_unreadable_file_is_named_although_threads_read_it(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
+    tmp_path: Path, views: list[View]
 ) -> None:
     capture = write_capture(tmp_path, views)
     path = capture.frames[5].files["depth_file_path"]
@@ -192,9 +183,7 @@ def test_settings_that_make_no_sense_raise(wrong: dict[str, float]) -> None:
         InitConfig(**wrong)  # pyright: ignore[reportArgumentType]
 
 
-def test_depth_of_another_size_than_the_image_raises(
-    tmp_path: Path, views: list[tuple[Camera, FrameImages]]
-) -> None:
+def test_depth_of_another_size_than_the_image_raises(tmp_path: Path, views: list[View]) -> None:
     from digs_warp.images import write_image
 
     capture = write_capture(tmp_path, views[:2])

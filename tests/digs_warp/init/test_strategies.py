@@ -108,16 +108,18 @@ def test_fusion_rejects_by_brute_force_what_the_formula_rejects(
 
 
 def test_fusion_does_not_ask_held_out_views(capture: Capture, metric: SfmModel) -> None:
-    training = capture.frames[1:]
-    found = initialize(training, InitConfig(strategy="fusion"), metric)
-    seen = np.isin(metric.observations.cameras, range(1, 12))
+    """Half of the ring trains; what only the other half saw is left out, however good it is."""
+    found = initialize(capture.frames[6:], InitConfig(strategy="fusion"), metric)
+    seen = np.isin(metric.observations.cameras, range(6, 12))
     only_held_out = np.setdiff1d(
         metric.observations.points[~seen], metric.observations.points[seen]
     )
-    assert len(only_held_out) > 0
     strangers = metric.points.points_world[only_held_out]
+    low, high = found.points.bounds
+    in_box = np.all((strangers >= low) & (strangers <= high), axis=1)
+    assert np.count_nonzero(in_box) > 20
     fused = {tuple(p) for p in found.points.points_world[found.sources["depth"] :]}
-    assert fused.isdisjoint(map(tuple, strangers))
+    assert fused.isdisjoint(map(tuple, strangers[in_box]))
 
 
 def test_random_points_fill_the_cube_that_the_cameras_look_at(
