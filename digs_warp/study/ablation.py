@@ -35,7 +35,7 @@ from digs_warp.train.view_store import open_views
 from sim.config import SimulateConfig
 
 FRAMES, WIDTH = 24, 640
-ITERATIONS = (100, 300)
+ITERATIONS = (100,)
 SFM_PER_METRE = 1.37
 
 # How the spoiled masks leak: the border grows by pixels, and a corner of the image joins (share of a side).

@@ -110,7 +110,7 @@ BENCHMARKS = (
     Benchmark(
         "init-ablation",
         "digs_warp.study.ablation:init_ablation",
-        "what each component of the initialization is worth: distances, and PSNR after 100 and 300 steps",
+        "what each component of the initialization is worth: distances, and PSNR after 100 steps",
         wide=True,
     ),
     Benchmark(
