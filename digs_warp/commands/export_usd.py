@@ -39,6 +39,10 @@ class ExportUsd:
     also: tuple[Path, ...] = ()
     """More reconstructions of that capture: each becomes a variant, named after its initialization."""
 
+    surface: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Also put a coloured mesh of the Gaussians into the scene, as 'digs-warp mesh' makes it; needs
+    --capture."""
+
     storage: Annotated[WriteOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=WriteOptions
     )
@@ -46,6 +50,8 @@ class ExportUsd:
     can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
+        if self.surface and self.capture is None:
+            raise DigsError("--surface needs --capture: its cameras see the surface")
         if self.also and self.capture is None:
             raise DigsError("--also needs --capture: the variants show one recording")
 
@@ -57,7 +63,9 @@ class ExportUsd:
         source = find_gaussians(self.source)
         if self.capture is not None:
             folders = [source.parent, *(find_gaussians(path).parent for path in self.also)]
-            count = write_capture_package(self.capture, folders, self.out, self.storage)
+            count = write_capture_package(
+                self.capture, folders, self.out, self.storage, self.surface
+            )
         else:
             gaussians = Gaussians.load(source)
             count = len(gaussians)

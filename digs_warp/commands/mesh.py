@@ -1,16 +1,16 @@
 """`digs-warp mesh`: Gaussians -> a coloured triangle mesh."""
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
-from digs_warp.capture import INDEX_NAME, Frame
+from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.extract_mesh import MOST_VIEWS, extract_mesh
 from digs_warp.commands.layout import CAPTURE, find_gaussians
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
@@ -18,19 +18,9 @@ from digs_warp.commands.true_surface import read_true_surface
 from digs_warp.log import read_json
 
 if TYPE_CHECKING:
-    from digs_warp.camera import Camera
-    from digs_warp.surface.extract import Mask, Scene
     from digs_warp.triangle_mesh import TriangleMesh
 
 logger = logging.getLogger(__name__)
-
-Item = TypeVar("Item")
-
-# Where no capture says where to look from: rings of cameras at these elevations [degrees].
-RING_ELEVATIONS_DEG = (-15.0, 15.0, 45.0, 70.0)
-RING_CAMERAS = 16
-RING_SIZE_PX = 512
-RING_FOV_DEG = 45.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +47,7 @@ class Mesh:
     voxel: float | None = None
     """Finest detail [m]; default: a 160th of the object's size. Half of it takes four times the memory."""
 
-    views: int = 60
+    views: int = MOST_VIEWS
     """How many cameras to use at most, evenly spread; more fill small holes and take longer."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
@@ -74,8 +64,6 @@ class Mesh:
 
     def execute(self) -> str:
         """Extract, write, and say how good the mesh is where that is known."""
-        from digs_warp.film.camera_path import find_subject
-        from digs_warp.surface.extract import Scene, extract_surface
         from digs_warp.surface.files import SUFFIXES, write_mesh
 
         if self.out.suffix.lower() not in SUFFIXES:
@@ -85,21 +73,18 @@ class Mesh:
         check_output_file(self.out, self.overwrite)
         start = perf_counter()
         gaussians = read_splats(self.source, self.scene)
-        subject = find_subject(gaussians)
-        scene = Scene(subject.center_world, subject.radius)
+        reconstruction = find_gaussians(self.source).parent
         capture = self._capture_folder()
-        cameras, masks = self._look_from(capture, scene)
-        result = extract_surface(gaussians, cameras, scene, self.voxel, masks)
-        write_mesh(self.out, result.mesh)
-        voxel = scene.voxel if self.voxel is None else self.voxel
+        found = extract_mesh(gaussians, reconstruction, capture, self.voxel, self.views)
+        write_mesh(self.out, found.mesh)
         lines = [
-            f"{self.out}: {len(result.mesh):,} triangles from {len(cameras)} views, voxels of "
-            f"{1e3 * voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
+            f"{self.out}: {len(found.mesh):,} triangles from {found.views} views, voxels of "
+            f"{1e3 * found.voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
             f"{perf_counter() - start:.1f} s",
-            f"left out as floaters: {result.removed_parts} parts with {result.removed_triangles} triangles",
+            f"left out as floaters: {found.removed_parts} parts with {found.removed_triangles} triangles",
         ]
-        if capture is not None and _shares_world(find_gaussians(self.source).parent):
-            lines += _comparison(result.mesh, capture, 2 * voxel)
+        if capture is not None and _shares_world(reconstruction):
+            lines += _comparison(found.mesh, capture, 2 * found.voxel)
         return "\n".join(lines)
 
     def _capture_folder(self) -> Path | None:
@@ -112,28 +97,6 @@ class Mesh:
                 return candidate
         return None
 
-    def _look_from(
-        self, capture: Path | None, scene: "Scene"
-    ) -> "tuple[list[Camera], list[Mask] | None]":
-        if capture is None:
-            return _evenly(_rings(scene), self.views), None
-        frames = _frames_of(capture, find_gaussians(self.source).parent)
-        chosen = _evenly(frames, self.views)
-        masked = all(frame.has("mask_path") for frame in chosen)
-        return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
-
-
-def _frames_of(capture: Path, reconstruction: Path) -> Sequence[Frame]:
-    """Return the frames with the cameras and masks that the reconstruction used, where it kept them."""
-    from digs_warp.capture import read_capture
-    from digs_warp.posed_frames import CAMERAS, PosedFrames
-
-    recorded = read_capture(capture)
-    if not (reconstruction / CAMERAS).is_file():
-        return recorded.frames
-    posed = PosedFrames.load(recorded, reconstruction)
-    return [*posed.training, *posed.held_out]
-
 
 def _shares_world(reconstruction: Path) -> bool:
     """Whether the reconstruction lies where the capture's own poses put it, not where SfM did."""
@@ -143,22 +106,6 @@ def _shares_world(reconstruction: Path) -> bool:
     if not path.is_file():
         return True
     return read_json(path, "cameras of the reconstruction").get("sfm_per_metre") is None
-
-
-def _evenly(items: Sequence[Item], count: int) -> list[Item]:
-    """Return at most ``count`` of the items, evenly spread."""
-    step = max(1.0, len(items) / count)
-    return [items[int(i * step)] for i in range(min(count, len(items)))]
-
-
-def _rings(scene: "Scene") -> "list[Camera]":
-    from digs_warp.camera import Intrinsics
-    from digs_warp.film.camera_path import Subject, orbit
-
-    k = Intrinsics.from_fov(RING_SIZE_PX, RING_SIZE_PX, RING_FOV_DEG)
-    subject = Subject(scene.center_world, scene.radius)
-    rings = [orbit(subject, k, RING_CAMERAS, elevation) for elevation in RING_ELEVATIONS_DEG]
-    return [camera for ring in rings for camera in ring]
 
 
 def _comparison(mesh: "TriangleMesh", capture: Path, threshold: float) -> list[str]:

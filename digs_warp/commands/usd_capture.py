@@ -23,7 +23,11 @@ logger = logging.getLogger(__name__)
 
 
 def write_capture_package(
-    capture_folder: Path, reconstructions: Sequence[Path], path: Path, options: "WriteOptions"
+    capture_folder: Path,
+    reconstructions: Sequence[Path],
+    path: Path,
+    options: "WriteOptions",
+    surface: bool = False,
 ) -> int:
     """Write one scene of all reconstructions of a capture, with its cameras; return the number of splats.
 
@@ -32,9 +36,10 @@ def write_capture_package(
         reconstructions: folders of 'digs-warp reconstruct'; the first is shown by default.
         path: the ``.usdz`` file.
         options: precision and degree.
+        surface: also extract a mesh from the first reconstruction, for the scene.
 
     Raises:
-        DigsError: a folder is not finished, or the scene cannot be written.
+        DigsError: a folder is not finished, there is no surface to extract, or the scene cannot be written.
     """
     from usd.capture_scene import CaptureScene, write_capture_scene
 
@@ -47,6 +52,7 @@ def write_capture_package(
         reconstructions=each,
         cameras=_camera_path(capture, reconstructions[0]),
         source_mesh=_source_mesh(capture_folder),
+        surface=_surface(each[0], reconstructions[0], capture_folder) if surface else None,
         metadata=scene_metadata(reconstructions[0]) | _data_hash(capture_folder),
     )
     write_capture_scene(path, scene, options)
@@ -138,6 +144,12 @@ def _source_mesh(capture_folder: Path) -> "TriangleMesh | None":
     except DigsError as error:
         logger.warning("the scene gets no source mesh: %s", error)
         return None
+
+
+def _surface(shown: "Reconstruction", folder: Path, capture_folder: Path) -> "TriangleMesh":
+    from digs_warp.commands.extract_mesh import extract_mesh
+
+    return extract_mesh(shown.gaussians, folder, capture_folder).mesh
 
 
 def _data_hash(capture_folder: Path) -> dict[str, str]:

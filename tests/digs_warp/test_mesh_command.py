@@ -160,3 +160,19 @@ def test_what_cannot_be_done_is_said(
     found, text = run(capsys, "a.npz", *arguments)
     assert (found, message in text) == (code, True), text
     assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_the_mesh_goes_into_the_usd_scene(built_in: Path, tmp_path: Path, capsys) -> None:
+    from pxr import Usd, UsdGeom  # pyright: ignore
+
+    target = tmp_path / "a.usdz"
+    arguments = [str(built_in / "reconstruction"), "--out", str(target), "--surface"]
+    assert main(["export-usd", *arguments]) == EXIT_WRONG_USAGE
+    assert "--surface needs --capture" in capsys.readouterr().err
+    assert main(["export-usd", *arguments, "--capture", str(built_in / "capture")]) == EXIT_OK
+    stage = Usd.Stage.Open(str(target))
+    meshes = {p.GetName(): UsdGeom.Mesh(p) for p in stage.Traverse() if p.IsA(UsdGeom.Mesh)}
+    extracted = np.array(meshes["Surface"].GetPointsAttr().Get())
+    recorded = np.array(meshes["Mesh"].GetPointsAttr().Get())
+    np.testing.assert_allclose(extracted.min(axis=0), recorded.min(axis=0), atol=0.02)
+    np.testing.assert_allclose(extracted.max(axis=0), recorded.max(axis=0), atol=0.02)

@@ -1,0 +1,116 @@
+"""A mesh of Gaussians from the cameras that saw them: what `mesh` and `export-usd` share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from digs_warp.capture import Frame
+
+if TYPE_CHECKING:
+    from digs_warp.camera import Camera
+    from digs_warp.gaussians import Gaussians
+    from digs_warp.surface.extract import Mask, Scene
+    from digs_warp.triangle_mesh import TriangleMesh
+
+Item = TypeVar("Item")
+
+# More see little that is new, and take longer.
+MOST_VIEWS = 60
+
+# Where no capture says where to look from: rings of cameras at these elevations [degrees].
+RING_ELEVATIONS_DEG = (-15.0, 15.0, 45.0, 70.0)
+RING_CAMERAS = 16
+RING_SIZE_PX = 512
+RING_FOV_DEG = 45.0
+
+
+@dataclass(frozen=True, eq=False)
+class ExtractedMesh:
+    """A mesh, and how it was made.
+
+    Attributes:
+        mesh: without floaters.
+        removed_parts, removed_triangles: what was left out as floaters.
+        views: how many cameras looked.
+        voxel: the finest detail [m].
+    """
+
+    mesh: "TriangleMesh"
+    removed_parts: int
+    removed_triangles: int
+    views: int
+    voxel: float
+
+
+def extract_mesh(
+    gaussians: "Gaussians",
+    reconstruction: Path,
+    capture: Path | None,
+    voxel: float | None = None,
+    views: int = MOST_VIEWS,
+) -> ExtractedMesh:
+    """Return the surface of Gaussians as a capture's cameras see it, or without one rings of cameras.
+
+    Args:
+        gaussians: of one object.
+        reconstruction: folder that they come from: cameras and masks that it kept go before the capture's.
+        capture: the recording, if there is one.
+        voxel: finest detail [m]; default: a 160th of the object's size.
+        views: how many cameras to use at most, evenly spread.
+
+    Raises:
+        DigsError: the capture cannot be read, or the cameras see no surface.
+    """
+    from digs_warp.film.camera_path import find_subject
+    from digs_warp.surface.extract import Scene, extract_surface
+
+    subject = find_subject(gaussians)
+    scene = Scene(subject.center_world, subject.radius)
+    cameras, masks = _look_from(capture, reconstruction, scene, views)
+    result = extract_surface(gaussians, cameras, scene, voxel, masks)
+    return ExtractedMesh(
+        result.mesh,
+        result.removed_parts,
+        result.removed_triangles,
+        len(cameras),
+        scene.voxel if voxel is None else voxel,
+    )
+
+
+def _look_from(
+    capture: Path | None, reconstruction: Path, scene: "Scene", views: int
+) -> "tuple[list[Camera], list[Mask] | None]":
+    if capture is None:
+        return _evenly(_rings(scene), views), None
+    chosen = _evenly(_frames_of(capture, reconstruction), views)
+    masked = all(frame.has("mask_path") for frame in chosen)
+    return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
+
+
+def _frames_of(capture: Path, reconstruction: Path) -> Sequence[Frame]:
+    """Return the frames with the cameras and masks that the reconstruction used, where it kept them."""
+    from digs_warp.capture import read_capture
+    from digs_warp.posed_frames import CAMERAS, PosedFrames
+
+    recorded = read_capture(capture)
+    if not (reconstruction / CAMERAS).is_file():
+        return recorded.frames
+    posed = PosedFrames.load(recorded, reconstruction)
+    return [*posed.training, *posed.held_out]
+
+
+def _evenly(items: Sequence[Item], count: int) -> list[Item]:
+    """Return at most ``count`` of the items, evenly spread."""
+    step = max(1.0, len(items) / count)
+    return [items[int(i * step)] for i in range(min(count, len(items)))]
+
+
+def _rings(scene: "Scene") -> "list[Camera]":
+    from digs_warp.camera import Intrinsics
+    from digs_warp.film.camera_path import Subject, orbit
+
+    k = Intrinsics.from_fov(RING_SIZE_PX, RING_SIZE_PX, RING_FOV_DEG)
+    subject = Subject(scene.center_world, scene.radius)
+    rings = [orbit(subject, k, RING_CAMERAS, elevation) for elevation in RING_ELEVATIONS_DEG]
+    return [camera for ring in rings for camera in ring]
