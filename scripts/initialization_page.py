@@ -18,9 +18,14 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 TEXT = """# Initialization: from depth maps to the first Gaussians
 
-`scripts/initialization_page.py` writes this page, tables and all; `digs-warp bench init`, `digs-warp bench
-init-noise` and `digs-warp bench init-ablation` print the same numbers. [method.md](method.md) maps the
-paper's equations to files.
+`scripts/initialization_page.py` writes this page, tables and all; `digs-warp bench` prints the same numbers
+under the names `init`, `init-noise` and `init-ablation`. [method.md](method.md) maps the paper's equations to
+files.
+
+![The five initializations of one recording](images/initialization.jpg)
+
+(`scripts/initialization_picture.py` draws it. Sparse points and the cube of random ones reach far behind the
+object; of the depth, the object is left.)
 
 ## Which strategy
 
@@ -48,6 +53,8 @@ digs-warp reconstruct out/capture --out out/paper --poses sfm --voxel-unit sfm
    no background was measured.
 4. Back-projected, and averaged per voxel: a recording is reduced view by view and never held in memory.
 5. Voxels with fewer than 15 % of the median number of measurements go (ours; `--min-support 0` keeps them).
+6. Points that more views saw through than saw go (ours; `--no-visibility-check` keeps them): a view that
+   measured the wall behind a point has looked through it.
 
 With `--poses sfm` the scale comes first: every sparse point that a view saw gives a ratio of its depth in
 the model to the measured one, and the mode of all ratios is the scale. A warning names a second mode that
@@ -83,10 +90,9 @@ thing in the paper's recipe; "+" adds an extension of ours. PSNR on held-out vie
 
 {ablation}
 
-Extensions, off unless a flag turns them on: `--weight-by-uncertainty` (1 / depth^4),
-`--weight-by-confidence`, `--visibility-check` (points that more views saw through than saw), `--shape flat`
-(thin along the normal of the depth maps), `--shape ray` (drawn out along the line of sight by the
-uncertainty of depth).
+Extensions that are off unless a flag turns them on: `--weight-by-uncertainty` (1 / depth^4),
+`--weight-by-confidence`, `--shape flat` (thin along the normal of the depth maps), `--shape ray` (drawn out
+along the line of sight by the uncertainty of depth).
 
 ## What the paper leaves open
 
