@@ -1,0 +1,62 @@
+"""Measure structure from motion and masks, and put the tables into docs/sfm.md and docs/masks.md.
+
+Usage: python scripts/front_end_figures.py [masks] [sfm] [sfm-full]   (default: all; 20 quiet minutes)
+"""
+
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from digs_warp.log import show_progress, write_atomically
+from digs_warp.study.benchmarks import BENCHMARKS
+from digs_warp.study.results import Result, format_number
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+PAGES = {"masks": DOCS / "masks.md", "sfm": DOCS / "sfm.md", "sfm-full": DOCS / "sfm.md"}
+
+
+def main(names: Sequence[str]) -> None:
+    """Measure the named benchmarks and rewrite their tables."""
+    show_progress()
+    for benchmark in BENCHMARKS:
+        if benchmark.name in PAGES and (not names or benchmark.name in names):
+            fill(benchmark.name, benchmark.run())
+
+
+def fill(name: str, results: Sequence[Result]) -> None:
+    """Put the table of ``results`` between the marks of its page."""
+    page = PAGES[name]
+    marks = rf"(<!-- {name}: [^>]*-->\n).*?(<!-- end -->)"
+    text, count = re.subn(
+        marks,
+        lambda found: f"{found[1]}{markdown(results)}\n{found[2]}",
+        page.read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )
+    if count != 1:
+        raise ValueError(f"'{page}': {count} places for the table of {name}, expected 1")
+    write_atomically(page, text.encode())
+
+
+def markdown(results: Sequence[Result]) -> str:
+    """Return one row per case and one column per number; what all cases share stands above."""
+    rows: dict[str, list[Result]] = {}
+    for result in results:
+        rows.setdefault(str(next(iter(result.settings.values()))), []).append(result)
+    columns = list(dict.fromkeys((r.name, r.unit) for r in results))
+    shared = list(results[0].settings.items())[1:]
+    lines = [
+        ", ".join(f"{key}: {value}" for key, value in shared),
+        "",
+        "| | " + " | ".join(f"{name} [{unit}]" if unit else name for name, unit in columns) + " |",
+        "|---|" + "---|" * len(columns),
+    ]
+    for case, numbers in rows.items():
+        found = {(r.name, r.unit): format_number(r.value) for r in numbers}
+        lines.append(f"| {case} | " + " | ".join(found.get(c, "") for c in columns) + " |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
