@@ -1,4 +1,4 @@
-"""The ray-casting kernels: one Warp thread per pixel or vertex, rays through a BVH.
+"""The ray-casting kernels: one Warp thread per pixel, rays through a BVH.
 
 A thread writes its own pixel only and draws its random numbers from (seed, pixel), so images do not
 depend on the number of threads.
@@ -18,7 +18,6 @@ from sim.render.surface import (
     ANY_SURFACE,
     MAX_LAYERS,
     Surface,
-    is_blocked,
     is_see_through,
     opacity_at,
     texture_level,
@@ -36,7 +35,6 @@ R2_X = wp.constant(0.7548776662466927)
 R2_Y = wp.constant(0.5698402909980532)
 
 GOLDEN_RATIO = wp.constant(0.6180339887498949)
-GOLDEN_ANGLE = wp.constant(2.399963229728653)
 
 # Brightest sample: the multiple of full white up to which a pixel may gather light.
 SAMPLE_LIMIT = wp.constant(4.0)
@@ -244,48 +242,3 @@ def geometry_kernel(
         depth[pixel] = distance * direction_cam[2]
         normals[pixel] = -wp.normalize(view.center + distance * direction)
         materials[pixel] = -1
-
-
-@wp.func
-def open_share(
-    surface: Surface, point: wp.vec3, normal: wp.vec3, rays: int, reach: float, turn: float
-) -> float:
-    """Cosine-weighted share of a hemisphere whose rays leave the object within ``reach`` [m]."""
-    helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
-    tangent = wp.normalize(wp.cross(helper, normal))
-    bitangent = wp.cross(normal, tangent)
-    free = wp.float32(0.0)
-    for i in range(rays):
-        # Malley's method: a sunflower on the disk, lifted to the hemisphere.
-        radius2 = (float(i) + 0.5) / float(rays)
-        angle = float(i) * GOLDEN_ANGLE + turn
-        radius = wp.sqrt(radius2)
-        direction = (
-            radius * (wp.cos(angle) * tangent + wp.sin(angle) * bitangent)
-            + wp.sqrt(1.0 - radius2) * normal
-        )
-        if not is_blocked(surface, point, direction, reach):
-            free += 1.0
-    return free / float(rays)
-
-
-@wp.kernel
-def openness_kernel(
-    first: int,
-    surface: Surface,
-    points: wp.array[wp.vec3],  # [n] where to measure for each vertex
-    rays: int,
-    reach: float,
-    # outputs
-    openness: wp.array[wp.vec2],
-):
-    """Measure the openness of a vertex on both sides of the surface."""
-    vertex = first + wp.tid()
-    point = points[vertex]
-    normal = surface.normals[vertex]
-    offset = surface.lift
-    if wp.length(normal) < 0.5:
-        normal = wp.vec3(0.0, 0.0, 1.0)
-    front = open_share(surface, point + offset * normal, normal, rays, reach, 0.0)
-    back = open_share(surface, point - offset * normal, -normal, rays, reach, 0.0)
-    openness[vertex] = wp.vec2(front, back)

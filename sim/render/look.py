@@ -58,13 +58,19 @@ def base_color(surface: Surface, hit: wp.MeshQueryRay, uv: wp.vec2, level: float
 def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -> float:
     """Share of the hemisphere on one side (1: the normals', -1: the other) that sees the surround."""
     corner = 3 * hit.face
-    w = 1.0 - hit.u - hit.v
+    u = hit.u
+    v = hit.v
+    w = 1.0 - u - v
     both = (
-        hit.u * surface.openness[surface.corners[corner]]
-        + hit.v * surface.openness[surface.corners[corner + 1]]
-        + w * surface.openness[surface.corners[corner + 2]]
+        u * (2.0 * u - 1.0) * surface.openness[surface.corners[corner]]
+        + v * (2.0 * v - 1.0) * surface.openness[surface.corners[corner + 1]]
+        + w * (2.0 * w - 1.0) * surface.openness[surface.corners[corner + 2]]
+        + 4.0 * u * v * surface.openness[surface.edges[corner]]
+        + 4.0 * v * w * surface.openness[surface.edges[corner + 1]]
+        + 4.0 * w * u * surface.openness[surface.edges[corner + 2]]
     )
-    return wp.where(side > 0.0, both[0], both[1])
+    # A quadratic between 0 and 1 at its nodes overshoots between them.
+    return wp.clamp(wp.where(side > 0.0, both[0], both[1]), 0.0, 1.0)
 
 
 @wp.func

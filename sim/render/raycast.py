@@ -12,8 +12,9 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.parallel import launch_parallel
 from sim.environment import Environment
-from sim.render.kernels import color_kernel, geometry_kernel, openness_kernel
+from sim.render.kernels import color_kernel, geometry_kernel
 from sim.render.lighting import prepare_light
+from sim.render.openness import openness_kernel, openness_nodes
 from sim.render.protocol import RenderedView
 from sim.render.rays import SurfaceRays
 from sim.render.track import CameraTrack
@@ -21,16 +22,13 @@ from sim.render.upload import upload_scene
 from sim.render.view import make_track, make_view
 from sim.scene import Scene
 
-# Rays that measure how open a vertex lies, on each side; large meshes share out the budget.
+# Rays that measure how open a node of the mesh lies, on each side; large meshes share out the budget.
 OPENNESS_RAYS = 64
 OPENNESS_BUDGET = 2_000_000
 MIN_OPENNESS_RAYS = 8
 
 # Occluders farther away than this share of the scene's radius do not darken a surface.
 OPENNESS_REACH = 0.7
-
-# How far from a vertex toward the middle of its largest face openness is measured, as a share of the way.
-OPENNESS_INSET = 0.3
 
 
 class RaycastRenderer:
@@ -109,34 +107,19 @@ class RaycastRenderer:
     def _ensure_openness(self) -> None:
         if self._openness is not None:
             return
-        count = len(self._scene.mesh.points)
+        nodes = openness_nodes(self._source)
+        count = len(nodes.points)
         rays = int(np.clip(OPENNESS_BUDGET // (2 * count), MIN_OPENNESS_RAYS, OPENNESS_RAYS))
         openness = wp.empty(count, dtype=wp.vec2, device="cpu")
-        points = wp.array(openness_points(self._source), dtype=wp.vec3, device="cpu")
-        inputs = [self._surface, points, rays, OPENNESS_REACH * self._source.radius, openness]
-        self._launch(openness_kernel, count, inputs)
+        arrays = (nodes.points, nodes.inward, nodes.normals)
+        places = [wp.array(array, dtype=wp.vec3, device="cpu") for array in arrays]
+        reach = OPENNESS_REACH * self._source.radius
+        self._launch(openness_kernel, count, [self._surface, *places, rays, reach, openness])
         self._surface.openness = self._openness = openness
+        self._surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
         launch_parallel(kernel, dim, inputs, threads=self.threads)
-
-
-def openness_points(scene: Scene) -> np.ndarray:
-    """Return where each vertex' openness is measured, shape (n, 3), float32.
-
-    A little inside its largest face: a corner under a part that stands on a large face must not darken
-    the whole face.
-    """
-    corners = scene.vertices[scene.faces].astype(np.float64)
-    edges = corners[:, 1:] - corners[:, :1]
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    middle = corners.mean(axis=1, keepdims=True)
-    inside = corners + OPENNESS_INSET * (middle - corners)
-    smallest_first = np.argsort(np.repeat(area, 3), kind="stable")
-    points = scene.vertices.copy()
-    # Of several writes to one vertex the last stays: that of its largest face.
-    points[scene.faces.reshape(-1)[smallest_first]] = inside.reshape(-1, 3)[smallest_first]
-    return points
 
 
 def _int32(seed: int) -> int:

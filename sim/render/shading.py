@@ -2,8 +2,8 @@
 
 The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat. The coat's
 reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
-Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured per vertex, with the bounces
-between coloured walls put back (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect
+Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, with the
+bounces between coloured walls put back (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect
 Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal mirrors the object
 itself; see `sim.render.key_lights` and `mirrored_light`.
 """

@@ -55,7 +55,8 @@ class Surface:
     handedness: wp.array[float]  # [m] 1, or -1 where the texture is mirrored; empty as above
     uvs: wp.array[wp.vec2]  # [n]
     colors: wp.array[wp.vec3]  # [n]
-    openness: wp.array[wp.vec2]  # [n] unoccluded share in front of and behind the normal
+    openness: wp.array[wp.vec2]  # [nodes] unoccluded share in front of and behind the normal
+    edges: wp.array[int]  # [3 m] node of each edge; see sim.render.openness
     materials: wp.array[int]  # [m]
     uv_levels: wp.array[float]  # [m] log2(texture widths per metre)
     data: wp.array[MaterialData]  # [materials]

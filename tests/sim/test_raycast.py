@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.plates import join_scenes, plate
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at
 from sim.environment import Environment
 from sim.panorama import panorama_directions
+from sim.render.openness import openness_nodes
 from sim.render.raycast import RaycastRenderer
 from sim.scene import Material, Scene
 
@@ -276,6 +278,36 @@ def test_a_corner_is_darker_than_an_open_surface() -> None:
     )
     (u, v), _ = camera.project(np.array([-0.25, 0.0, 0.0]))
     assert beside[int(v), int(u), 0] < 0.9 * alone[int(v), int(u), 0]
+
+
+def test_a_large_face_is_bright_although_its_corners_lie_under_posts() -> None:
+    """The lid of a case: two triangles, whose corners alone say nothing about the middle."""
+    floor = plate((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), Material("floor", np.full(3, 0.5)))
+    posts = [
+        plate((x, y, 0.05), (0.04, 0, 0), (0, 0, 0.05), Material("post", np.full(3, 0.5)))
+        for x in (-0.27, 0.27)
+        for y in (-0.29, 0.29)
+    ]
+    camera = Camera(INTRINSICS, look_at(np.array([0.4, 0, 0.8]), np.zeros(3), UP))
+    bare, beside = (
+        RaycastRenderer(s, grey_sky()).render_image(camera)[0]
+        for s in (floor, join_scenes(floor, *posts))
+    )
+    (u, v), _ = camera.project(np.array([0.0, 0.1, 0.0]))
+    assert beside[int(v), int(u), 0] > 0.93 * bare[int(v), int(u), 0]
+
+
+def test_nodes_lie_on_vertices_and_edges_and_point_to_their_largest_face() -> None:
+    scene = plate((0, 0, 0), (1, 0, 0), (0, 1, 0), Material("floor", np.full(3, 0.5)))
+    nodes = openness_nodes(scene)
+    assert len(nodes.points) == 4 + 5 and nodes.edges.shape == (2, 3)
+    for face, edges in zip(scene.faces, nodes.edges, strict=True):
+        corners = scene.vertices[face]
+        np.testing.assert_allclose(nodes.points[edges], (corners + np.roll(corners, -1, 0)) / 2)
+    middles = scene.vertices[scene.faces].mean(axis=1)
+    ends = nodes.points + nodes.inward
+    assert np.abs(ends[:, None] - middles).sum(axis=2).min(axis=1).max() < 1e-6
+    np.testing.assert_allclose(np.linalg.norm(nodes.normals, axis=1), 1, rtol=1e-6)
 
 
 def checkered_wall(square: int) -> Scene:

@@ -1,0 +1,127 @@
+"""Where a mesh is measured for how open it lies: at its vertices and at the middles of its edges.
+
+With both, openness is a quadratic over each triangle (the six-node triangle of Zienkiewicz, "The Finite
+Element Method"): the middle of a large face stays bright although all its corners lie in dark ones.
+"""
+
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from sim.render.surface import Surface, is_blocked
+from sim.scene import Scene
+
+wp.set_module_options({"enable_backward": False})
+
+GOLDEN_ANGLE = wp.constant(2.399963229728653)
+GOLDEN_RATIO = wp.constant(0.6180339887498949)
+
+# Share of the way from a node to the middle of its face along which its openness is measured.
+INSET = wp.constant(0.6)
+
+# Corners of the edges of a triangle, in the order of the edge nodes.
+EDGES = ((0, 1), (1, 2), (2, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class OpennessNodes:
+    """The n vertices of a scene, then its e edges.
+
+    Attributes:
+        points: where they lie, (n + e, 3), float32.
+        inward: way from there to the middle of the largest face that they belong to, (n + e, 3), float32.
+        normals: on the side of the vertex normals, (n + e, 3), float32; length 0: no direction.
+        edges: node of each edge of each face, (m, 3), int32.
+    """
+
+    points: np.ndarray
+    inward: np.ndarray
+    normals: np.ndarray
+    edges: np.ndarray
+
+
+def openness_nodes(scene: Scene) -> OpennessNodes:
+    """Return the nodes of a scene's faces."""
+    count = len(scene.vertices)
+    pairs = np.sort(scene.faces[:, EDGES].reshape(-1, 2), axis=1)
+    ends, number = np.unique(pairs, axis=0, return_inverse=True)
+    edges = (count + number.reshape(-1, len(EDGES))).astype(np.int32)
+
+    corners = scene.vertices[scene.faces].astype(np.float64)
+    sides = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    places = np.concatenate([corners, corners[:, EDGES].mean(axis=2)], axis=1)
+    ways = corners.mean(axis=1, keepdims=True) - places
+    nodes = np.concatenate([scene.faces, edges], axis=1).reshape(-1)
+    smallest_first = np.argsort(np.repeat(area, places.shape[1]), kind="stable")
+    points = np.concatenate([scene.vertices, scene.vertices[ends].mean(axis=1)])
+    inward = np.zeros(points.shape)
+    # Of several writes to one node the last stays: that of its largest face.
+    inward[nodes[smallest_first]] = ways.reshape(-1, 3)[smallest_first]
+
+    normals = scene.normals[ends].sum(axis=1)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), 0.0)
+    normals = np.concatenate([scene.normals, normals])
+    points, inward, normals = (a.astype(np.float32) for a in (points, inward, normals))
+    return OpennessNodes(points, inward, normals, edges)
+
+
+@wp.func
+def open_share(
+    surface: Surface, point: wp.vec3, inward: wp.vec3, normal: wp.vec3, rays: int, reach: float
+) -> float:
+    """Cosine-weighted share of a hemisphere whose rays leave the object within ``reach`` [m].
+
+    The rays start along a part of the way ``inward``: a small part that stands on a large face, or a corner,
+    must not darken the whole face.
+    """
+    helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
+    tangent = wp.normalize(wp.cross(helper, normal))
+    bitangent = wp.cross(normal, tangent)
+    free = wp.float32(0.0)
+    for i in range(rays):
+        # Malley's method: a sunflower on the disk, lifted to the hemisphere.
+        radius2 = (float(i) + 0.5) / float(rays)
+        angle = float(i) * GOLDEN_ANGLE
+        place = float(i) * GOLDEN_RATIO + 0.5
+        start = point + INSET * (place - wp.floor(place)) * inward
+        radius = wp.sqrt(radius2)
+        direction = (
+            radius * (wp.cos(angle) * tangent + wp.sin(angle) * bitangent)
+            + wp.sqrt(1.0 - radius2) * normal
+        )
+        if not is_blocked(surface, start, direction, reach):
+            free += 1.0
+    return free / float(rays)
+
+
+@wp.kernel
+def openness_kernel(
+    first: int,
+    surface: Surface,
+    points: wp.array[wp.vec3],  # [nodes]
+    inward: wp.array[wp.vec3],  # [nodes] way to the middle of the face
+    normals: wp.array[wp.vec3],  # [nodes]
+    rays: int,
+    reach: float,
+    # outputs
+    openness: wp.array[wp.vec2],
+):
+    """Measure the openness of a node on both sides of the surface."""
+    node = first + wp.tid()
+    point = points[node]
+    normal = normals[node]
+    offset = surface.lift
+    if wp.length(normal) < 0.5:
+        normal = wp.vec3(0.0, 0.0, 1.0)
+    way = inward[node]
+    front = open_share(surface, point + offset * normal, way, normal, rays, reach)
+    back = open_share(surface, point - offset * normal, way, -normal, rays, reach)
+    openness[node] = wp.vec2(front, back)
