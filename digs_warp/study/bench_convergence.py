@@ -64,7 +64,6 @@ def _cases(points: PointCloud, iterations: int) -> list[Case]:
         quats_rate=r.quats,
         opacities_rate=r.opacities,
         colors_rate=r.colors,
-        rates_end=r.end,
         half_size_until=0.0,
     )
     degree = dense.sh_degree

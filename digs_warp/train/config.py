@@ -13,29 +13,24 @@ _SECONDS_OF = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 @dataclass(frozen=True)
 class Rates:
-    """Learning rates at the start: centres in units of the scene's extent, the rest as their parameters.
-
-    ``end`` is the share of their start that the rates of scales, rotations and colours fall to.
-    """
+    """Learning rates at the start: centres in units of the scene's extent, the rest as their parameters."""
 
     means: float
     scales: float
     quats: float
     opacities: float
     colors: float
-    end: float
 
 
-REFERENCE_RATES = Rates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3, 1.0)
+REFERENCE_RATES = Rates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3)
 
-# Fitted to starts from dense depth with `digs-warp bench convergence`: the splats are where they belong, what
-# is left is to find their shapes and colours quickly. The rates fall to about the reference's on the way.
-DENSE_RATES = Rates(5e-4, 2e-2, 1e-2, 5e-2, 2e-2, 0.1)
+# Fitted to starts from dense depth: the splats are where they belong, what is left is to find their shapes
+# and colours quickly. YCB mustard bottle at 800x450, 38,000 points, opaque start, held-out PSNR after 100 and
+# 300 steps: 36.5 and 39.7 dB, with the reference's rates 34.2 and 36.5 dB. 1.5 to 2 times these rates of
+# scales and colours change nothing; a fall of the rates of shape and colour to a tenth loses 1.5 dB.
+DENSE_RATES = Rates(5e-4, 2e-2, 1e-2, 5e-2, 2e-2)
 
-_RATE_OPTIONS = {
-    **{name: f"{name}_rate" for name in ("means", "scales", "quats", "opacities", "colors")},
-    "end": "rates_end",
-}
+_RATE_OPTIONS = {field.name: f"{field.name}_rate" for field in fields(Rates)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +90,9 @@ class TrainConfig:
     """Learning rate of the base colour; higher bands learn at a twentieth of it. Default: 0.02 with --density
     fixed, else 0.0025 (3DGS)."""
 
-    rates_end: float | None = None
-    """Share of their start that the rates of scales, rotations and colours fall to along the run. Default:
-    0.1 with --density fixed, else 1 (3DGS)."""
+    rates_end: float = 1.0
+    """Share of their start that the rates of scales, rotations and colours fall to along the run. 1, as in
+    3DGS, is best up to 1000 iterations from a dense start; less calms the end of long runs."""
 
     half_size_until: float | None = None
     """Share of the run that trains on images of half the size: these steps cost less. Default: 0.5 with
@@ -142,7 +137,7 @@ class TrainConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and (value >= 0 or value == -1)):
                 raise DigsError(f"{_flag(name)}: {value}, expected 0 or more, or -1")
-        for name in _RATE_OPTIONS.values():
+        for name in (*_RATE_OPTIONS.values(), "rates_end"):
             if getattr(self, name) is not None:
                 check_positive(_flag(name), getattr(self, name))
         if self.max_splats < 1:

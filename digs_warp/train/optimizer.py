@@ -113,7 +113,7 @@ class Adam:
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colours."""
         rates = self.config.rates
-        share = rates.end**self._progress
+        share = self.config.rates_end**self._progress
         means = self.means_rate() * self.extent
         falling = [share * rate for rate in (rates.scales, rates.quats, rates.colors)]
         return [means, falling[0], falling[1], rates.opacities, falling[2]]
