@@ -95,8 +95,8 @@ class TrainConfig:
     3DGS, is best up to 1000 iterations from a dense start; less calms the end of long runs."""
 
     half_size_until: float | None = None
-    """Share of the run that trains on images of half the size: these steps cost less. Default: 0.5 with
-    --density fixed, if the Gaussians are not too small for such images; else 0."""
+    """Share of the run that trains on images of half the size: these steps cost less. Default: 0.5,
+    but 100 steps at most, with --density fixed and Gaussians that are wide enough for such images; else 0."""
 
     density: Literal["fixed", "default", "absgrad", "mcmc"] = "fixed"
     """How the number of Gaussians changes. fixed: not at all, best for a dense start from depth; default:

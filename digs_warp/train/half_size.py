@@ -12,9 +12,11 @@ from digs_warp.camera import Camera
 from digs_warp.gaussians import Gaussians
 from digs_warp.train.config import TrainConfig
 
-# Share of a run from a dense start. On the YCB mustard bottle (1600x900, 100 steps, 85,000 points 2 mm apart)
-# half of the steps at half the size took 58 % of the time and gave 34.9 dB instead of 34.3 dB.
+# Share of a run from a dense start, and the most steps. On the YCB mustard bottle (1600x900, 100 steps, 85,000
+# points 2 mm apart) half of the steps at half the size took 58 % of the time and gave 34.9 dB instead of
+# 34.3 dB. Many more do harm: the Gaussians have become narrower than the pixels by then.
 DENSE_SHARE = 0.5
+DENSE_STEPS = 100
 # Least typical standard deviation at the start, in pixels of the halved image.
 MIN_WIDTH_PX = 0.75
 
@@ -34,11 +36,12 @@ def half_size_steps(config: TrainConfig, start: Gaussians, cameras: Sequence[Cam
         start: the Gaussians at the start, at least one.
         cameras: the cameras of the whole views, at least one.
     """
-    share = config.half_size_until
-    if share is None:
-        wide = typical_width_px(start, cameras) / 2 >= MIN_WIDTH_PX
-        share = DENSE_SHARE if may_halve(config) and wide else 0.0
-    return int(share * config.iterations)
+    if config.half_size_until is not None:
+        return int(config.half_size_until * config.iterations)
+    wide = typical_width_px(start, cameras) / 2 >= MIN_WIDTH_PX
+    return (
+        min(int(DENSE_SHARE * config.iterations), DENSE_STEPS) if may_halve(config) and wide else 0
+    )
 
 
 def typical_width_px(gaussians: Gaussians, cameras: Sequence[Camera]) -> float:

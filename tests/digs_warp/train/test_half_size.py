@@ -9,7 +9,7 @@ from reference.tiny_capture import ball
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.geometry import look_at
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.half_size import MIN_WIDTH_PX, half_size_steps, typical_width_px
+from digs_warp.train.half_size import DENSE_STEPS, MIN_WIDTH_PX, half_size_steps, typical_width_px
 
 UP = np.array([0.0, 0.0, 1.0])
 # 2 m away with a focal length of 400 px: a millimetre is 0.2 px wide.
@@ -29,6 +29,8 @@ def test_gaussians_narrower_than_the_pixels_see_whole_images_only(width: float, 
     scale = 2 * width / 200  # [m]; halved, a metre is 100 px
     gaussians = replace(ball(), log_scales=np.full((1500, 3), np.log(scale)))
     assert half_size_steps(TrainConfig(iterations=100), gaussians, CAMERAS) == steps
+    long = TrainConfig(iterations=5000)
+    assert half_size_steps(long, gaussians, CAMERAS) == (DENSE_STEPS if steps else 0)
     asked = TrainConfig(iterations=100, half_size_until=0.3)
     assert half_size_steps(asked, gaussians, CAMERAS) == 30
 
