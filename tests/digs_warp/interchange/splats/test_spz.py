@@ -13,6 +13,7 @@ from reference.splat_files import random_gaussians, shapes
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import Gaussians
 from digs_warp.interchange.splats import spz_codes as codes
+from digs_warp.interchange.splats.axes import WORLD_FROM_Y_UP, turned
 from digs_warp.interchange.splats.files import read_splat_file
 from digs_warp.interchange.splats.spz import read_spz, write_spz
 from digs_warp.interchange.splats.spz_container import (
@@ -298,3 +299,25 @@ def test_a_gzip_bomb_is_not_unpacked(tmp_path: Path) -> None:
 def test_stream_sizes() -> None:
     assert sum(stream_sizes(2, 10, 3).values()) == 10 * (9 + 1 + 3 + 3 + 3 + 45)
     assert sum(stream_sizes(3, 10, 0).values()) == 10 * 20
+
+
+def test_gsply_reads_the_same_values(tmp_path: Path) -> None:
+    """Another program's reader on our files (not among the dependencies: `pip install gsply zstandard`)."""
+    gsply = pytest.importorskip("gsply")
+    g = random_gaussians(50, 3)
+    for version in (3, 4):
+        path = tmp_path / f"{version}.spz"
+        write_spz(path, g, version)
+        theirs = gsply.read_spz(str(path))
+        ours = turned(read_spz(path), WORLD_FROM_Y_UP.T)  # gsply stays in the file's frame
+        np.testing.assert_allclose(theirs.means, ours.means, atol=1e-6)
+        np.testing.assert_allclose(theirs.scales, ours.log_scales, atol=1e-6)
+        np.testing.assert_allclose(theirs.sh0, ours.sh[:, 0], atol=1e-6)
+        np.testing.assert_allclose(theirs.shN, ours.sh[:, 1:], atol=1e-6)
+        middle = (ours.opacities > 0.01) & (ours.opacities < 0.99)
+        np.testing.assert_allclose(
+            np.ravel(theirs.opacities)[middle], ours.opacity_logits[middle], atol=1e-4
+        )
+        quats = theirs.quats[:, [1, 2, 3, 0]]  # wxyz
+        aligned = np.abs(np.einsum("ni,ni->n", quats, ours.quats))
+        np.testing.assert_allclose(aligned, 1.0, atol=1e-5)
