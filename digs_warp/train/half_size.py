@@ -12,9 +12,9 @@ from digs_warp.camera import Camera
 from digs_warp.gaussians import Gaussians
 from digs_warp.train.config import TrainConfig
 
-# Share of a run from a dense start, and the most steps. On the YCB mustard bottle (1600x900, 100 steps, 85,000
-# points 2 mm apart) half of the steps at half the size took 58 % of the time and gave 34.9 dB instead of
-# 34.3 dB. Many more do harm: the Gaussians have become narrower than the pixels by then.
+# Share of a run from a dense start, and the most steps. On the YCB mustard bottle (1600x900, 100 steps,
+# 85,000 points 2 mm apart) half of the steps at half the size took 58 % of the time and gave 34.9 dB instead
+# of 34.3 dB. Many more do harm: the Gaussians have become narrower than the pixels by then.
 DENSE_SHARE = 0.5
 DENSE_STEPS = 100
 # Least typical standard deviation at the start, in pixels of the halved image.
