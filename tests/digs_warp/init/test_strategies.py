@@ -165,8 +165,9 @@ def test_the_report_counts_what_each_filter_leaves(capture: Capture) -> None:
     assert counts[0] == counts[1] == in_mask
     assert counts == sorted(counts, reverse=True)
     assert found.depth.pixels["away from edges"] < in_mask
-    assert found.depth.voxels["well supported"] == len(found.points)
-    assert {"read", "edge filter", "foreground", "back-project"} <= found.depth.seconds.keys()
+    assert found.depth.voxels["not seen through"] == len(found.points)
+    stages = {"read", "edge filter", "foreground", "back-project", "merge", "visibility"}
+    assert stages <= found.depth.seconds.keys()
 
 
 def edge_length(found: Initialization) -> float:
