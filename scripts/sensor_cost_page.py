@@ -61,6 +61,9 @@ by one rule for both tiers.
   level, explains little of it; the eyes differ by more than grain, and the true disparity has an error of its
   own.
 - **Repeated texture** is not modelled: a matcher may lock on to the wrong period.
+- **Time on the real pair.** Its nearest point asks for a search over 80 disparities, the nearest depth of the
+  rendered rig for 448. Matching costs time in proportion; the planned tier does not care. With so little to
+  search, matching is only a few times as slow.
 - **Flying pixels** and holes in saturated areas belong to the profile's device, not to plain matching:
   they widen the gap where they act, and are right to.
 """
