@@ -2,8 +2,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Checks a USD scene: our rules for splats, the validators of OpenUSD, NVIDIA's rule where it is installed.
 
-Our rules are registered with UsdValidation, so that other programs of the same process that validate
-scenes run them, too: ``digs_warp:GaussianSplatChecker`` for fields, ``digs_warp:SceneChecker`` for stages.
+`usd.registration` gives the same rules to everything else that validates scenes in this process.
 """
 
 from collections.abc import Iterator
@@ -20,40 +19,13 @@ from usd.package import check_package
 from usd.variants import variant_combinations
 
 if TYPE_CHECKING:
-    from pxr import Sdf, Usd, UsdValidation
+    from pxr import Usd, UsdValidation
 
+# Names of our validators begin so.
 OURS = "digs_warp:"
-FIELD_CHECKER = f"{OURS}GaussianSplatChecker"
-STAGE_CHECKER = f"{OURS}SceneChecker"
 
 # More combinations of variants than this are not looked at one by one; the report says so.
 MAX_COMBINATIONS = 256
-
-
-def register() -> None:
-    """Register our rules with UsdValidation; a second call does nothing."""
-    from pxr import UsdValidation
-
-    registry = UsdValidation.ValidationRegistry()
-    if registry.HasValidator(FIELD_CHECKER):
-        return
-    registry.RegisterPrimValidator(
-        UsdValidation.ValidatorMetadata(
-            name=FIELD_CHECKER,
-            keywords=["digs_warp", "GaussianSplats"],
-            doc="Values, metadata, colour space and extent of Gaussian splats.",
-            isTimeDependent=True,
-        ),
-        _validate_prim,
-    )
-    registry.RegisterStageValidator(
-        UsdValidation.ValidatorMetadata(
-            name=STAGE_CHECKER,
-            keywords=["digs_warp", "GaussianSplats"],
-            doc="One field of splats, no paths that leave the scene.",
-        ),
-        _validate_stage,
-    )
 
 
 def validate(path: Path) -> Report:
@@ -69,7 +41,7 @@ def validate(path: Path) -> Report:
 
 def _report(stage: "Usd.Stage", path: Path) -> Report:
     package = list(check_package(path))
-    register()
+    context = _stock_context()
     ours, stock = _Collected(), _Collected()
     combinations = samples = 0
     for prim in _inactive_fields(stage):
@@ -79,11 +51,15 @@ def _report(stage: "Usd.Stage", path: Path) -> Report:
     every = variant_combinations(stage)
     for chosen in islice(every, MAX_COMBINATIONS):
         combinations += 1
-        samples += sum(len(sample_times(prim)) for prim in find_fields(stage))
         label = ", ".join(f"{name}={variant}" for (_, name), variant in chosen.items())
-        for error in _context().Validate(stage):
-            of_ours = error.GetIdentifier().startswith(OURS)
-            (ours if of_ours else stock).add(_finding(error, of_ours), label)
+        for finding in check_stage(stage):
+            ours.add(finding, label)
+        for prim in find_fields(stage):
+            samples += len(sample_times(prim))
+            for finding in check_field(prim):
+                ours.add(finding, label)
+        for error in context.Validate(stage):
+            stock.add(_finding(error), label)
     left_out = next(every, None) is not None
     note = f"only the first {MAX_COMBINATIONS} combinations of variants" if left_out else ""
     groups = {
@@ -133,11 +109,12 @@ class _Collected:
         ]
 
 
-def _context() -> "UsdValidation.ValidationContext":
+def _stock_context() -> "UsdValidation.ValidationContext":
     from pxr import UsdValidation
 
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    return UsdValidation.ValidationContext(validators)
+    stock = [each for each in validators if not each.GetMetadata().name.startswith(OURS)]
+    return UsdValidation.ValidationContext(stock)
 
 
 def _check_of(name: str, findings: list[Finding], note: str = "") -> Check:
@@ -145,49 +122,15 @@ def _check_of(name: str, findings: list[Finding], note: str = "") -> Check:
     return Check(name, "failed" if failed else "passed", note)
 
 
-def _finding(error: "UsdValidation.ValidationError", ours: bool) -> Finding:
+def _finding(error: "UsdValidation.ValidationError") -> Finding:
     """Return a finding of UsdValidation as ours."""
     from pxr import UsdValidation
 
     severe = error.GetType() == UsdValidation.ValidationErrorType.Error
     sites = error.GetSites()
-    message = str(error.GetMessage())
-    if ours:  # the place is more than the prim: it may name a time
-        where, _, message = message.partition(_SEPARATOR)
-        return Finding(str(error.GetName()), "error" if severe else "warning", message, where)
     where = str(sites[0].GetPrim().GetPath()) if sites and sites[0].IsPrim() else ""
-    return Finding(str(error.GetIdentifier()), "error" if severe else "warning", message, where)
-
-
-# Between place and message in the errors of our rules.
-_SEPARATOR = ": "
-
-
-def _validate_prim(prim: "Usd.Prim", _times: object) -> "list[UsdValidation.ValidationError]":
-    if not is_field(prim):
-        return []
-    return [_error(finding, prim.GetStage(), prim.GetPath()) for finding in check_field(prim)]
-
-
-def _validate_stage(stage: "Usd.Stage", _times: object) -> "list[UsdValidation.ValidationError]":
-    from pxr import Sdf
-
-    root = Sdf.Path.absoluteRootPath
-    return [_error(finding, stage, root) for finding in check_stage(stage)]
-
-
-def _error(
-    finding: Finding, stage: "Usd.Stage", place: "Sdf.Path"
-) -> "UsdValidation.ValidationError":
-    from pxr import UsdValidation
-
-    kinds = UsdValidation.ValidationErrorType
-    return UsdValidation.ValidationError(
-        finding.rule,
-        kinds.Error if finding.severity == "error" else kinds.Warn,
-        [UsdValidation.ValidationErrorSite(stage, place)],
-        f"{finding.where}{_SEPARATOR}{finding.message}",
-    )
+    severity = "error" if severe else "warning"
+    return Finding(str(error.GetIdentifier()), severity, str(error.GetMessage()), where)
 
 
 def _run_nvidia(path: Path) -> tuple[Check, list[Finding]]:

@@ -15,7 +15,8 @@ from digs_warp.checks import UsdError
 from usd.capture_scene import write_capture_scene
 from usd.convert import Precision
 from usd.findings import Report
-from usd.validate import FIELD_CHECKER, STAGE_CHECKER, register, validate
+from usd.registration import FIELD_CHECKER, STAGE_CHECKER, register
+from usd.validate import validate
 from usd.writer import WriteOptions, write_gaussians
 
 HAS_NVIDIA = importlib.util.find_spec("usd_validation_nvidia") is not None
@@ -333,6 +334,10 @@ def test_packages_of_other_programs_are_judged_by_their_structure(tmp_path: Path
 def test_our_rules_run_in_any_validation_of_this_process(tmp_path: Path):
     from pxr import Usd, UsdValidation
 
+    if not hasattr(UsdValidation.ValidationRegistry, "RegisterPrimValidator"):
+        with pytest.raises(UsdError, match="takes no validators from Python"):
+            register()
+        pytest.skip("this version of OpenUSD takes no validators from Python")
     register()
     register()
     path = tmp_path / "scene.usda"

@@ -269,6 +269,8 @@ def test_the_record_of_authorship_says_what_wrote_the_scene_from_what(
 ):
     from pxr import Usd, UsdMedia
 
+    if not hasattr(UsdMedia, "AuthorshipAPI"):
+        pytest.skip("the record of authorship is of OpenUSD 26.11")
     path = tmp_path / "scene.usdc"
     write_gaussians(path, random_gaussians(2), {"settings": {"iterations": 100, "name": "a"}})
     stage = Usd.Stage.Open(str(path))
