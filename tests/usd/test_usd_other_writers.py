@@ -19,6 +19,7 @@ from reference.capture_scenes import splats
 from digs_warp.checks import UsdError
 from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
+from digs_warp.interchange.splats.files import read_splat_file
 from digs_warp.sh import rgb_from_sh
 from usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
 from usd.writer import write_gaussians
@@ -196,6 +197,20 @@ def test_layouts_of_other_exporters_are_read(
     turns = matrix_from_quat_xyzw(read.quats), matrix_from_quat_xyzw(gaussians.quats)
     assert_allclose(*turns, atol=2e-6 + 4 * rounding)
     assert_allclose(read.sh, gaussians.sh, atol=2e-6 + 4 * rounding)
+
+
+def test_what_another_converter_made_of_a_ply_is_what_we_read_from_it():
+    """eight.usda is what usd-convert-gsplat 0.1.15 wrote for eight.ply; it takes the values for Y-up."""
+    data = Path(__file__).parent / "data"
+    theirs = read_gaussians(data / "eight.usda")
+    ours = read_splat_file(data / "eight.ply", up="y")
+    assert len(theirs) == 8
+    assert_array_equal(theirs.means, ours.means)
+    assert_allclose(theirs.log_scales, ours.log_scales, atol=2e-6)
+    assert_allclose(theirs.opacities, ours.opacities, atol=1e-7)
+    turns = matrix_from_quat_xyzw(theirs.quats), matrix_from_quat_xyzw(ours.quats)
+    assert_allclose(*turns, atol=1e-6)
+    assert_allclose(theirs.sh, ours.sh, atol=1e-6)
 
 
 def two_fields(tmp_path: Path) -> Path:
