@@ -100,6 +100,8 @@ _ADJ_NY = wp.constant(7 * TILE_PIXELS)
 _ADJ_NZ = wp.constant(8 * TILE_PIXELS)
 # Whether a tile is saturated is looked up once every so many splats: a sum over its 256 pixels.
 _CHECK_EVERY = wp.constant(8)
+# Saturated rows are looked for when the transmittances of a tile sum to less than this: of its 256 pixels.
+_CROWDED = wp.constant(TILE_PIXELS / 4.0)
 
 
 @wp.func
@@ -169,6 +171,8 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         begin = tile_starts[tile]
         end = tile_starts[tile + 1]
         stop = end
+        low = int(0)  # rows above low and below high are saturated
+        high = int(15)
         for k in range(begin, end):
             if (k - begin) % _CHECK_EVERY == _CHECK_EVERY - 1:
                 alive = float(0.0)
@@ -177,6 +181,16 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
                 if alive == 0.0:
                     stop = k
                     break
+                if alive < _CROWDED:
+                    low = int(_TILE)
+                    high = int(-1)
+                    for r_row in range(_TILE):
+                        alive_row = float(0.0)
+                        for r_x in range(_TILE):
+                            alive_row += working[r_row * _TILE + r_x]
+                        if alive_row > 0.0:
+                            low = wp.min(low, r_row)
+                            high = r_row
             g = tile_splats[k]
             mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
             mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
@@ -195,8 +209,8 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
             if wp.static(with_normals):
                 normal = normals[g]
             # Clamped as floats: a huge splat would overflow an integer.
-            y_first = int(wp.max(wp.ceil(mean_y - half_height), 0.0))
-            y_last = int(wp.min(wp.floor(mean_y + half_height), 15.0))
+            y_first = int(wp.max(wp.ceil(mean_y - half_height), float(low)))
+            y_last = int(wp.min(wp.floor(mean_y + half_height), float(high)))
             half_width = splats[g, SPLAT_HALF_WIDTH]
             x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // _LANES
             x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // _LANES
@@ -349,7 +363,23 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                 state[_ADJ_G + q] = adj_g
                 state[_ADJ_B + q] = adj_b
         stop = tile_ends[tile]
+        low = int(0)
+        high = int(15)
         for k in range(begin, stop):
+            if (k - begin) % _CHECK_EVERY == _CHECK_EVERY - 1:
+                alive = float(0.0)
+                for r in range(_PIXELS):
+                    alive += state[r]
+                if alive < _CROWDED:
+                    low = int(_TILE)
+                    high = int(-1)
+                    for r_row in range(_TILE):
+                        alive_row = float(0.0)
+                        for r_x in range(_TILE):
+                            alive_row += state[r_row * _TILE + r_x]
+                        if alive_row > 0.0:
+                            low = wp.min(low, r_row)
+                            high = r_row
             g = tile_splats[k]
             mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
             mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
@@ -367,8 +397,8 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                 z = depths[g]
             if wp.static(with_normals):
                 normal = normals[g]
-            y_first = int(wp.max(wp.ceil(mean_y - half_height), 0.0))
-            y_last = int(wp.min(wp.floor(mean_y + half_height), 15.0))
+            y_first = int(wp.max(wp.ceil(mean_y - half_height), float(low)))
+            y_last = int(wp.min(wp.floor(mean_y + half_height), float(high)))
             half_width = splats[g, SPLAT_HALF_WIDTH]
             x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // _LANES
             x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // _LANES

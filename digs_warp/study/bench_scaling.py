@@ -24,7 +24,7 @@ from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
-from digs_warp.study.bench_raster import NEAR, RasterScene, best_time, count_work
+from digs_warp.study.bench_raster import NEAR, RasterScene, best_time, clock_for, count_work
 from digs_warp.study.results import Result
 
 REPEATS = 5
@@ -117,7 +117,9 @@ def measure(case: Case, repeats: int = REPEATS) -> Point:
     renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
     renderer.forward(scene.camera(), near=NEAR)
     renderer.backward()
-    times = {name: best_time(stage, repeats) for name, stage in renderer.stages().items()}
+    clock = clock_for(case.threads)
+    stages = renderer.stages().items()
+    times = {name: best_time(stage, repeats, clock=clock) for name, stage in stages}
     raster = sum(times[name] for name in RASTER_STAGES)
     return Point(
         case,

@@ -7,9 +7,9 @@ from typing import Any
 from digs_warp.study.results import Result
 
 LABELS = {
-    "pixels": "pixels of the image (splats grow with it)",
+    "pixels": "pixels of the image (and size of the splats)",
     "splats": "splats",
-    "overlap": "size of the splats, relative",
+    "overlap": "overlap: size of the splats, relative",
     "threads": "threads",
 }
 COLORS = {"raster": "tab:blue", "per splat": "tab:orange"}

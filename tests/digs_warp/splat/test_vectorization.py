@@ -27,8 +27,7 @@ KERNELS = {
     "colour, forward": "forward_kernel(RasterOptions())",
     "depth and normals, forward": "forward_kernel(RasterOptions(outputs='normals'))",
     "colour, backward": "backward_kernel(RasterOptions(), False)",
-    "depth, backward, with absolute gradients": "backward_kernel(RasterOptions(outputs='depth'), True)",
-    "depth and normals, backward": "backward_kernel(RasterOptions(outputs='normals'), False)",
+    "all outputs and absolute gradients, backward": "backward_kernel(RasterOptions(outputs='normals'), True)",
 }
 
 
