@@ -15,7 +15,6 @@ from digs_warp.commands.layout import CAPTURE, find_gaussians
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
 from digs_warp.commands.true_surface import read_true_surface
-from digs_warp.log import read_json
 
 if TYPE_CHECKING:
     from digs_warp.triangle_mesh import TriangleMesh
@@ -83,7 +82,7 @@ class Mesh:
             f"{perf_counter() - start:.1f} s",
             f"left out as floaters: {found.removed_parts} parts with {found.removed_triangles} triangles",
         ]
-        if capture is not None and _shares_world(reconstruction):
+        if capture is not None:
             lines += _comparison(found.mesh, capture, 2 * found.voxel)
         return "\n".join(lines)
 
@@ -96,16 +95,6 @@ class Mesh:
             if (candidate / INDEX_NAME).is_file():
                 return candidate
         return None
-
-
-def _shares_world(reconstruction: Path) -> bool:
-    """Whether the reconstruction lies where the capture's own poses put it, not where SfM did."""
-    from digs_warp.posed_frames import CAMERAS
-
-    path = reconstruction / CAMERAS
-    if not path.is_file():
-        return True
-    return read_json(path, "cameras of the reconstruction").get("sfm_per_metre") is None
 
 
 def _comparison(mesh: "TriangleMesh", capture: Path, threshold: float) -> list[str]:
