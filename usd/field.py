@@ -92,7 +92,7 @@ def stored_sh_degree(
     """
     attribute = prim.GetAttribute(names.SH_DEGREE)
     authored = attribute.Get() if attribute else None
-    degree = names.FALLBACK_DEGREE if authored is None else max(0, authored)
+    degree = max(0, authored) if isinstance(authored, int) else names.FALLBACK_DEGREE
     values = value_of(prim, names.SH_COEFFICIENTS, time)
     if count == 0:
         return degree
@@ -178,6 +178,14 @@ def value_of(prim: "Usd.Prim", name: str, time: float | None = None) -> Any:
         if value is not None and len(value):
             return value
     return None
+
+
+def extent_of(prim: "Usd.Prim", time: float | None = None) -> np.ndarray | None:
+    """Return the authored box, (2, 3), float64, in the prim's own frame; None without a usable one."""
+    attribute = prim.GetAttribute(names.EXTENT)
+    value = attribute.Get(time_code(time)) if attribute else None
+    box = np.asarray(value) if value is not None else np.empty(0)
+    return box.astype(np.float64) if box.shape == (2, 3) and box.dtype.kind == "f" else None
 
 
 def time_code(time: float | None) -> "Usd.TimeCode":

@@ -5,19 +5,21 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from digs_warp.checks import UsdError
 from usd import names
-from usd.field import find_fields, time_code, value_of
+from usd.field import extent_of, find_fields, value_of
 from usd.findings import Finding
 from usd.frames import similarity_from_matrix
 from usd.splat_rules import FieldValues, check_values
 
 if TYPE_CHECKING:
     from pxr import Usd
+
+_T = TypeVar("_T")
 
 _ANIMATED = (
     names.POSITIONS,
@@ -83,20 +85,28 @@ def _values(prim: "Usd.Prim", time: float | None) -> FieldValues:
     if not (coefficients and coefficients.HasAuthoredValue()):
         half = prim.GetAttribute(names.SH_COEFFICIENTS + names.HALF_SUFFIX)
         coefficients = half or coefficients
-    degree = prim.GetAttribute(names.SH_DEGREE)
-    extent = prim.GetAttribute(names.EXTENT)
-    box = extent.Get(time_code(time)) if extent else None
     return FieldValues(
         positions=_rows(prim, names.POSITIONS, 3, time),
         orientations=_rows(prim, names.ORIENTATIONS, 4, time),
         scales=_rows(prim, names.SCALES, 3, time),
         opacities=_rows(prim, names.OPACITIES, None, time),
         sh=_rows(prim, names.SH_COEFFICIENTS, 3, time),
-        degree=degree.Get() if degree and degree.HasAuthoredValue() else None,
-        element_size=coefficients.GetMetadata("elementSize") if coefficients else None,
-        interpolation=coefficients.GetMetadata("interpolation") if coefficients else None,
-        extent=np.array(box, dtype=np.float64) if box is not None and len(box) == 2 else None,
+        degree=_degree(prim),
+        element_size=_metadata(coefficients, "elementSize", int),
+        interpolation=_metadata(coefficients, "interpolation", str),
+        extent=extent_of(prim, time),
     )
+
+
+def _degree(prim: "Usd.Prim") -> int | None:
+    attribute = prim.GetAttribute(names.SH_DEGREE)
+    value = attribute.Get() if attribute and attribute.HasAuthoredValue() else None
+    return value if isinstance(value, int) else None
+
+
+def _metadata(attribute: "Usd.Attribute", name: str, kind: type[_T]) -> _T | None:
+    value = attribute.GetMetadata(name) if attribute else None
+    return value if isinstance(value, kind) else None
 
 
 def _rows(prim: "Usd.Prim", name: str, width: int | None, time: float | None) -> np.ndarray | None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from usd import names
 from usd.convert import Precision
-from usd.field import find_field, splat_count, stored_sh_degree
+from usd.field import extent_of, find_field, splat_count, stored_sh_degree
 from usd.files import opened_stage
 from usd.reader import read_metadata
 from usd.variants import variant_sets
@@ -33,17 +33,16 @@ def describe(path: Path, prim_path: str | None = None) -> dict[str, Any]:
 
 
 def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, Any]:
-    from pxr import Usd, UsdGeom
+    from pxr import UsdGeom
 
     prim = find_field(stage, path, prim_path)
     count = splat_count(prim)
-    attribute = prim.GetAttribute(names.EXTENT)
-    extent = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+    extent = extent_of(prim)
     return {
         "splats": count,
         "sh_degree": stored_sh_degree(prim, count, f"USD scene '{path}'") or 0,
         "precision": _precision(prim),
-        "extent": [list(corner) for corner in extent] if extent and count else None,
+        "extent": extent.tolist() if extent is not None and count else None,
         "up_axis": str(UsdGeom.GetStageUpAxis(stage)),
         "meters_per_unit": UsdGeom.GetStageMetersPerUnit(stage),
         "bytes": path.stat().st_size,

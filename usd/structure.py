@@ -1,3 +1,5 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
 """Looks at the frame of a USD file before the USD library maps it: sizes and offsets that cannot be.
 
 A crate (``.usdc``) begins with a header that points to a table of sections; a package (``.usdz``) ends with a
@@ -7,9 +9,13 @@ directory of its members. Both are a few hundred bytes, whatever the size of the
 import mmap
 import struct
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from digs_warp.checks import UsdError
 from usd.package import Member, leaves_package, mapped, read_members
+
+if TYPE_CHECKING:
+    from pxr import Sdf, Usd
 
 CRATE_MAGIC = b"PXR-USDC"
 _HEADER = struct.Struct("<8s8Bq")
@@ -36,6 +42,23 @@ def check_structure(path: Path) -> None:
         raise UsdError(
             f"USD scene '{path}': truncated or not a USD file ({error}). Copy or export it again."
         ) from error
+
+
+def check_layers(stage: "Usd.Stage", path: Path) -> None:
+    """Raise a `UsdError` when a layer lists a child that it does not hold.
+
+    Reading passes over that; validators of OpenUSD that walk through layers end the process.
+    """
+    for layer in stage.GetUsedLayers():
+        places: list[Sdf.Path] = []
+        layer.Traverse("/", places.append)
+        for place in places:
+            # Targets of relationships are listed, too, but are no objects of their own.
+            if not place.IsTargetPath() and not layer.GetObjectAtPath(place):
+                raise UsdError(
+                    f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}' but does not hold "
+                    "it; the file is broken. Copy or export it again."
+                )
 
 
 def _check_member(data: mmap.mmap, member: Member) -> None:

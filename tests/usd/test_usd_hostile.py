@@ -30,6 +30,13 @@ def test_mutated_files_are_read_or_refused_but_never_crash_hang_or_take_the_memo
     assert outcomes["refused"] > 150
 
 
+@pytest.mark.parametrize("number", [1362, 2379])
+def test_files_that_once_ended_badly_are_read_or_refused(number: int):
+    """1362: metadata of another type than the schema's; 2379: a variant set that is listed but not there."""
+    outcomes, bad = usd_mutator.run(number + 1, first=number)
+    assert (bad, outcomes.total()) == ([], 1)
+
+
 def test_mutations_differ_by_seed_and_repeat():
     data = bytes(range(256)) * 4
     assert usd_mutator.mutate(data, 7) == usd_mutator.mutate(data, 7)
