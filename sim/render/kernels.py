@@ -169,10 +169,10 @@ def color_kernel(
     row = float(pixel // view.width)
     total = wp.vec3(0.0)
     covered = wp.float32(0.0)
+    visible = wp.float32(-1.0)
     for moment in range(track.moments):
         eye = view_at(view, track, pixel // view.width, moment)
         passing = wp.vec3(0.0)
-        visible = wp.float32(-1.0)
         for s in range(samples):
             # One sequence over all moments: together they cover the pixel evenly, too.
             i = float(moment * samples + s)
@@ -186,7 +186,7 @@ def color_kernel(
             sample = Sample()
             if surface.see_through == 0:
                 sample = solid_sample(eye, surface, light, direction, pick, visible)
-                # Two samples share a shadow ray.
+                # Two samples share a shadow ray, also from one moment to the next.
                 if sample.covered == 1.0:
                     visible = wp.where(visible < 0.0, sample.visible, -1.0)
             else:
