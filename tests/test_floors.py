@@ -16,7 +16,7 @@ FLOORS = {
     **dict.fromkeys(("digs_warp.imports", "digs_warp.log"), 0),
     **dict.fromkeys(("digs_warp.capture", "digs_warp.images", "digs_warp.point_cloud"), 1),
     **dict.fromkeys(("digs_warp.gaussians", "digs_warp.sfm_model", "digs_warp.ssim"), 1),
-    **dict.fromkeys(("digs_warp.parallel", "digs_warp.warp_start"), 1),
+    **dict.fromkeys(("digs_warp.parallel", "digs_warp.warp_start", "digs_warp.kernel_options"), 1),
     **dict.fromkeys(("digs_warp.image_planes", "digs_warp.compose"), 1),
     **dict.fromkeys(("digs_warp.triangle_mesh", "digs_warp.posed_frames"), 1),
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 2),

@@ -3,12 +3,14 @@
 """Kernel of `digs_warp.init.edges`: the magnitude of the Laplacian, and the sums that its threshold needs.
 
 One thread per tile of 64x16 pixels. Its depth values lie in one local array, so that LLVM turns the loop
-over a row into vector code; what is missing is selected away, not branched around.
+over a row into vector code, and that over its sums; what is missing is selected away, not branched around.
 """
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False, "max_unroll": 1})
+from digs_warp.kernel_options import vector_module_options
+
+wp.set_module_options(vector_module_options())
 
 TILE_WIDTH, TILE_HEIGHT = 64, 16
 REACH = 2  # pixels from the centre to the rim of the kernel
@@ -95,13 +97,21 @@ def laplacian_kernel(
             response = (2.0 * sum2 + 4.0 * sum4 - 8.0 * sum8) * (total_weight / weight)
             line[x] = wp.where(weight >= min_weight, wp.abs(response), wp.nan)
         if top + y < height:
-            for write_x in range(wp.min(_WIDTH, width - left)):
-                found = line[write_x]
-                magnitude[top + y, left + write_x] = found
-                if found == found:
-                    count += wp.float64(1.0)
-                    total += wp.float64(found)
-                    squares += wp.float64(found) * wp.float64(found)
+            inside = wp.min(_WIDTH, width - left)
+            row_count = float(0.0)
+            row_total = float(0.0)
+            row_squares = float(0.0)
+            for sum_x in range(_WIDTH):
+                found = line[sum_x]
+                counts = found == found and sum_x < inside
+                row_count += wp.where(counts, 1.0, 0.0)
+                row_total += wp.where(counts, found, 0.0)
+                row_squares += wp.where(counts, found * found, 0.0)
+            count += wp.float64(row_count)
+            total += wp.float64(row_total)
+            squares += wp.float64(row_squares)
+            for write_x in range(inside):
+                magnitude[top + y, left + write_x] = line[write_x]
     sums[tile, 0] = count
     sums[tile, 1] = total
     sums[tile, 2] = squares

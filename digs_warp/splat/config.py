@@ -1,9 +1,8 @@
 """Every constant of the splat engine, with its reason, and how its hot kernels are compiled."""
 
-import platform
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.image_planes import ALIGNMENT
@@ -112,21 +111,3 @@ def vector_lanes() -> int:
     except OSError:
         flags = ""
     return TILE_SIZE if "avx512f" in flags else TILE_SIZE // 2
-
-
-def raster_module_options() -> dict[str, Any]:
-    """Return Warp module options under which LLVM vectorizes the loops over a tile's row.
-
-    ``max_unroll`` 1 keeps Warp from unrolling the inner loop, which would hide it from LLVM. The flags
-    allow reassociation and fused multiply-add but keep NaN and infinity checks (``-ffast-math`` would
-    remove them).
-    """
-    flags = ["-march=native", "-mreassociate", "-fno-signed-zeros", "-ffp-contract=fast"]
-    if platform.machine() in ("x86_64", "AMD64"):
-        flags.append("-mprefer-vector-width=512")
-    return {
-        "enable_backward": False,
-        "max_unroll": 1,
-        "optimization_level": 3,
-        "cpu_compiler_flags": " ".join(flags),
-    }

@@ -37,7 +37,7 @@ def test_the_kernel_equals_its_twin(shape: tuple[int, int], holes: float) -> Non
     expected = laplacian_of_pairs(depth)
     # Up to 20 differences of 2 m with weights up to 8 in float32, scaled up by at most 4 / 3.
     np.testing.assert_allclose(magnitude, expected, atol=PLANE_ROUNDING)
-    np.testing.assert_allclose(threshold, threshold_of(expected), rtol=1e-5)
+    np.testing.assert_allclose(threshold, threshold_of(expected), atol=PLANE_ROUNDING, rtol=1e-5)
 
 
 def test_without_holes_it_is_the_usual_laplacian() -> None:
