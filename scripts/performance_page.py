@@ -1,6 +1,6 @@
 """Measure the rasterizer and write docs/performance.md, figures and all.
 
-Usage: python scripts/performance_page.py   (about half a minute; keep the machine quiet meanwhile)
+Usage: python scripts/performance_page.py   (about three minutes; keep the machine quiet meanwhile)
 """
 
 import platform
@@ -8,13 +8,17 @@ from pathlib import Path
 
 from digs_warp.log import show_progress, versions
 from digs_warp.study.bench_raster import SCENES, bench_raster
+from digs_warp.study.bench_scaling import bench_scaling
+from digs_warp.study.plot_scaling import plot_scaling
 from digs_warp.study.results import Result, format_number
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "performance.md"
+PICTURE = TARGET.parent / "images" / "scaling.png"
 
 TEXT = """# Performance
 
-This page is written by `make performance`; the raw numbers come from `digs-warp bench raster --json FILE`.
+This page is written by `make performance`; the raw numbers come from `digs-warp bench raster --json FILE`
+and `digs-warp bench scaling --json FILE`.
 Measured on {machine},
 Python {python}, Warp {warp}. Absolute times belong to the machine; the ratios are the point: both kernels
 ran in one process, on the same splats, best of several launches after a warm-up.
@@ -28,13 +32,34 @@ the tests checks both.
 *project* and *gather and project back* are one thread per splat in both variants. *bin* deals splats out
 to tiles: one depth sort and a counting pass, against a sort of all (tile, splat) pairs.
 
+How much of a core the two raster kernels use: row evaluations are (tile, splat, row) triples, and the rate
+counts additions and multiplications against those of NumPy's float32 matrix product, the fastest that the
+core does.
+
+{rates}
+## How time grows
+
+One of pixels, splats, overlap and threads varies at a time; the lines are one law for all panels, fitted to
+the points of one thread. *raster* is forward and backward of the two raster kernels, *per splat* projection,
+binning and their gradient.
+
+![Times of forward and backward over pixels, splats, overlap and threads](images/scaling.png)
+
+{laws}
+An evaluated pixel is one pixel under one splat, a pair one splat in one tile.
+
+{memory}
+The kernels of training compile in {cold} s, once for all runs, and load in {warm} s from then on.
+
 What a whole run costs on your machine stands in its `report.html` and `run.json`: `make demo`, or
 `digs-warp run --out out/mine`.
 
 ## Why it is fast
 
-- One row of a 16x16 tile is one 512-bit vector. The exponential is a polynomial, branches are selects, and
-  all pixel state of a tile lies in few local arrays: with five of them LLVM gave up on vectorizing.
+- One row of a 16x16 tile is one 512-bit vector, or two of 256 bits, of which the one that a splat misses is
+  skipped. The exponential is a polynomial, branches are selects, and all pixel state of a tile lies in few
+  local arrays: with five of them LLVM gave up on vectorizing.
+- Rows and tiles whose pixels are all opaque are skipped, forward and backward.
 - A read from a Warp array has a stride that is known only at run time and becomes a gather. The backward pass
   therefore copies its gradient planes into local state first.
 - Telling LLVM that a row index lies in 0..15 removes Warp's handling of negative indices from the inner
@@ -45,7 +70,7 @@ What a whole run costs on your machine stands in its `report.html` and `run.json
 - Loss and its gradient are computed only where splats or object are.
 
 `tests/digs_warp/splat/test_vectorization.py` compiles the rasterizer with LLVM's remarks on and fails when
-one of the two hot loops is no longer vectorized.
+one of the hot loops is no longer vectorized.
 """
 
 
@@ -54,11 +79,22 @@ def main() -> None:
     show_progress()
     results = bench_raster()
     tables = "\n".join(scene_table(scene.name, results) for scene in SCENES)
+    scaling = bench_scaling()
+    PICTURE.write_bytes(plot_scaling(scaling))
+    cold, warm = (r.value for r in scaling if r.name == "kernels")
     found = versions()
     machine = f"{processor()}, {platform.system()}"
     TARGET.write_text(
         TEXT.format(
-            machine=machine, python=found["python"], warp=found["warp-lang"], tables=tables
+            machine=machine,
+            python=found["python"],
+            warp=found["warp-lang"],
+            tables=tables,
+            rates=rate_table(results),
+            laws=law_table(scaling),
+            memory=memory_table(scaling),
+            cold=f"{cold:.0f}",
+            warm=f"{warm:.1f}",
         ),
         encoding="utf-8",
     )
@@ -87,6 +123,44 @@ def scene_table(scene: str, results: list[Result]) -> str:
             value = cells[stage, *variant]
             row.append(f"{format_number(value)} ms ({plain / value:.1f}x)")
         lines.append(f"| {stage} | " + " | ".join(row) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def rate_table(results: list[Result]) -> str:
+    """Return the Markdown table of the raster kernels' rates on one thread."""
+    lines = ["| scene | kernel | row evaluations | rate |", "|---|---|---|---|"]
+    for scene in SCENES:
+        found = {
+            r.name: r
+            for r in results
+            if r.settings.get("scene") == scene.name and r.settings.get("threads") == 1
+        }
+        for stage in ("forward", "backward"):
+            rows, rate = found[f"{stage} rows"], found[f"{stage} rate"]
+            lines.append(
+                f"| {scene.name} | {stage} | {rows.value:.0f} {rows.unit} | {rate.value:.0f} {rate.unit} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def law_table(results: list[Result]) -> str:
+    """Return the Markdown table of the fitted laws."""
+    lines = ["| time of | law | median error |", "|---|---|---|"]
+    for law in ("raster", "per splat"):
+        terms = [r for r in results if r.name == f"{law} law"]
+        formula = " + ".join(f"{r.value:.3g} ns x {r.settings['per']}" for r in terms if r.value)
+        error = next(r for r in results if r.name == f"{law} law error")
+        lines.append(f"| {law} | {formula} | {error.value:.0f} % |")
+    return "\n".join(lines) + "\n"
+
+
+def memory_table(results: list[Result]) -> str:
+    """Return the Markdown table of the bytes that training holds."""
+    lines = ["| memory | bytes |", "|---|---|"]
+    for r in results:
+        if r.name == "memory":
+            per = "splat" if "splat" in r.unit else "pixel"
+            lines.append(f"| {r.settings['part']} | {r.value:.0f} per {per} |")
     return "\n".join(lines) + "\n"
 
 

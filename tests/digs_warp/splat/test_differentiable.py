@@ -3,6 +3,10 @@
 # pyright: reportOptionalMemberAccess=false, reportCallIssue=false, reportGeneralTypeIssues=false
 """Rasterization on a tape: gradients of a caller's own loss, and optimizations that reach their target."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import warp as wp
@@ -191,6 +195,16 @@ def test_a_scene_finds_back_through_the_tape(name: str) -> None:
         parameter.assign(parameter.numpy() - 2e-3 * gradient / (np.sqrt(moment) + 1e-8))
         tape.zero()
     assert losses[-1] < 0.1 * losses[0]
+
+
+def test_the_example_of_the_page_runs(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "rasterizer.md").read_text(encoding="utf-8")
+    example = tmp_path / "example.py"
+    example.write_text(page.split("```python\n")[1].split("```")[0], encoding="utf-8")
+    done = subprocess.run([sys.executable, str(example)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    depth = float(done.stdout.split()[-1])
+    assert depth == pytest.approx(1.0, abs=1e-4)
 
 
 def test_arrays_of_the_wrong_shape_are_refused() -> None:
