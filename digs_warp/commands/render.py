@@ -1,5 +1,7 @@
 """`digs-warp render`: a film of Gaussians."""
 
+import os
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
     from digs_warp.camera import Camera, Intrinsics
     from digs_warp.film.camera_path import Subject
+    from digs_warp.film.shoot import Clock
 
 ORBIT_FOV_DEG = 45.0
 
@@ -82,7 +85,7 @@ class Render:
         """Render, write, and say how fast it went."""
         from digs_warp.film.camera_path import find_subject
         from digs_warp.film.shoot import Clock, shoot
-        from digs_warp.film.video import SUFFIXES, write_frames, write_video
+        from digs_warp.film.video import SUFFIXES, write_video
 
         is_file = self.out.suffix.lower() in SUFFIXES
         if self.out.suffix.lower() in OTHER_FILES:
@@ -110,17 +113,30 @@ class Render:
         if is_file:
             count = write_video(self.out, frames, self.fps)
         else:
-            OutputFolder(out=self.out, overwrite=self.overwrite).prepare([self.source])
-            count = write_frames(self.out, frames)
+            count = self._write_folder(frames, clock)
         written = perf_counter() - start - sum(clock.seconds)
-        if not is_file:
-            log = RunLog("render", self, {"render": sum(clock.seconds), "write": written})
-            log.save(self.out / RUN_RECORD)
         return (
             f"{self.out}: {count} frames of {self.width}x{self.height} px, {len(gaussians):,} Gaussians; "
             f"rendered {clock.frame_rate:.1f} frames/s ({clock.milliseconds:.0f} ms each), "
             f"written in {1e3 * written / count:.0f} ms each"
         )
+
+    def _write_folder(self, frames: "Iterator[np.ndarray]", clock: "Clock") -> int:
+        """Write under a temporary name, then rename: the folder is complete or not there."""
+        from digs_warp.film.video import write_frames
+
+        output = OutputFolder(out=self.out, overwrite=self.overwrite)
+        folder = output.prepare([self.source]).resolve()
+        unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+        log = RunLog("render", self)
+        try:
+            count = write_frames(unfinished, frames)
+            log.seconds["render"] = sum(clock.seconds)
+            log.save(unfinished / RUN_RECORD)
+            os.replace(unfinished, folder)
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+        return count
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":
         from digs_warp.camera import Intrinsics

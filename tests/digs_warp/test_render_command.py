@@ -7,6 +7,8 @@ import pytest
 from reference.tiny_capture import ball, write_tiny_capture
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.render import Render
+from digs_warp.film.shoot import Clock
 from digs_warp.images import read_image
 
 SMALL = ["--width", "64", "--height", "48", "--seconds", "0.1"]
@@ -94,3 +96,30 @@ def test_what_cannot_be_filmed_is_said(
 )
 def test_values_out_of_range_are_wrong_usage(scene: Path, arguments, capsys) -> None:
     assert run(capsys, scene, "--out", "a.mp4", *arguments)[0] == EXIT_WRONG_USAGE
+
+
+def test_frames_of_an_earlier_film_are_replaced_only_on_request(
+    tmp_path: Path, scene: Path, capsys
+) -> None:
+    out = tmp_path / "film"
+    assert run(capsys, scene, "--out", out)[0] == EXIT_OK
+    first = (out / "0000.png").read_bytes()
+    assert run(capsys, scene, "--out", out)[0] == EXIT_BAD_INPUT
+    assert run(capsys, scene, "--out", out, "--overwrite", "--background", 0, 0, 0)[0] == EXIT_OK
+    assert (out / "0000.png").read_bytes() != first
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "0000.png").write_text("mine")
+    assert run(capsys, scene, "--out", mine, "--overwrite")[0] == EXIT_BAD_INPUT
+    assert (mine / "0000.png").read_text() == "mine"
+
+
+def test_an_interrupted_film_leaves_nothing(tmp_path: Path, scene: Path, capsys) -> None:
+    def interrupted():
+        yield np.zeros((48, 64, 3), np.uint8)
+        raise KeyboardInterrupt
+
+    command = Render(source=scene, out=tmp_path / "film")
+    with pytest.raises(KeyboardInterrupt):
+        command._write_folder(interrupted(), Clock())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["reconstruction"]
