@@ -59,6 +59,11 @@ def test_a_resumed_run_continues_bit_for_bit(
     assert checkpoint_step(path) == 15
     resumed = Trainer(start(), open_views(capture.frames, config, first_step=15), config)
     load_checkpoint(path, resumed)
+    sums = half.control.state()
+    assert set(sums) == (set() if density in ("fixed", "mcmc") else {"sums", "counts"})
+    for name, values in resumed.control.state().items():
+        assert values.any()
+        np.testing.assert_array_equal(values, sums[name])
     for _ in range(STEPS - 15):
         resumed.step()
     states = [
