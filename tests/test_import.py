@@ -12,7 +12,7 @@ PACKAGES = ("digs_warp", "sim", "usd")
 # Slow to load, or in need of system libraries: imported inside functions only.
 HEAVY = (
     *("pxr", "pycolmap", "open3d", "pyrender", "torch", "trimesh", "OpenImageIO"),
-    *("scipy", "sklearn", "matplotlib", "cv2", "PIL"),
+    *("scipy", "sklearn", "matplotlib", "cv2", "PIL", "onnxruntime"),
 )
 MODULES = sorted(
     ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
