@@ -49,7 +49,7 @@ CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("no loops", {"loop_images": 0}),
     ("1500 features", {"features": 1500}),
     ("features at 400 px", {"feature_size": 400}),
-    ("other octave", {"double_size": not DEFAULT.double_size}),
+    ("not enlarged", {"double_size": False}),
     ("global mapper", {"mapper": "global"}),
 )
 
