@@ -28,7 +28,10 @@ def no_model_error(images: ImageSet, database: Path) -> DigsError:
     matched = [config for config in configs if config not in useless]
     flat_pairs = sum(config in flat for config in matched)
     if np.median(features) < FEW_FEATURES:
-        hint = "the images show too little texture: record a textured surround, or try a larger --feature-size"
+        hint = (
+            "the images show too little texture: record a textured surround, or try a larger "
+            "--feature-size"
+        )
     elif matched and flat_pairs > MOSTLY_FLAT * len(matched):
         hint = (
             f"{flat_pairs} of the pairs differ by a turn of the camera or show one flat wall, which tells "
