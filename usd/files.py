@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from digs_warp.checks import DigsError, UsdError, require_file
 from usd import names
 from usd.memory_guard import limited_memory
-from usd.structure import check_structure
+from usd.structure import check_structure, open_layers
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -45,7 +45,10 @@ def opened_stage(path: Path) -> Iterator["Usd.Stage"]:
         raise UsdError(str(error)) from None
     try:
         with limited_memory(size):
-            yield Usd.Stage.Open(os.path.abspath(path))
+            layers = open_layers(path)
+            stage = Usd.Stage.Open(os.path.abspath(path))
+            del layers
+            yield stage
     except Tf.ErrorException as error:
         raise UsdError(
             f"USD scene '{path}': truncated or not a USD file ({reason(error)}). {HINT}"

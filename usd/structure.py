@@ -7,15 +7,16 @@ directory of its members. Both are a few hundred bytes, whatever the size of the
 """
 
 import mmap
+import os
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import UsdError
-from usd.package import Member, leaves_package, mapped, read_members
+from usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
 
 if TYPE_CHECKING:
-    from pxr import Sdf, Usd
+    from pxr import Sdf
 
 CRATE_MAGIC = b"PXR-USDC"
 _HEADER = struct.Struct("<8s8Bq")
@@ -44,21 +45,40 @@ def check_structure(path: Path) -> None:
         ) from error
 
 
-def check_layers(stage: "Usd.Stage", path: Path) -> None:
-    """Raise a `UsdError` when a layer lists a child that it does not hold.
+def open_layers(path: Path) -> "list[Sdf.Layer]":
+    """Open the layers of a scene, before they are composed, and look whether each is whole.
 
-    Reading passes over that; validators of OpenUSD that walk through layers end the process.
+    A broken crate may list prims or variants that it does not hold. Composing such a layer, or walking
+    through it as validators do, can end the process. Keep the layers while the stage is opened.
+
+    Raises:
+        UsdError: a layer lists a child that it does not hold.
     """
-    for layer in stage.GetUsedLayers():
-        places: list[Sdf.Path] = []
-        layer.Traverse("/", places.append)
-        for place in places:
-            # Targets of relationships are listed, too, but are no objects of their own.
-            if not place.IsTargetPath() and not layer.GetObjectAtPath(place):
-                raise UsdError(
-                    f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}' but does not hold "
-                    "it; the file is broken. Copy or export it again."
-                )
+    from pxr import Sdf
+
+    name = os.path.abspath(path)
+    names = [name]
+    if path.suffix.lower() == ".usdz":
+        with mapped(path) as data:
+            members = [member.name for member in read_members(data)]
+        names += [f"{name}[{each}]" for each in members if each.lower().endswith(LAYER_SUFFIXES)]
+    layers = [Sdf.Layer.FindOrOpen(each) for each in names]
+    for layer in layers:
+        if layer:
+            _check_specs(layer, path)
+    return layers
+
+
+def _check_specs(layer: "Sdf.Layer", path: Path) -> None:
+    places: list[Sdf.Path] = []
+    layer.Traverse("/", places.append)
+    for place in places:
+        # Targets of relationships are listed, too, but are no objects of their own.
+        if not place.IsTargetPath() and not layer.GetObjectAtPath(place):
+            raise UsdError(
+                f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}' but does not hold it; "
+                "the file is broken. Copy or export it again."
+            )
 
 
 def _check_member(data: mmap.mmap, member: Member) -> None:

@@ -16,7 +16,6 @@ from usd.field_rules import check_field, check_stage, sample_times
 from usd.files import opened_stage
 from usd.findings import Check, Finding, Report
 from usd.package import check_package
-from usd.structure import check_layers
 from usd.variants import variant_combinations
 
 if TYPE_CHECKING:
@@ -37,7 +36,6 @@ def validate(path: Path) -> Report:
     """
     path = Path(path)
     with opened_stage(path) as stage:
-        check_layers(stage, path)
         return _report(stage, path)
 
 
