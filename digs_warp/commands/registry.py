@@ -8,6 +8,7 @@ from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
 from digs_warp.commands.mesh import Mesh
 from digs_warp.commands.plan import Plan
+from digs_warp.commands.recommend import Recommend
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.render import Render
 from digs_warp.commands.run import Run
@@ -39,4 +40,5 @@ COMMANDS: dict[str, type[Command]] = {
     "usd": Usd,
     "bench": Bench,
     "study": StudyCommand,
+    "recommend": Recommend,
 }

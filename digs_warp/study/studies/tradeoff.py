@@ -1,6 +1,7 @@
 """What accuracy costs in time: each knob of the chain alone, and the front of what is worth its seconds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from digs_warp.study.engine.case import Case
@@ -63,12 +64,7 @@ def _case(
 
 def sections(records: Sequence[Record]) -> list[Section]:
     """Return the front over all cases, and a table per knob."""
-    groups = group_by(records, "knob", "value")
-    measured = {
-        key: (seconds, quality)
-        for key, found in groups.items()
-        if (seconds := spread(found, total_seconds)) and (quality := spread(found, yardstick_psnr))
-    }
+    measured = _measured(group_by(records, "knob", "value"))
     usual = measured.get((USUAL, ""))
     if usual is None:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
@@ -91,7 +87,52 @@ def yardstick_psnr(record: Record) -> float | None:
     return record["yardstick"].get("psnr")
 
 
+@dataclass(frozen=True)
+class Best:
+    """The best setting within a time.
+
+    Attributes:
+        name: what was turned, in words.
+        settings: of recording and reconstruction, without the scene and the seeds.
+        seconds: time of the whole chain.
+        quality: PSNR [dB] on views of a perfect camera.
+    """
+
+    name: str
+    settings: dict[str, Any]
+    seconds: Spread
+    quality: Spread
+
+
+def best_within(records: Sequence[Record], budget: float) -> Best | None:
+    """Return the setting of the highest quality whose mean time is within ``budget`` seconds."""
+    groups = group_by(records, "knob", "value")
+    within = {
+        key: (seconds, quality)
+        for key, (seconds, quality) in _measured(groups).items()
+        if seconds.mean <= budget
+    }
+    if not within:
+        return None
+    key = max(within, key=lambda k: within[k][1].mean)
+    record = groups[key][0]
+    settings = {**record["recording"], **record["reconstruction"]}
+    kept = {
+        n: v for n, v in settings.items() if n not in ("mesh", "environment", "seed", "train.seed")
+    }
+    return Best(_name(key), kept, *within[key])
+
+
 Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
+
+
+def _measured(groups: Mapping[tuple[Any, ...], list[Record]]) -> Measured:
+    """Return mean time and quality of every setting."""
+    return {
+        key: (seconds, quality)
+        for key, found in groups.items()
+        if (seconds := spread(found, total_seconds)) and (quality := spread(found, yardstick_psnr))
+    }
 
 
 def _front(measured: Measured) -> Section:

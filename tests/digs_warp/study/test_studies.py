@@ -1,18 +1,20 @@
 """The studies: cases that differ, reports from records, and one study end to end."""
 
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from digs_warp import cli
 from digs_warp.cli import main
 from digs_warp.reconstruct import ReconstructConfig
 from digs_warp.study.catalogue import STUDIES, Study
-from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.overrides import with_settings
 from digs_warp.study.engine.page import write_pages
-from digs_warp.study.engine.store import RESULTS
+from digs_warp.study.engine.store import RESULTS, Store
 from sim.config import SimulateConfig
 
 BY_NAME = {study.name: study for study in STUDIES}
@@ -85,6 +87,35 @@ def test_a_knob_is_priced_against_the_usual_settings() -> None:
     assert "+1.50 dB for +5.0 s" in sections["Iterations"].text
     # Sensing overlaps with rendering, and compiling is no part of a run.
     assert row[1] == "36.0"
+
+
+def test_settings_are_recommended_within_a_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases = BY_NAME["tradeoff"].cases(1, 1, 500)
+    store = Store(tmp_path)
+    for case in cases:
+        record = record_of(case, 0) | {
+            "recording": plain(case.recording),
+            "reconstruction": plain(case.reconstruction),
+        }
+        if case.labels["value"] == 2000:
+            record["seconds"]["train"] = 60.0
+            record["yardstick"]["psnr"] = 35.0
+        if case.labels["value"] == 24:
+            record["yardstick"]["psnr"] = 30.0
+        store.add(record)
+    folder = ["--study", str(tmp_path)]
+    assert main(["recommend", "--budget", "50s", *folder]) == 0
+    quick = capsys.readouterr().out
+    assert "frames 24" in quick and "--iterations 500" in quick
+    assert main(["recommend", "--budget", "5m", *folder]) == 0
+    slow = capsys.readouterr().out
+    assert "--iterations 2000" in slow and "35.00 dB" in slow
+    command = next(line for line in slow.splitlines() if line.startswith("command"))
+    cli.parse([*shlex.split(command)[2:], "--out", "x"])
+    assert main(["recommend", "--budget", "1s", *folder]) != 0
+    assert "nothing that" in capsys.readouterr().err
 
 
 def test_a_study_is_measured_resumed_and_drawn(

@@ -1,0 +1,63 @@
+"""`digs-warp recommend`: the settings that a measured study found best within a time."""
+
+import math
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from digs_warp.checks import DigsError
+from digs_warp.commands.facts import format_facts
+from digs_warp.train.config import seconds_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recommend:
+    """Pick settings for a time, from what 'digs-warp study tradeoff' measured on this machine."""
+
+    budget: str
+    """Seconds for the whole chain, from the recording to the Gaussians, for example 60s or 5m."""
+
+    study: Path = Path("out/study/tradeoff")
+    """Folder of the study."""
+
+    can_resume: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not self.study.is_dir():
+            raise DigsError(
+                f"recommend: no study in '{self.study}'; measure one first: digs-warp study tradeoff "
+                f"--out {self.study}"
+            )
+
+    def execute(self) -> str:
+        """Return the settings as flags, with the time and quality that they had."""
+        from digs_warp.study.engine.store import Store
+        from digs_warp.study.studies.tradeoff import best_within
+
+        budget = seconds_of(self.budget)
+        records = [r for r in Store(self.study).records.values() if "error" not in r]
+        best = best_within(records, budget)
+        if best is None:
+            raise DigsError(
+                f"recommend: nothing that '{self.study}' measured takes {self.budget} or less on this "
+                "machine; allow more, or measure smaller recordings"
+            )
+        return format_facts(
+            {
+                "setting": best.name,
+                "seconds": best.seconds.text(1),
+                "PSNR": f"{best.quality.text(2)} dB on views of a perfect camera",
+                "command": shlex.join(["digs-warp", "run", *flags(best.settings)]),
+                "left over": "" if math.isinf(budget) else f"{budget - best.seconds.mean:.0f} s",
+            }
+        )
+
+
+def flags(settings: dict[str, Any]) -> list[str]:
+    """Return settings of recording and reconstruction as flags of `digs-warp run`; scene and seed apart."""
+    words: list[str] = []
+    for name, value in settings.items():
+        flag = name.rpartition(".")[2].replace("_", "-")
+        words += [f"--{flag}", f"{value:g}" if isinstance(value, float) else str(value)]
+    return words
