@@ -1,6 +1,7 @@
 """Clone, split, prune and reset do what 3DGS describes, and moments follow their Gaussians."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,8 +34,8 @@ def population(count: int, log_scale: float = SMALL, opacity_logit: float = 0.0)
     )
 
 
-def refined(gaussians: Gaussians, gradients: np.ndarray, **options: object) -> Refinement:
-    settings: dict = {
+def refined(gaussians: Gaussians, gradients: np.ndarray, **options: Any) -> Refinement:
+    settings: dict[str, Any] = {
         "limit": GRADIENT_LIMIT,
         "extent": EXTENT,
         "max_splats": 1000,
