@@ -107,7 +107,7 @@ def run_case(
     frames: Sequence[Frame], config: SfmConfig, workspace: Path
 ) -> dict[tuple[str, str], float]:
     """Return the numbers of one case by (name, unit); of a failed one only its time."""
-    _forget_peak_memory()
+    forget_peak_memory()
     start, cpu = time.perf_counter(), time.process_time()
     try:
         result = structure_from_motion(frames, config, workspace)
@@ -134,7 +134,7 @@ def run_case(
 
 
 def peak_memory_mb() -> float:
-    """Return the most memory [MB] this process has held since `_forget_peak_memory`; 0 where unknown."""
+    """Return the most memory [MB] this process has held since `forget_peak_memory`; 0 where unknown."""
     status = Path("/proc/self/status")
     if not status.is_file():
         return 0.0
@@ -142,7 +142,8 @@ def peak_memory_mb() -> float:
     return float(line.split()[1]) / 1024
 
 
-def _forget_peak_memory() -> None:
+def forget_peak_memory() -> None:
+    """Start counting `peak_memory_mb` anew, where the system allows it."""
     try:
         Path("/proc/self/clear_refs").write_text("5")  # Linux: the peak starts again from here
     except OSError:

@@ -20,7 +20,7 @@ from digs_warp.sfm.evaluate import pose_errors
 from digs_warp.sfm_model import SfmModel
 
 # The photographs are small: features are also sought in the image enlarged twice.
-CONFIG = SfmConfig(double_size=True, features=1500, pairing="sequential", overlap=4, loop_images=2)
+CONFIG = SfmConfig(double_size=True, features=800, pairing="sequential", overlap=3, loop_images=2)
 
 
 @pytest.fixture(scope="session")

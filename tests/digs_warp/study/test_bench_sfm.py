@@ -1,0 +1,41 @@
+"""The benchmark of structure from motion: every choice is one, and a failed case is a row, no crash."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.sfm_views import INTRINSICS, arc
+
+from digs_warp.camera import Camera
+from digs_warp.capture import Frame
+from digs_warp.images import write_image
+from digs_warp.study.bench_sfm import CHOICES, DEFAULT, forget_peak_memory, peak_memory_mb, run_case
+
+
+def test_every_choice_changes_the_default() -> None:
+    names = [name for name, _ in CHOICES]
+    assert len(set(names)) == len(names) and CHOICES[0] == ("default", {})
+    for _, change in CHOICES[1:]:
+        assert all(getattr(DEFAULT, key) != value for key, value in change.items())
+
+
+def test_images_that_cannot_be_placed_are_a_row_of_the_table(tmp_path: Path) -> None:
+    frames = []
+    for number, pose in enumerate(arc(3)):
+        path = tmp_path / f"{number}.png"
+        write_image(path, np.full((240, 320, 3), 90, np.uint8))
+        frames.append(Frame(path.stem, Camera(INTRINSICS, pose), 0.0, {"file_path": path}))
+    numbers = run_case(frames, DEFAULT, tmp_path / "workspace")
+    assert numbers["registered", "images"] == 0
+    assert numbers["total", "s"] > 0
+
+
+def test_memory_held_for_a_moment_counts() -> None:
+    if not os.access("/proc/self/clear_refs", os.W_OK):
+        pytest.skip("this system does not let a process forget its peak memory")
+    forget_peak_memory()
+    before = peak_memory_mb()
+    block = np.ones(12_000_000)
+    del block
+    assert peak_memory_mb() == pytest.approx(before + 91.6, abs=20)
