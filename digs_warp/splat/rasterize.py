@@ -34,11 +34,11 @@ from functools import cache
 
 import warp as wp
 
-from digs_warp.kernel_options import vector_module_options
 from digs_warp.splat.config import (
     TILE_PIXELS,
     TILE_SIZE,
     RasterOptions,
+    raster_module_options,
     vector_lanes,
 )
 from digs_warp.splat.footprint import ViewParams
@@ -98,6 +98,13 @@ _ADJ_DEPTH = wp.constant(5 * TILE_PIXELS)
 _ADJ_NX = wp.constant(6 * TILE_PIXELS)
 _ADJ_NY = wp.constant(7 * TILE_PIXELS)
 _ADJ_NZ = wp.constant(8 * TILE_PIXELS)
+# Coefficients of the polynomial for exp(x / 8): the powers of 1/8 are part of them.
+_EXP_1 = wp.constant(0.999999642 / 8.0)
+_EXP_2 = wp.constant(0.499992251 / 8.0**2)
+_EXP_3 = wp.constant(0.166607097 / 8.0**3)
+_EXP_4 = wp.constant(0.0414446555 / 8.0**4)
+_EXP_5 = wp.constant(0.0078991186 / 8.0**5)
+_EXP_6 = wp.constant(0.000950381975 / 8.0**6)
 # Whether a tile is saturated is looked up once every so many splats: a sum over its 256 pixels.
 _CHECK_EVERY = wp.constant(8)
 # Saturated rows are looked for when the transmittances of a tile sum to less than this: of its 256 pixels.
@@ -110,9 +117,9 @@ def exp_in_range(x: float) -> float:
 
     (p(x/8))^8 with a minimax polynomial of degree 6; below the range it stays under 1/255.
     """
-    y = wp.max(x, -6.0) * 0.125
-    p = 0.0414446555 + y * (0.0078991186 + y * 0.000950381975)
-    p = 1.0 + y * (0.999999642 + y * (0.499992251 + y * (0.166607097 + y * p)))
+    y = wp.max(x, -6.0)
+    p = _EXP_4 + y * (_EXP_5 + y * _EXP_6)
+    p = 1.0 + y * (_EXP_1 + y * (_EXP_2 + y * (_EXP_3 + y * p)))
     p = p * p
     p = p * p
     return p * p
@@ -127,7 +134,7 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
     channels = 8 if with_normals else 5 if with_depth else 3
     name = "forward_normals" if with_normals else "forward_depth" if with_depth else "forward_color"
 
-    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
+    @wp.kernel(name=name, module="unique", module_options=raster_module_options())
     def forward(
         first: int,
         views: wp.array[ViewParams],  # [1]
@@ -228,7 +235,7 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
                         alpha = wp.min(opacity * exp_in_range(power), wp.static(max_alpha))
                         alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
                         before = working[row + x]
-                        after = before * (1.0 - alpha)
+                        after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
                         working[row + x] = wp.where(after >= wp.static(least), after, 0.0)
                         if wp.static(with_depth):
@@ -291,7 +298,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
     )
     name += "_absolute" if with_absolute else ""
 
-    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
+    @wp.kernel(name=name, module="unique", module_options=raster_module_options())
     def backward(
         first: int,
         views: wp.array[ViewParams],
@@ -419,7 +426,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                         alpha = wp.min(raw, wp.static(max_alpha))
                         alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
                         before = state[row + x]
-                        after = before * (1.0 - alpha)
+                        after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
                         state[row + x] = wp.where(after >= wp.static(least), after, 0.0)
                         v_r = state[_ADJ_R + row + x]
