@@ -34,11 +34,11 @@ from functools import cache
 
 import warp as wp
 
+from digs_warp.kernel_options import vector_module_options
 from digs_warp.splat.config import (
     TILE_PIXELS,
     TILE_SIZE,
     RasterOptions,
-    raster_module_options,
     vector_lanes,
 )
 from digs_warp.splat.footprint import ViewParams
@@ -134,7 +134,7 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
     channels = 8 if with_normals else 5 if with_depth else 3
     name = "forward_normals" if with_normals else "forward_depth" if with_depth else "forward_color"
 
-    @wp.kernel(name=name, module="unique", module_options=raster_module_options())
+    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def forward(
         first: int,
         views: wp.array[ViewParams],  # [1]
@@ -298,7 +298,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
     )
     name += "_absolute" if with_absolute else ""
 
-    @wp.kernel(name=name, module="unique", module_options=raster_module_options())
+    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def backward(
         first: int,
         views: wp.array[ViewParams],
