@@ -86,9 +86,16 @@ and within 2 % under all of them together at strength 4 (`tests/digs_warp/init/t
 ## What each component is worth
 
 The built-in object with the planned sensor at strength 1; every other mask leaks. Each row changes one
-thing in the paper's recipe; "+" adds an extension of ours. PSNR on held-out views, training on true masks.
+thing in the paper's recipe; "+" adds an extension of ours. Where there is a PSNR, it is that of held-out
+views after so many steps of training with the true masks.
 
 {ablation}
+
+- The k-means keeps out the walls that leaking masks let in, the edge filter the pixels that float between the
+  object and what is behind it. Neither replaces the other, and without masks both still find the object.
+- A few mismatched features are enough to spoil the mean of the ratios; their mode does not notice.
+- The voxel grid evens out how often a surface was seen, and gives a single stray the weight of a
+  well-measured voxel. The visibility check takes the strays back.
 
 Extensions that are off unless a flag turns them on: `--weight-by-uncertainty` (1 / depth^4),
 `--weight-by-confidence`, `--shape flat` (thin along the normal of the depth maps), `--shape ray` (drawn out
