@@ -14,7 +14,9 @@ from digs_warp.checks import check_shape
 EXHAUSTIVE_UP_TO = 40
 
 WORDS = 64
-SAMPLES_PER_IMAGE = 300  # descriptors that the vocabulary is learnt from
+# Descriptors that the vocabulary is learnt from, in all, and passes over them: about 190 a word.
+SAMPLES = 12_000
+PASSES = 8
 
 
 def all_pairs(count: int) -> list[tuple[int, int]]:
@@ -69,11 +71,11 @@ def learn_words(descriptors: Sequence[np.ndarray], seed: int = 0) -> np.ndarray:
     from sklearn.cluster import MiniBatchKMeans
 
     rng = np.random.default_rng(seed)
-    sample = np.concatenate(
-        [d[rng.permutation(len(d))[:SAMPLES_PER_IMAGE]] for d in descriptors]
-    ).astype(np.float32)
+    each = -(-SAMPLES // max(1, len(descriptors)))
+    sample = np.concatenate([d[rng.permutation(len(d))[:each]] for d in descriptors])
+    sample = sample.astype(np.float32)
     words = min(WORDS, len(np.unique(sample, axis=0)))
-    learnt = MiniBatchKMeans(words, random_state=seed, batch_size=4096).fit(sample)
+    learnt = MiniBatchKMeans(words, random_state=seed, batch_size=2048, max_iter=PASSES).fit(sample)
     return np.asarray(learnt.cluster_centers_, dtype=np.float32)
 
 
