@@ -7,7 +7,7 @@
     tape.backward(loss)
     gaussians.means.grad  # dL/dmeans
 
-Every call allocates what it needs; a training loop uses `digs_warp.splat.render.SplatRenderer`, which does
+Every call allocates what it needs; a training loop uses `digs_warp.splat.renderer.SplatRenderer`, which does
 not. On a CUDA device the same function runs the thread-per-pixel kernels.
 """
 
@@ -24,7 +24,7 @@ from digs_warp.parallel import launch_parallel
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.plane_kernels import add_kernel, pack_planes_kernel, unpack_planes_kernel
-from digs_warp.splat.render import WHITE, CameraGradient, SplatRenderer, near_plane
+from digs_warp.splat.renderer import WHITE, CameraGradient, SplatRenderer, near_plane
 
 
 @dataclass(frozen=True, eq=False)

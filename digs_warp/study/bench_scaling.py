@@ -41,7 +41,8 @@ wp.config.quiet = True
 import digs_warp.losses
 import digs_warp.train.trainer
 from digs_warp.splat.config import DEFAULT_OPTIONS
-from digs_warp.splat.rasterize import backward_kernel, forward_kernel
+from digs_warp.splat.rasterize import forward_kernel
+from digs_warp.splat.rasterize_adjoint import backward_kernel
 forward_kernel(DEFAULT_OPTIONS), backward_kernel(DEFAULT_OPTIONS, False)
 start = time.perf_counter()
 wp.force_load(device="cpu")

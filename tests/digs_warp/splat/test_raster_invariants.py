@@ -12,7 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import CameraGradient, SplatRenderer
+from digs_warp.splat.renderer import CameraGradient, SplatRenderer
 
 MANY = random_gaussians(3000, seed=1)
 SIZE = (200, 150)

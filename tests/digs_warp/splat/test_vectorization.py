@@ -11,23 +11,26 @@ COMPILE = """
 import warp as wp
 wp.config.kernel_cache_dir = {cache!r}
 import digs_warp.splat.rasterize as rasterize
+import digs_warp.splat.rasterize_adjoint as rasterize_adjoint
 from digs_warp.splat.config import RasterOptions
-options = rasterize.vector_module_options
+options = rasterize.raster_module_options
 def with_remarks():
     made = options()
     made["cpu_compiler_flags"] += " -Rpass=loop-vectorize"
     return made
-rasterize.vector_module_options = with_remarks
-wp.load_module(rasterize.{kernel}.module, device="cpu")
+rasterize.raster_module_options = rasterize_adjoint.raster_module_options = with_remarks
+wp.load_module({kernel}.module, device="cpu")
 """
 
-HOT_LOOP = "for x in range(_LANES):"
+HOT_LOOP = "for x in range(LANES):"
 
 KERNELS = {
-    "colour, forward": "forward_kernel(RasterOptions())",
-    "depth and normals, forward": "forward_kernel(RasterOptions(outputs='normals'))",
-    "colour, backward": "backward_kernel(RasterOptions(), False)",
-    "all outputs and absolute gradients, backward": "backward_kernel(RasterOptions(outputs='normals'), True)",
+    "colour, forward": "rasterize.forward_kernel(RasterOptions())",
+    "depth and normals, forward": "rasterize.forward_kernel(RasterOptions(outputs='normals'))",
+    "colour, backward": "rasterize_adjoint.backward_kernel(RasterOptions(), False)",
+    "all outputs and absolute gradients, backward": (
+        "rasterize_adjoint.backward_kernel(RasterOptions(outputs='normals'), True)"
+    ),
 }
 
 
