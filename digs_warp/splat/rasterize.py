@@ -34,7 +34,8 @@ from functools import cache
 
 import warp as wp
 
-from digs_warp.splat.config import TILE_PIXELS, RasterOptions, raster_module_options
+from digs_warp.kernel_options import vector_module_options
+from digs_warp.splat.config import TILE_PIXELS, RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -81,7 +82,7 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
     channels = 8 if with_normals else 5 if with_depth else 3
     name = "forward_normals" if with_normals else "forward_depth" if with_depth else "forward_color"
 
-    @wp.kernel(name=name, module="unique", module_options=raster_module_options())
+    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def forward(
         first: int,
         views: wp.array[ViewParams],  # [1]

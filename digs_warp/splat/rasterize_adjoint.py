@@ -6,7 +6,8 @@ from functools import cache
 
 import warp as wp
 
-from digs_warp.splat.config import TILE_PIXELS, TILE_SIZE, RasterOptions, raster_module_options
+from digs_warp.kernel_options import vector_module_options
+from digs_warp.splat.config import TILE_PIXELS, TILE_SIZE, RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -77,7 +78,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
     )
     name += "_absolute" if with_absolute else ""
 
-    @wp.kernel(name=name, module="unique", module_options=raster_module_options())
+    @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def backward(
         first: int,
         views: wp.array[ViewParams],

@@ -13,12 +13,12 @@ wp.config.kernel_cache_dir = {cache!r}
 import digs_warp.splat.rasterize as rasterize
 import digs_warp.splat.rasterize_adjoint as rasterize_adjoint
 from digs_warp.splat.config import RasterOptions
-options = rasterize.raster_module_options
+options = rasterize.vector_module_options
 def with_remarks():
     made = options()
     made["cpu_compiler_flags"] += " -Rpass=loop-vectorize"
     return made
-rasterize.raster_module_options = rasterize_adjoint.raster_module_options = with_remarks
+rasterize.vector_module_options = rasterize_adjoint.vector_module_options = with_remarks
 wp.load_module({kernel}.module, device="cpu")
 """
 
