@@ -70,7 +70,7 @@ class InitCase:
 
         def finish(rendered: RenderedFrame) -> FrameImages:
             images = perfect.finish(rendered, Clock())
-            return replace(images, depth=change(images.depth))
+            return replace(images, depth=change(rendered.truth.depth))
 
         return self._written(name, finish)
 
