@@ -175,7 +175,7 @@ def value_of(prim: "Usd.Prim", name: str, time: float | None = None) -> Any:
         if not attribute or not attribute.GetTypeName().isArray:
             continue
         value = attribute.Get(time_code(time))
-        if value is not None and len(value):
+        if hasattr(value, "__len__") and len(value):  # a broken file may hold anything
             return value
     return None
 

@@ -57,6 +57,12 @@ def opened_stage(path: Path) -> Iterator["Usd.Stage"]:
         raise UsdError(
             f"USD scene '{path}': text in it is not UTF-8 ({error.reason}). Export it again."
         ) from error
+    except TypeError as error:
+        if "No to_python" not in str(error):
+            raise
+        raise UsdError(
+            f"USD scene '{path}': a value of a type that has no place in a scene; the file is broken."
+        ) from error
     except MemoryError as error:
         raise UsdError(
             f"USD scene '{path}': promises far more values than its {size} bytes hold; it is broken."

@@ -74,11 +74,25 @@ def _check_specs(layer: "Sdf.Layer", path: Path) -> None:
     layer.Traverse("/", places.append)
     for place in places:
         # Targets of relationships are listed, too, but are no objects of their own.
-        if not place.IsTargetPath() and not layer.GetObjectAtPath(place):
+        if not place.IsTargetPath() and not _is_whole(layer, place):
             raise UsdError(
-                f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}' but does not hold it; "
-                "the file is broken. Copy or export it again."
+                f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}', or a variant in it, "
+                "but does not hold it; the file is broken. Copy or export it again."
             )
+
+
+def _is_whole(layer: "Sdf.Layer", place: "Sdf.Path") -> bool:
+    """Whether an object is there, and if it is a set of variants, all of them."""
+    from pxr import Sdf
+
+    spec = layer.GetObjectAtPath(place)
+    if not isinstance(spec, Sdf.VariantSetSpec):
+        return bool(spec)
+    owner = place.GetParentPath()
+    return all(
+        name and layer.GetObjectAtPath(owner.AppendVariantSelection(spec.name, name))
+        for name in spec.variants.keys()
+    )
 
 
 def _check_member(data: mmap.mmap, member: Member) -> None:
