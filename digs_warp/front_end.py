@@ -10,10 +10,13 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
+from digs_warp.init.random_points import looked_at
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
 from digs_warp.log import RunLog
@@ -70,6 +73,11 @@ def front_end(
     """
     if resume and (folder / POINTS).is_file() and (folder / CAMERAS).is_file():
         return PosedFrames.load(capture, folder), PointCloud.load(folder / POINTS)
+    if not capture.knows_poses and config.sfm.poses != "sfm":
+        raise DigsError(
+            f"capture '{capture.folder}': the recording has no camera poses; let them be estimated with "
+            "--poses sfm"
+        )
     frames = _split(capture, config.test_every)
     sparse = None
     if config.sfm.poses != "capture" or config.init.strategy in NEED_SFM:
@@ -132,17 +140,23 @@ def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFr
 def _in_metres(
     sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig, log: RunLog
 ) -> _Model:
-    """Scale the model by what the depth maps say (eq. 6 and 7), and lay it into the recording's world."""
-    from digs_warp.sfm.world import world_as_recorded
-
+    """Scale the model by what the depth maps say (eq. 6 and 7), and choose its world."""
     if sparse.is_metric:
         return _Model(sparse.model, 1.0)
     scale = estimate_scale(local_scales(sparse.model, frames.training, config))
     log.results["scale"] = asdict(scale)
     sfm = sparse.model.in_metres(scale.sfm_per_metre)
+    return _Model(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre)
+
+
+def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
+    """Return the rigid motion, (4, 4), into the recording's world, or into an upright one."""
+    from digs_warp.sfm.world import upright_world, world_as_recorded
+
+    if not capture.knows_poses:
+        return upright_world(sfm.cameras, looked_at(sfm.cameras))
     recorded = {frame.name: frame.camera for frame in capture.frames}
-    world = world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names])
-    return _Model(sfm.moved(world), scale.sfm_per_metre)
+    return world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names])
 
 
 def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:

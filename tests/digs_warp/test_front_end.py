@@ -98,6 +98,38 @@ def test_sparse_points_are_triangulated_from_given_poses(
         assert np.abs(difference).max() < 1e-6
 
 
+def test_a_recording_without_poses_ends_upright_and_metric(
+    capture: Capture, found: tuple[PosedFrames, PointCloud, Path, RunLog], tmp_path: Path
+) -> None:
+    lost = [
+        replace(frame, camera=replace(frame.camera, world_from_cam=np.eye(4)))
+        for frame in capture.frames
+    ]
+    unknown = replace(
+        capture, frames=tuple(lost), metadata=capture.metadata | {"poses_known": False}
+    )
+    shutil.copytree(found[2] / "sfm", tmp_path / "sfm")
+    frames, points = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
+    assert len(points) == len(found[1])
+    for a, b in zip(frames.training, found[0].training, strict=True):
+        # The same distances between the cameras, and the same direction up, within the hand's tilt.
+        assert a.camera.world_from_cam[2, 1] == pytest.approx(
+            b.camera.world_from_cam[2, 1], abs=0.1
+        )
+        moved = a.camera.center_world - frames.training[0].camera.center_world
+        expected = b.camera.center_world - found[0].training[0].camera.center_world
+        assert np.linalg.norm(moved) == pytest.approx(np.linalg.norm(expected), abs=1e-4)
+    # The origin is where the cameras look: inside the object.
+    low, high = points.bounds
+    assert (low < 0.02).all() and (high > -0.02).all()
+
+
+def test_unknown_poses_have_to_be_estimated(capture: Capture, tmp_path: Path) -> None:
+    unknown = replace(capture, metadata=capture.metadata | {"poses_known": False})
+    with pytest.raises(DigsError, match="--poses sfm"):
+        front_end(unknown, FrontEndConfig(), tmp_path, RunLog("test", {}))
+
+
 def test_given_poses_and_depth_need_no_matching(capture: Capture, tmp_path: Path) -> None:
     log = RunLog("test", {})
     front_end(capture, FrontEndConfig(test_every=4), tmp_path, log)
