@@ -40,8 +40,7 @@ class ExportUsd:
     """More reconstructions of that capture: each becomes a variant, named after its initialization."""
 
     surface: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Also put a coloured mesh of the Gaussians into the scene, as 'digs-warp mesh' makes it; needs
-    --capture."""
+    """With --capture, also put a coloured mesh of the Gaussians into the scene, as 'digs-warp mesh' does."""
 
     storage: Annotated[WriteOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=WriteOptions
