@@ -23,18 +23,16 @@ class Recommend:
 
     can_resume: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        if not self.study.is_dir():
-            raise DigsError(
-                f"recommend: no study in '{self.study}'; measure one first: digs-warp study tradeoff "
-                f"--out {self.study}"
-            )
-
     def execute(self) -> str:
         """Return the settings as flags, with the time and quality that they had."""
         from digs_warp.study.engine.store import Store
         from digs_warp.study.studies.tradeoff import best_within
 
+        if not self.study.is_dir():
+            raise DigsError(
+                f"recommend: no study in '{self.study}'; measure one first: digs-warp study tradeoff "
+                f"--out {self.study}"
+            )
         budget = seconds_of(self.budget)
         records = [r for r in Store(self.study).records.values() if "error" not in r]
         best = best_within(records, budget)

@@ -110,7 +110,7 @@ def test_a_recording_without_poses_ends_upright_and_metric(
     )
     shutil.copytree(found[2] / "sfm", tmp_path / "sfm")
     frames, points = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
-    assert len(points) == len(found[1])
+    assert len(points) == pytest.approx(len(found[1]), rel=0.15)  # other voxels: turned axes
     for a, b in zip(frames.training, found[0].training, strict=True):
         # The same distances between the cameras, and the same direction up, within the hand's tilt.
         assert a.camera.world_from_cam[2, 1] == pytest.approx(
