@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import InitConfig
+from digs_warp.init.config import DENSE_STRATEGIES, InitConfig
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import TrainConfig
@@ -42,6 +42,12 @@ class _SegmentOptions(SegmentConfig):
 class _TrainOptions(TrainConfig):
     """How the Gaussians are optimized."""
 
+    density: Literal["auto", "fixed", "default", "absgrad", "mcmc"] = "auto"  # pyright: ignore[reportIncompatibleVariableOverride]
+    """How the number of Gaussians changes. auto: fixed after a start from depth, default after a sparse or
+    random one; fixed: not at all; default: clone, split, prune and reset of 3DGS; absgrad: the same with
+    absolute gradients, fewer Gaussians for the same quality; mcmc: noise and relocation up to
+    --max-splats."""
+
     seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
 
 
@@ -66,16 +72,19 @@ class ReconstructionOptions:
         """Return the settings; ``seed`` serves all stages."""
         from digs_warp.reconstruct import ReconstructConfig
 
+        density = self.training.density
+        if density == "auto":
+            density = "fixed" if self.initialization.strategy in DENSE_STRATEGIES else "default"
         return ReconstructConfig(
             sfm=_plain(self.poses, SfmConfig, sfm_seed=seed),
             segment=_plain(self.masks, SegmentConfig, mask_seed=seed),
             init=self.initialization,
-            train=_plain(self.training, TrainConfig, seed=seed),
+            train=_plain(self.training, TrainConfig, seed=seed, density=density),
             test_every=self.test_every,
         )
 
 
-def _plain(options: Any, kind: type[T], **common: int) -> T:
-    """Return the settings behind flags, with the common seed."""
+def _plain(options: Any, kind: type[T], **changes: Any) -> T:
+    """Return the settings behind flags, with ``changes`` such as the common seed."""
     values = {f.name: getattr(options, f.name) for f in fields(kind)}  # pyright: ignore[reportArgumentType]
-    return kind(**(values | common))
+    return kind(**(values | changes))

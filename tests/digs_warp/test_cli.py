@@ -13,6 +13,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.capture import CaptureWriter, FrameImages, Rig
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.output import OutputFolder, is_ours
+from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.registry import COMMANDS
 from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
@@ -345,6 +346,21 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     assert config.train == TrainConfig(iterations=7, seed=5)
     assert config.sfm == SfmConfig(poses="capture", sfm_seed=5)
     assert config.segment == SegmentConfig(mask_seed=5)
+
+
+@pytest.mark.parametrize(
+    ("flags", "density"),
+    [
+        ([], "fixed"),
+        (["--strategy", "random"], "default"),
+        (["--strategy", "random", "--density", "mcmc"], "mcmc"),
+        (["--density", "absgrad"], "absgrad"),
+    ],
+)
+def test_density_control_follows_the_start(flags: list[str], density: str) -> None:
+    command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
+    assert isinstance(command, Reconstruct)
+    assert command.reconstruct_config(0).train.density == density
 
 
 def test_an_interrupted_command_says_how_to_go_on(
