@@ -146,6 +146,7 @@ def test_the_layers_of_a_sensor_come_back_and_are_optional(tmp_path: Path) -> No
 
 def test_sensor_codes_survive_in_the_file_and_read_as_unknown(tmp_path: Path) -> None:
     images = frame_images(0)
+    assert images.depth is not None
     images.depth[0, :3] = [np.nan, -np.inf, np.inf]
     writer = CaptureWriter(tmp_path, INTRINSICS)
     writer.write_frame(0, images)

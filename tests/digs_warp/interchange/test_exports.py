@@ -3,7 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.capture import Capture, CaptureWriter, FrameImages
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.commands.convert import Convert
+from digs_warp.commands.convert import CaptureFormat, Convert
 from digs_warp.geometry import look_at, matrix_from_quat_xyzw, rigid
 from digs_warp.images import encode_jpeg, read_image
 from digs_warp.imports import MissingLibraryError, import_open3d, import_pycolmap
@@ -368,7 +368,7 @@ def test_the_command_writes_into_the_folder_it_stands_in(
     capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Convert(capture=capture.folder, to="tum", out=Path(".")).execute()
+    Convert(source=capture.folder, to="tum", out=Path(".")).execute()
     assert (tmp_path / "groundtruth.txt").is_file()
 
 
@@ -378,17 +378,17 @@ def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
 
 
 def test_the_command_offers_every_format() -> None:
-    assert set(get_args(get_type_hints(Convert)["to"])) == EXPORTERS.keys()
+    assert set(get_args(CaptureFormat)) == EXPORTERS.keys()
 
 
 def test_the_command_leaves_a_complete_folder_or_none(capture: Capture, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    message = Convert(capture=capture.folder, to="tum", out=out).execute()
+    message = Convert(source=capture.folder, to="tum", out=out).execute()
     assert "3 frames as tum" in message
     assert read_json(out / "run.json", "record")["settings"]["to"] == "tum"
     with pytest.raises(DigsError, match="not empty"):
-        Convert(capture=capture.folder, to="bop", out=out).execute()
-    Convert(capture=capture.folder, to="bop", out=out, overwrite=True).execute()
+        Convert(source=capture.folder, to="bop", out=out).execute()
+    Convert(source=capture.folder, to="bop", out=out, overwrite=True).execute()
     assert not (out / "rgb.txt").exists() and (out / "camera.json").exists()
     bare = tmp_path / "bare"
     writer = CaptureWriter(bare, CAMERA)
@@ -404,7 +404,7 @@ def test_the_command_leaves_a_complete_folder_or_none(capture: Capture, tmp_path
     writer.finish()
     (bare / "masks/0000.png").write_bytes(b"no image")
     with pytest.raises(DigsError, match=r"masks/0000\.png"):
-        Convert(capture=bare, to="bop", out=tmp_path / "broken").execute()
+        Convert(source=bare, to="bop", out=tmp_path / "broken").execute()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bare", "out"]
 
 
