@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo docs figures sensor sensor-cost performance test lint format constraints clean
+.PHONY: help setup demo docs figures sensor sensor-cost performance pages test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -53,6 +53,14 @@ docs: setup ## The documentation as a site in build/site; fails when a link lead
 
 performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py
+
+pages: setup ## Measure everything else and write the figures into its pages; an hour on a quiet machine
+	$(BIN)/python scripts/training_page.py
+	$(BIN)/python scripts/initialization_page.py
+	$(BIN)/python scripts/initialization_picture.py
+	$(BIN)/python scripts/front_end_figures.py
+	$(BIN)/python scripts/usd_page.py
+	$(BIN)/python scripts/splat_pages.py
 
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh
