@@ -45,8 +45,8 @@ class _TrainOptions(TrainConfig):
     density: Literal["auto", "fixed", "default", "absgrad", "mcmc"] = "auto"  # pyright: ignore[reportIncompatibleVariableOverride]
     """How the number of Gaussians changes. auto: fixed after a start from depth, default after a sparse or
     random one; fixed: not at all; default: clone, split, prune and reset of 3DGS; absgrad: the same with
-    absolute gradients, fewer Gaussians for the same quality; mcmc: noise and relocation up to
-    --max-splats."""
+    absolute gradients, fewer Gaussians for the same quality; mcmc: up to --max-splats by noise and by
+    moving idle ones."""
 
     seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
 

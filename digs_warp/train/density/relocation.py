@@ -10,9 +10,9 @@ look together as the one did (the paper's equation 9). Summed over i first, C(i-
 """
 
 from dataclasses import replace
+from math import comb
 
 import numpy as np
-from scipy.special import comb, logit
 
 from digs_warp.gaussians import Gaussians
 from digs_warp.train.density.refinement import Refinement
@@ -30,7 +30,9 @@ MAX_COPIES = 51
 _MAX_OPACITY = 1.0 - 1e-6
 
 _TERMS = np.arange(MAX_COPIES)
-_BINOMIALS = np.asarray(comb(np.arange(MAX_COPIES + 1)[:, None], _TERMS[None] + 1))
+_BINOMIALS = np.array(
+    [[float(comb(n, k + 1)) for k in range(MAX_COPIES)] for n in range(MAX_COPIES + 1)]
+)
 
 
 def shared_by_copies(
@@ -84,7 +86,7 @@ def relocate(
     each, scales = shared_by_copies(
         opacities[shared], gaussians.scales[shared].astype(np.float64), copies[shared]
     )
-    logits[shared], log_scales[shared] = logit(each), np.log(scales)
+    logits[shared], log_scales[shared] = np.log(each) - np.log1p(-each), np.log(scales)
     moved = replace(gaussians, log_scales=log_scales, opacity_logits=logits).select(sources)
     # Where a Gaussian changed, its moments describe another one.
     return Refinement(moved, sources, copies[sources] == 1)
