@@ -1,13 +1,14 @@
 """Run one Warp launch on all CPU cores.
 
 Warp runs a CPU launch as one serial loop on the calling thread. `ParallelLaunch` cuts the index range
-into chunks, records one launch per chunk, and replays them from a thread pool; ``ctypes`` releases the
+into chunks, records one launch per chunk, and a few threads replay them; ``ctypes`` releases the
 interpreter lock meanwhile. Kernels must write disjoint addresses per index (``wp.atomic_add`` is a plain
 ``+=`` on a CPU) and take the chunk's first index as their first argument; then the result does not
 depend on the number of threads.
 """
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
@@ -55,7 +56,7 @@ class ParallelLaunch:
         pieces = self.threads * CHUNKS_PER_THREAD if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
         self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
-        self._launches: list[Any] = [
+        self.chunks: list[Any] = [
             wp.launch(
                 kernel,
                 dim=min(size, dim - first),
@@ -69,16 +70,29 @@ class ParallelLaunch:
     def set_param(self, index: int, value: Any) -> None:
         """Change scalar argument ``index`` of ``inputs`` for the next runs."""
         self._inputs[index] = value
-        for launch in self._launches:
+        for launch in self.chunks:
             launch.set_param_at_index(index + 1, value)
 
     def run(self) -> None:
         """Execute and wait."""
-        if len(self._launches) == 1:
-            self._launches[0].launch()
-        else:
-            # list() so that an exception in a chunk reaches the caller.
-            list(_pool(self.threads).map(lambda launch: launch.launch(), self._launches))
+        run_together([self])
+
+
+def run_together(launches: Sequence[ParallelLaunch]) -> None:
+    """Execute launches that do not need each other's results, and wait: the threads are woken only once."""
+    chunks = [chunk for launch in launches for chunk in launch.chunks]
+    threads = min(len(chunks), max((launch.threads for launch in launches), default=1))
+    queue = iter(chunks)  # taking the next item is atomic: the threads share it
+
+    def work() -> None:
+        for chunk in queue:
+            chunk.launch()
+
+    # The calling thread works, too. result() hands on an exception of a chunk.
+    others = [_pool(threads - 1).submit(work) for _ in range(threads - 1)]
+    work()
+    for other in others:
+        other.result()
 
 
 def launch_parallel(

@@ -5,7 +5,7 @@
 import numpy as np
 import warp as wp
 
-from digs_warp.parallel import ParallelLaunch
+from digs_warp.parallel import ParallelLaunch, run_together
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
 
@@ -132,9 +132,9 @@ class Adam:
         self.step += 1
         bias_1 = 1.0 - BETA_1**self.step
         bias_2 = 1.0 / np.sqrt(1.0 - BETA_2**self.step)
-        for rate, buffer, launch in zip(rates, self._rates, self._launches, strict=True):
+        for rate, buffer in zip(rates, self._rates, strict=True):
             buffer.assign(np.array([rate / bias_1, bias_2], dtype=np.float32))
-            launch.run()
+        run_together(self._launches)
 
 
 def _color_shares(gaussians: DeviceGaussians) -> np.ndarray:

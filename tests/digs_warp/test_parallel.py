@@ -2,6 +2,7 @@
 # pyright: reportOperatorIssue=false, reportIndexIssue=false, reportArgumentType=false
 """Launches shared out over threads: every index once, the same bits for any number of threads."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,12 @@ import pytest
 import warp as wp
 
 from digs_warp.checks import DigsError
-from digs_warp.parallel import ParallelLaunch, default_threads, launch_parallel
+from digs_warp.parallel import (
+    ParallelLaunch,
+    default_threads,
+    launch_parallel,
+    run_together,
+)
 
 wp.set_module_options({"enable_backward": False})
 
@@ -98,3 +104,41 @@ def test_a_setting_that_is_no_number_of_threads_is_named(
     monkeypatch.setenv("DIGS_WARP_THREADS", setting)
     with pytest.raises(DigsError, match=f"DIGS_WARP_THREADS='{setting}'"):
         default_threads()
+
+
+def test_launches_run_together_visit_everything_once() -> None:
+    arrays = [[wp.zeros(dim, dtype=wp.int32, device="cpu") for _ in range(2)] for dim in DIMS]
+    launches = [
+        ParallelLaunch(count_visits, dim, [*pair], threads=3)
+        for dim, pair in zip(DIMS, arrays, strict=True)
+    ]
+    run_together(launches)
+    for dim, (visits, _) in zip(DIMS, arrays, strict=True):
+        assert visits.numpy().tolist() == [1] * dim
+    run_together([])
+
+
+def test_several_callers_share_the_threads() -> None:
+    pairs = [[wp.zeros(500, dtype=wp.int32, device="cpu") for _ in range(2)] for _ in range(6)]
+
+    def work(pair: list[Any]) -> None:
+        launch = ParallelLaunch(count_visits, 500, [*pair], threads=4)
+        for _ in range(50):
+            launch.run()
+
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(work, pairs, timeout=60))
+    for visits, _ in pairs:
+        assert visits.numpy().tolist() == [50] * 500
+
+
+def test_an_exception_in_any_thread_reaches_the_caller() -> None:
+    class Broken:
+        def launch(self) -> None:
+            raise RuntimeError("broken chunk")
+
+    visits = wp.zeros(8, dtype=wp.int32, device="cpu")
+    launch = ParallelLaunch(count_visits, 8, [visits, visits], threads=2)
+    launch.chunks.append(Broken())
+    with pytest.raises(RuntimeError, match="broken chunk"):
+        launch.run()
