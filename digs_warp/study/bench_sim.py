@@ -8,7 +8,6 @@ check on both. Perfect figures are impossible: a profile with a post-filter has 
 that removes saturated areas has holes there; the matcher has neither.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ import numpy as np
 from digs_warp.log import progress
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
+from digs_warp.study.sample_data import sample_data
 from sim.config import SimulateConfig
 from sim.sensor.blame import blame
 from sim.sensor.cause import Cause
@@ -89,7 +89,7 @@ def bench_sim(
         meshes: names of sample meshes.
         width: of the rendered images [px].
     """
-    data = data or Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
+    data = data or sample_data()
     results: list[Result] = []
     scenes = [_rendered(data, mesh, width) for mesh in meshes if (data / "meshes" / mesh).is_dir()]
     cases = scenes or [_rendered(data, None, width)]

@@ -6,7 +6,6 @@ calibration follow: a baseline that is 5 % too large, which the scale absorbs, a
 0.2 px too large, which no scale can absorb; their distances tell how far the points move.
 """
 
-import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from digs_warp.log import progress
 from digs_warp.sfm_model import SfmModel
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
 from digs_warp.study.results import Result
+from digs_warp.study.sample_data import sample_data
 from digs_warp.study.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,
@@ -93,7 +93,7 @@ def init_strategies(
         meshes: names of sample meshes that follow the built-in object, where they are there.
         frames: of each recording; every eighth is held out.
     """
-    data = data or Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
+    data = data or sample_data()
     present = [mesh for mesh in meshes if (data / "meshes" / mesh).is_dir()]
     configs = [
         SimulateConfig(frames=frames, width=WIDTH, samples_per_pixel=1),

@@ -1,8 +1,8 @@
 """The objects that studies record: the built-in one, and meshes of the sample data where they lie."""
 
-import os
-from pathlib import Path
 from typing import Any
+
+from digs_warp.study.sample_data import sample_data
 
 BUILT_IN = "built-in vase"
 
@@ -13,11 +13,6 @@ SAMPLE_OBJECTS = (
 )
 # Rich in texture: structure from motion needs the surround.
 ENVIRONMENT = "forest_slope"
-
-
-def sample_data() -> Path:
-    """The folder of the sample data: DIGS_WARP_SAMPLE_DATA, or ../shared/data."""
-    return Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
 
 
 def objects(count: int) -> dict[str, dict[str, Any]]:
