@@ -1,14 +1,12 @@
 """The Gaussians of a scene, as the optimizer sees them (raw) and as a renderer sees them (activated)."""
 
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
-from digs_warp.checks import DigsError, check_shape, require_file
-from digs_warp.log import write_arrays
+from digs_warp.checks import check_shape
+from digs_warp.log import open_arrays, write_arrays
 from digs_warp.sh import degree_from_count
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
@@ -80,22 +78,5 @@ class Gaussians:
         Raises:
             DigsError: the file is missing, truncated, or lacks a field.
         """
-        require_file(path, "Gaussians")
-        try:
-            with np.load(path, allow_pickle=False) as arrays:
-                return Gaussians(**{name: arrays[name] for name in FIELDS})
-        except (
-            BadZipFile,
-            KeyError,
-            EOFError,
-            MemoryError,  # an array's header may promise any size
-            OSError,
-            RuntimeError,  # encrypted, or a compression that Python does not know
-            TypeError,
-            ValueError,
-            zlib.error,
-        ) as error:
-            raise DigsError(
-                f"Gaussians '{path}': {error}; expected an .npz with {', '.join(FIELDS)} "
-                "as 'digs-warp reconstruct' writes it"
-            ) from error
+        with open_arrays(path, "Gaussians", FIELDS) as arrays:
+            return Gaussians(**{name: arrays[name] for name in FIELDS})

@@ -5,18 +5,20 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from tqdm import tqdm
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, require_file
 
 REPORTED_PACKAGES = ("digs-warp", "warp-lang", "numpy", "trimesh", "usd-core", "OpenImageIO")
 
@@ -63,6 +65,34 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
     buffer = BytesIO()
     np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     write_atomically(path, buffer.getvalue())
+
+
+@contextmanager
+def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
+    """Open an ``.npz`` that `write_arrays` wrote; use it as a context manager around all that reads it.
+
+    Raises:
+        DigsError: the file is missing or broken, or what is read in the context does not fit.
+    """
+    require_file(path, what)
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            yield arrays
+    except (
+        BadZipFile,
+        KeyError,
+        EOFError,
+        MemoryError,  # an array's header may promise any size
+        OSError,
+        RuntimeError,  # encrypted, or a compression that Python does not know
+        TypeError,
+        ValueError,
+        zlib.error,
+    ) as error:
+        raise DigsError(
+            f"{what} '{path}': {error}; expected an .npz with {', '.join(fields)} "
+            "as 'digs-warp reconstruct' writes it"
+        ) from error
 
 
 def to_json(value: Any) -> str:

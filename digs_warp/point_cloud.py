@@ -1,14 +1,12 @@
 """Coloured points: what an initialization hands to the splat seeding."""
 
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
-from digs_warp.checks import DigsError, check_finite, check_shape, require_file
-from digs_warp.log import write_arrays
+from digs_warp.checks import DigsError, check_finite, check_shape
+from digs_warp.log import open_arrays, write_arrays
 
 FIELDS = ("points_world", "colors")
 OPTIONAL_FIELDS = ("axes_world", "axis_deviations")
@@ -68,13 +66,6 @@ class PointCloud:
         Raises:
             DigsError: the file is missing, truncated, or lacks a field.
         """
-        require_file(path, "points")
-        try:
-            with np.load(path, allow_pickle=False) as arrays:
-                optional = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
-                return PointCloud(*(arrays[name] for name in FIELDS), **optional)
-        except (BadZipFile, KeyError, EOFError, OSError, ValueError, zlib.error) as error:
-            raise DigsError(
-                f"points '{path}': {error}; expected an .npz with {', '.join(FIELDS)} as "
-                "'digs-warp reconstruct' writes it"
-            ) from error
+        with open_arrays(path, "points", FIELDS) as arrays:
+            optional = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
+            return PointCloud(*(arrays[name] for name in FIELDS), **optional)
