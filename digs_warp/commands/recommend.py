@@ -8,15 +8,15 @@ from typing import Any, ClassVar
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
-from digs_warp.train.config import seconds_of
+from digs_warp.durations import seconds_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recommend:
-    """Pick settings for a time, from what 'digs-warp study tradeoff' measured on this machine."""
+    """Pick settings for a time, from what 'digs-warp study run tradeoff' measured on this machine."""
 
     budget: str
-    """Seconds for the whole chain, from the recording to the Gaussians, for example 60s or 5m."""
+    """Seconds for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
 
     study: Path = Path("out/study/tradeoff")
     """Folder of the study."""
@@ -30,10 +30,10 @@ class Recommend:
 
         if not self.study.is_dir():
             raise DigsError(
-                f"recommend: no study in '{self.study}'; measure one first: digs-warp study tradeoff "
+                f"recommend: no study in '{self.study}'; measure one first: digs-warp study run tradeoff "
                 f"--out {self.study}"
             )
-        budget = seconds_of(self.budget)
+        budget = seconds_of(self.budget, "--budget")
         records = [r for r in Store(self.study).records.values() if "error" not in r]
         best = best_within(records, budget)
         if best is None:

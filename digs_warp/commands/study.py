@@ -1,6 +1,5 @@
-"""`digs-warp study`: run a study, draw its report."""
+"""`digs-warp study list|run|report`: which studies there are, run one, draw its report."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -8,26 +7,39 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.facts import format_facts
+from digs_warp.durations import seconds_of
 from digs_warp.study.catalogue import STUDIES, Study
 
-NAMES = tuple(study.name for study in STUDIES)
+Name = Annotated[
+    str,
+    tyro.conf.Positional,
+    tyro.conf.arg(metavar="NAME", help=f"One of: {', '.join(s.name for s in STUDIES)}."),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyCommand:
-    """Measure what settings cost and give, over many runs of the whole chain, and draw a report.
+class ListStudies:
+    """Say which studies there are and what each asks."""
 
-    What is measured already stays: call it again after an interruption, or with more objects, seeds or time.
+    def execute(self) -> str:
+        """Return one line per study."""
+        return format_facts({study.name: study.summary for study in STUDIES})
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunStudy:
+    """Measure the cases that are missing, then draw the report of all that are there.
+
+    Cases that are measured already stay: call it again after an interruption, or with more objects, seeds
+    or time.
     """
 
-    name: Annotated[
-        str,
-        tyro.conf.Positional,
-        tyro.conf.arg(
-            metavar="NAME",
-            help="What to study. " + "; ".join(f"{s.name}: {s.summary}" for s in STUDIES) + ".",
-        ),
-    ]
+    name: Name
+
+    budget: str = ""
+    """Stop in time: begin no case that would probably end later, for example 60s, 20min or 2h. The cases
+    that matter most come first. Empty: all cases."""
 
     out: Path | None = None
     """Folder of the results and the report. Default: out/study/NAME."""
@@ -41,52 +53,92 @@ class StudyCommand:
     iterations: int | None = None
     """Training steps of each case. Default: the study's own, which the paper's 12000 would take days."""
 
-    minutes: float = math.inf
-    """Begin no case that would probably end later; the cases that matter most come first."""
-
     workers: int = 1
     """Cases at the same time. They share the cores: faster, but only 1 gives times that mean something."""
 
-    report_only: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Measure nothing; draw the report from what is there."""
-
-    can_resume: ClassVar[bool] = True
-
     def __post_init__(self) -> None:
-        if self.name not in NAMES:
-            raise DigsError(f"study '{self.name}': no such study; there is: {', '.join(NAMES)}")
+        find_study(self.name)
+        seconds_of(self.budget, "--budget")
         for name in ("objects", "seeds", "iterations", "workers"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise DigsError(f"study: --{name} {value}, expected at least 1")
-        if not self.minutes > 0:
-            raise DigsError(f"study: --minutes {self.minutes}, expected above 0")
 
     def execute(self) -> str:
-        """Run the cases that are missing, then draw the report of all that are there."""
+        """Measure, and say how many cases there are and where the report is."""
         from digs_warp.study.engine.chain import run_case
         from digs_warp.study.engine.runner import run_cases
 
-        study = next(study for study in STUDIES if study.name == self.name)
-        folder = self.out or Path("out") / "study" / study.name
-        lines = []
-        if not self.report_only:
-            cases = study.cases(
-                self.objects or study.objects, self.seeds, self.iterations or study.iterations
-            )
-            outcome = run_cases(
-                cases,
-                folder,
-                measure=run_case,
-                workers=self.workers,
-                budget=60 * self.minutes,
-            )
-            lines.append(str(outcome))
-        lines.append(f"report: {_write_report(study, folder)}")
-        return "\n".join(lines)
+        study = find_study(self.name)
+        folder = self.out or study.folder
+        cases = study.cases(
+            self.objects or study.objects, self.seeds, self.iterations or study.iterations
+        )
+        outcome = run_cases(
+            cases,
+            folder,
+            measure=run_case,
+            workers=self.workers,
+            budget=seconds_of(self.budget, "--budget"),
+        )
+        return f"{outcome}\nreport: {write_report(study, folder)}"
 
 
-def _write_report(study: Study, folder: Path) -> Path:
+@dataclass(frozen=True, kw_only=True)
+class ReportStudy:
+    """Measure nothing; draw the report from the results that are there."""
+
+    name: Name
+
+    out: Path | None = None
+    """Folder of the results; the report is written there. Default: out/study/NAME."""
+
+    def __post_init__(self) -> None:
+        find_study(self.name)
+
+    def execute(self) -> str:
+        """Draw, and say where the report is."""
+        study = find_study(self.name)
+        return f"report: {write_report(study, self.out or study.folder)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyCommand:
+    """Measure what settings cost and give, over many runs of the whole chain, and draw a report."""
+
+    action: Annotated[
+        Annotated[ListStudies, tyro.conf.subcommand("list")]
+        | Annotated[RunStudy, tyro.conf.subcommand("run")]
+        | Annotated[ReportStudy, tyro.conf.subcommand("report")],
+        tyro.conf.arg(name=""),
+    ]
+
+    can_resume: ClassVar[bool] = True
+
+    def execute(self) -> str:
+        """Do what was asked for."""
+        return self.action.execute()
+
+
+def find_study(name: str) -> Study:
+    """Return the study of that name.
+
+    Raises:
+        DigsError: there is none.
+    """
+    for study in STUDIES:
+        if study.name == name:
+            return study
+    known = ", ".join(study.name for study in STUDIES)
+    raise DigsError(f"study '{name}': no such study; there is: {known}")
+
+
+def write_report(study: Study, folder: Path) -> Path:
+    """Draw the report of the results in ``folder`` and return its HTML page.
+
+    Raises:
+        DigsError: no case ended well; the message has their errors.
+    """
     from digs_warp.study.engine.page import write_pages
     from digs_warp.study.engine.store import RESULTS, Store
 
@@ -94,8 +146,11 @@ def _write_report(study: Study, folder: Path) -> Path:
     good = [record for record in records if "error" not in record]
     if not good:
         errors = "; ".join(sorted({record["error"] for record in records})) or "there are none"
-        raise DigsError(f"study '{folder / RESULTS}': no case ended well: {errors}")
+        raise DigsError(
+            f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with 'digs-warp study "
+            f"run {study.name}'"
+        )
     failed = len(records) - len(good)
-    intro = f"{study.summary.capitalize()}. {len(good)} cases"
+    intro = f"{study.summary[0].upper()}{study.summary[1:]}. {len(good)} cases"
     intro += f", {failed} failed." if failed else "."
     return write_pages(study.title, intro, study.sections(good), folder)

@@ -3,6 +3,7 @@
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ class Study:
     summary: str
     objects: int
     iterations: int
+
+    @property
+    def folder(self) -> Path:
+        """Where results and report go when nothing else is asked for."""
+        return Path("out") / "study" / self.name
 
     def cases(self, objects: int, seeds: int, iterations: int) -> "Sequence[Case]":
         """Return the cases."""

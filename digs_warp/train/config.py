@@ -1,14 +1,12 @@
 """Settings of the training. Imports nothing heavy: the command line reads its help from here."""
 
 import math
-import re
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.durations import seconds_of
 from digs_warp.sh import MAX_DEGREE
-
-_SECONDS_OF = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class TrainConfig:
     """Training steps; each looks at one view. Rates and schedules are laid out over all of them."""
 
     time_budget: str = ""
-    """Stop after this much training time, for example 60s, 10m or 1h; empty: no limit."""
+    """Stop after this much training time, for example 60s, 20min or 2h; empty: no limit."""
 
     target_psnr: float = 0.0
     """Stop as soon as the held-out views reach this PSNR [dB]; 0: never. They are then measured every 100
@@ -148,7 +146,7 @@ class TrainConfig:
                 "coverage-weight: pulls the outside of the masks to empty, but --mask-role ignore says that "
                 "nothing is known there; leave one of the two out"
             )
-        seconds_of(self.time_budget)
+        seconds_of(self.time_budget, "time-budget")
 
     @property
     def rates(self) -> "Rates":
@@ -160,7 +158,7 @@ class TrainConfig:
     @property
     def time_budget_seconds(self) -> float:
         """The time budget [s]; infinite without one."""
-        return seconds_of(self.time_budget)
+        return seconds_of(self.time_budget, "time-budget")
 
     def regularizer_weights(self) -> tuple[float, float]:
         """Return the weights of mean opacity and mean scale, -1 resolved."""
@@ -168,20 +166,6 @@ class TrainConfig:
         usual = 0.01 if self.density == "mcmc" else 0.0
         opacity, scale = self.opacity_weight, self.scale_weight
         return (usual if opacity < 0 else opacity), (usual if scale < 0 else scale)
-
-
-def seconds_of(duration: str) -> float:
-    """Return the seconds of a text such as 90, 90s, 1.5m or 2h; infinity for an empty one.
-
-    Raises:
-        DigsError: the text is something else, or no time above zero.
-    """
-    if not duration:
-        return math.inf
-    found = re.fullmatch(r"(\d+\.?\d*)([smh]?)", duration.strip())
-    if found is None or float(found[1]) == 0:
-        raise DigsError(f"time-budget: '{duration}', expected a time such as 60s, 10m or 1h")
-    return float(found[1]) * _SECONDS_OF[found[2] or "s"]
 
 
 def _flag(name: str) -> str:

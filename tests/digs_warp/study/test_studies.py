@@ -137,7 +137,7 @@ def test_a_study_is_measured_resumed_and_drawn(
 
     monkeypatch.setattr(segmentation, "cases", few)
     out = tmp_path / "out"
-    assert main(["study", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
+    assert main(["study", "run", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
     assert "2 cases measured" in capsys.readouterr().out
     records = [json.loads(line) for line in (out / RESULTS).read_text().splitlines()]
     for record in records:
@@ -148,14 +148,49 @@ def test_a_study_is_measured_resumed_and_drawn(
         assert record["seconds"]["train"] > 0
     assert not list((out / "work").iterdir())
     before = (out / RESULTS).read_bytes()
-    assert main(["study", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
+    assert main(["study", "run", "segmentation", "--out", str(out), "--iterations", "4"]) == 0
     assert "2 were there before" in capsys.readouterr().out
     assert (out / RESULTS).read_bytes() == before
     assert "Wrong masks" in (out / "report.md").read_text()
 
 
-def test_unknown_studies_and_numbers_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in (["nothing"], ["tradeoff", "--workers", "0"], ["tradeoff", "--minutes", "0"]):
-        assert main(["study", *arguments]) == 2
-    assert main(["study", "tradeoff", "--report-only", "--out", "/nonexistent"]) != 0
-    assert "no case ended well" in capsys.readouterr().err
+def test_all_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["study", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == [study.name for study in STUDIES]
+
+
+def test_a_budget_leaves_out_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing fits into a tenth of a microsecond: the folder stays empty, and the report says so."""
+    arguments = ["study", "run", "segmentation", "--budget", "0.0000001s"]
+    assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
+    assert "no case ended well: there are none" in capsys.readouterr().err
+
+
+def test_an_interrupted_study_says_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("digs_warp.study.engine.runner.run_cases", interrupt)
+    arguments = ["study", "run", "segmentation", "--out", str(tmp_path)]
+    assert main(arguments) == 130
+    last_line = capsys.readouterr().err.splitlines()[-1]
+    assert last_line.endswith(shlex.join(["digs-warp", *arguments]))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *(["run", "nothing"], ["report", "nothing"], ["run", "tradeoff", "--workers", "0"]),
+        *(["run", "tradeoff", "--budget", "0s"], ["run", "tradeoff", "--budget", "soon"], ["draw"]),
+    ],
+)
+def test_unknown_studies_and_numbers_are_refused(arguments: list[str]) -> None:
+    assert main(["study", *arguments]) == 2
+
+
+def test_a_report_of_nothing_says_what_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["study", "report", "tradeoff", "--out", "/nonexistent"]) == 1
+    assert "digs-warp study run tradeoff" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.log import RunLog
-from digs_warp.train.config import TrainConfig, seconds_of
+from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import load_test_views
 from digs_warp.train.session import CHECKPOINT, GAUSSIANS, TRAINING, train_gaussians
 from digs_warp.train.trainer import Trainer
@@ -64,12 +64,9 @@ def test_a_run_without_budgets_ends_with_its_iterations(capture: Capture, tmp_pa
     assert (log.results["stopped by"], log.results["iterations"]) == ("iterations", 3)
 
 
-@pytest.mark.parametrize(
-    ("text", "seconds"), [("60s", 60.0), ("90", 90.0), ("1.5m", 90.0), ("2h", 7200.0), ("", np.inf)]
-)
-def test_times(text: str, seconds: float) -> None:
-    assert seconds_of(text) == seconds
-    assert TrainConfig(time_budget=text).time_budget_seconds == seconds
+def test_times() -> None:
+    assert TrainConfig(time_budget="1.5m").time_budget_seconds == 90.0
+    assert TrainConfig().time_budget_seconds == np.inf
 
 
 @pytest.mark.parametrize("text", ["0s", "-3s", "soon", "5 days", "1e9s", "nan"])
