@@ -7,7 +7,6 @@ interpreter lock meanwhile. Kernels must write disjoint addresses per index (``w
 depend on the number of threads.
 """
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -15,25 +14,13 @@ from typing import Any
 
 import warp as wp
 
-from digs_warp.checks import DigsError
+from digs_warp.threads import default_threads
 from digs_warp.warp_start import start_warp
 
 start_warp()
 
 # More chunks than threads even out uneven chunks; a launch costs about 10 us.
 CHUNKS_PER_THREAD = 8
-
-
-def default_threads() -> int:
-    """Return the number of cores this process may use; DIGS_WARP_THREADS overrides it."""
-    override = os.environ.get("DIGS_WARP_THREADS", "")
-    if override:
-        if not override.isdecimal() or int(override) == 0:
-            raise DigsError(
-                f"DIGS_WARP_THREADS='{override}': expected a number of threads, 1 or more"
-            )
-        return int(override)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @cache

@@ -6,6 +6,8 @@ to the splat. The constants and signs are those of the 3DGS PLY and the USD refe
 (Condon-Shortley: band 1 is (-y, z, -x)). The Warp twin lives in `digs_warp.splat.project`.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from digs_warp.checks import DigsError
@@ -82,10 +84,15 @@ def sh_rotation(rotation: np.ndarray, degree: int) -> np.ndarray:
     Each band mixes only with itself, so the matrix is block-diagonal; a block is solved from 64
     directions, exact to rounding.
     """
+    return _solved_rotation(np.asarray(rotation, dtype=np.float64).tobytes(), degree).copy()
+
+
+@lru_cache(maxsize=16)  # those who turn splats piece by piece ask again for every piece
+def _solved_rotation(rotation: bytes, degree: int) -> np.ndarray:
     directions = np.random.default_rng(0).normal(size=(64, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     before = sh_basis(directions, degree)
-    after = sh_basis(directions @ np.asarray(rotation, dtype=np.float64).T, degree)
+    after = sh_basis(directions @ np.frombuffer(rotation).reshape(3, 3).T, degree)
     mix = np.eye(coefficient_count(degree))
     for band in range(1, degree + 1):
         own = slice(band**2, (band + 1) ** 2)

@@ -14,6 +14,7 @@ FLOORS = {
         ("digs_warp.geometry", "digs_warp.camera", "digs_warp.sh", "digs_warp.checks"), 0
     ),
     **dict.fromkeys(("digs_warp.imports", "digs_warp.log", "digs_warp.durations"), 0),
+    "digs_warp.threads": 0,
     **dict.fromkeys(("digs_warp.capture", "digs_warp.images", "digs_warp.point_cloud"), 1),
     **dict.fromkeys(("digs_warp.gaussians", "digs_warp.sfm_model", "digs_warp.ssim"), 1),
     **dict.fromkeys(("digs_warp.parallel", "digs_warp.warp_start", "digs_warp.kernel_options"), 1),

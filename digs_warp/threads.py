@@ -1,0 +1,47 @@
+"""How many threads to use, and NumPy work spread over them."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from digs_warp.checks import DigsError
+
+_T = TypeVar("_T")
+
+# Rows handled at a time: the intermediate arrays of a row of some 60 numbers stay in the cache.
+CHUNK = 8192
+
+
+def default_threads() -> int:
+    """Return the number of cores this process may use; DIGS_WARP_THREADS overrides it."""
+    override = os.environ.get("DIGS_WARP_THREADS", "")
+    if override:
+        if not override.isdecimal() or int(override) == 0:
+            raise DigsError(
+                f"DIGS_WARP_THREADS='{override}': expected a number of threads, 1 or more"
+            )
+        return int(override)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def over_rows(count: int, work: Callable[[slice], _T], chunk: int = CHUNK) -> list[_T]:
+    """Return ``work(rows)`` for slices that cover 0..count-1, in order, computed on all cores.
+
+    NumPy lets go of the interpreter while it computes, so threads help. The results do not depend on
+    their number: the slices are always the same. The first error of ``work`` is raised; what has not begun by
+    then is left out.
+    """
+    from threadpoolctl import threadpool_limits
+
+    slices = [slice(first, min(first + chunk, count)) for first in range(0, count, chunk)]
+    threads = min(len(slices), default_threads())
+    if threads <= 1:
+        return [work(rows) for rows in slices]
+    # Matrix products of several threads at once would each ask for all cores, and wait for each other.
+    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(threads) as pool:
+        try:
+            return list(pool.map(work, slices))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
