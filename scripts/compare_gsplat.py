@@ -151,14 +151,19 @@ def compare_times(splats: int) -> list[Result]:
     def forward() -> None:
         total[:] = [sum(part.sum() for part in gsplat_projection(p, view)[:3])]  # type: ignore[list-item]
 
+    def backward() -> None:
+        total[0].backward()
+
+    def nothing() -> None:
+        pass
+
     results = []
-    for stage, ours, theirs in (
-        ("forward", stages["project"], forward),
-        ("backward", stages["gather and project back"], lambda: total[0].backward()),
+    for stage, ours, theirs, before in (
+        ("forward", stages["project"], forward, nothing),
+        ("backward", stages["gather and project back"], backward, forward),
     ):
         case = {"splats": splats, "stage": stage}
-        before = forward if stage == "backward" else lambda: None
-        mine, other = best_ms(ours, lambda: None), best_ms(theirs, before)
+        mine, other = best_ms(ours, nothing), best_ms(theirs, before)
         results += [
             Result("digs-warp", mine, "ms", case),
             Result("gsplat, PyTorch", other, "ms", case),
