@@ -5,14 +5,13 @@ the depth maps inside them tell the scale; then everything is metric.
 """
 
 import logging
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
+from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
@@ -21,7 +20,7 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
 from digs_warp.log import RunLog
 from digs_warp.point_cloud import PointCloud
-from digs_warp.posed_frames import CAMERAS, PosedFrames
+from digs_warp.posed_frames import CAMERAS, PosedFrames, with_cameras
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment, with_masks
 from digs_warp.sfm.config import SfmConfig
@@ -161,19 +160,15 @@ def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
 
 def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:
     """Return the frames that the model has a camera for, with it; warn of the others."""
-    cameras = dict(zip(model.sfm.names, model.sfm.cameras, strict=True))
-
-    def posed(group: Sequence[Frame]) -> tuple[Frame, ...]:
-        known = [frame for frame in group if frame.name in cameras]
-        return tuple(replace(frame, camera=cameras[frame.name]) for frame in known)
-
+    training, held_out = (
+        tuple(with_cameras(group, model.sfm)) for group in (frames.training, frames.held_out)
+    )
     every = (*frames.training, *frames.held_out)
-    lost = [frame.name for frame in every if frame.name not in cameras]
+    lost = [frame.name for frame in every if frame.name not in model.sfm.names]
     if lost:
         logger.warning("%d frames were not registered and are left out: %s", len(lost), lost[:5])
-    training = posed(frames.training)
     if not training:
         raise DigsError(
             f"structure from motion: none of the {len(frames.training)} training frames was registered"
         )
-    return PosedFrames(training, posed(frames.held_out), model.sfm_per_metre)
+    return PosedFrames(training, held_out, model.sfm_per_metre)

@@ -4,6 +4,7 @@ A recording's own poses and masks may differ from these: structure from motion e
 segmentation the others. ``cameras.json`` in the reconstruction's folder keeps them.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
 from digs_warp.log import read_json, to_json, write_atomically
+from digs_warp.sfm_model import SfmModel
 
 CAMERAS = "cameras.json"
 
@@ -65,6 +67,12 @@ class PosedFrames:
             ) from error
         except (TypeError, ValueError) as error:
             raise DigsError(f"'{path}': {error}; reconstruct again") from error
+
+
+def with_cameras(frames: Iterable[Frame], sfm: SfmModel) -> list[Frame]:
+    """Return the frames that the model has a camera for, with that camera."""
+    cameras = dict(zip(sfm.names, sfm.cameras, strict=True))
+    return [replace(f, camera=cameras[f.name]) for f in frames if f.name in cameras]
 
 
 def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:

@@ -11,6 +11,9 @@ from digs_warp.checks import DigsError, check_positive, check_shape
 from digs_warp.parallel import launch_parallel
 from digs_warp.triangle_mesh import TriangleMesh
 
+# Neighbours that tell how densely points lie at a place of the surface.
+NEIGHBOURS = 8
+
 # Samples of the true surface for the way back; the error of a mean over them is below 1 % of its spread.
 DEFAULT_SAMPLES = 20_000
 
@@ -27,6 +30,9 @@ class SurfaceScore:
         precision: share of points within ``threshold`` of the surface.
         recall: share of the surface within ``threshold`` of a point.
         f_score: harmonic mean of precision and recall.
+        spacing_ratio: how unevenly the points lie along the surface: upper over lower quartile, over the
+            surface, of the distance to the eighth nearest point. 1: a perfect grid; 1.28: random and even
+            (a planar Poisson process); more: clusters. It does not depend on the number of points.
         threshold: the distance [m] that the shares refer to.
     """
 
@@ -37,6 +43,7 @@ class SurfaceScore:
     precision: float
     recall: float
     f_score: float
+    spacing_ratio: float
     threshold: float
 
     def to_json(self) -> dict[str, float]:
@@ -75,7 +82,12 @@ def surface_score(
             f"surface score: {len(points)} points and {len(surface)} triangles, expected at least one each"
         )
     to_surface = distances_to_surface(points, surface)
-    to_points, _ = cKDTree(points).query(sample_surface(surface, samples, seed), workers=-1)
+    places = sample_surface(surface, samples, seed)
+    nearest, _ = cKDTree(points).query(
+        places, k=range(1, min(NEIGHBOURS, len(points)) + 1), workers=-1
+    )
+    to_points = nearest[:, 0]
+    dense, sparse = np.percentile(nearest[:, -1], (25, 75))
     precision = float((to_surface <= threshold).mean())
     recall = float((to_points <= threshold).mean())
     total = precision + recall
@@ -88,6 +100,7 @@ def surface_score(
         precision=precision,
         recall=recall,
         f_score=2 * precision * recall / total if total > 0 else 0.0,
+        spacing_ratio=float(sparse / max(dense, np.finfo(np.float64).tiny)),
         threshold=threshold,
     )
 

@@ -14,7 +14,7 @@ from digs_warp.commands.extract_mesh import MOST_VIEWS, extract_mesh
 from digs_warp.commands.layout import CAPTURE, find_gaussians
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
-from digs_warp.commands.true_surface import read_true_surface
+from digs_warp.surface.true_surface import read_true_surface
 
 if TYPE_CHECKING:
     from digs_warp.triangle_mesh import TriangleMesh

@@ -137,7 +137,7 @@ def _camera_path(capture: Capture, reconstruction: Path) -> "CameraPath | None":
 
 
 def _source_mesh(capture_folder: Path) -> "TriangleMesh | None":
-    from digs_warp.commands.true_surface import read_true_surface
+    from digs_warp.surface.true_surface import read_true_surface
 
     try:
         return read_true_surface(capture_folder)

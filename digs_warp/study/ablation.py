@@ -23,9 +23,10 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.log import progress
 from digs_warp.point_cloud import PointCloud
+from digs_warp.posed_frames import with_cameras
 from digs_warp.sfm_model import SfmModel
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
-from digs_warp.study.init_strategies import ScaledCapture, posed, scaled
+from digs_warp.study.init_strategies import ScaledCapture, scaled
 from digs_warp.study.results import Result
 from digs_warp.study.synthetic_sfm import sfm_from_truth
 from digs_warp.train.config import TrainConfig
@@ -189,10 +190,10 @@ def _training(
         return
     config = TrainConfig(iterations=iterations[-1])
     training, held_out = capture.split()
-    views = open_views(posed(training, seen.sfm), config)
+    views = open_views(with_cameras(training, seen.sfm), config)
     seeds = seed_gaussians(points, config.sh_degree, init.seed_opacity, init.seed_width)
     trainer = Trainer(seeds, views, config)
-    test_views = load_test_views(posed(held_out, seen.sfm))
+    test_views = load_test_views(with_cameras(held_out, seen.sfm))
     for stop in iterations:
         while trainer.optimizer.step < stop:
             trainer.step()

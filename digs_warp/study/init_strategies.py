@@ -8,7 +8,7 @@ calibration follow: a baseline that is 5 % too large, which the scale absorbs, a
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from digs_warp.init.local_scales import local_scales
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
 from digs_warp.log import progress
+from digs_warp.posed_frames import with_cameras
 from digs_warp.sfm_model import SfmModel
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
 from digs_warp.study.results import Result
@@ -74,13 +75,7 @@ def scaled(
     if found is None:
         found = estimate_scale(local_scales(sfm, frames, InitConfig())).sfm_per_metre
     metric = sfm.in_metres(found)
-    return ScaledCapture(posed(frames, metric), metric, found, found / true_scale)
-
-
-def posed(frames: Sequence[Frame], metric: SfmModel) -> list[Frame]:
-    """Return the frames with the cameras of a model."""
-    cameras = dict(zip(metric.names, metric.cameras, strict=True))
-    return [replace(frame, camera=cameras[frame.name]) for frame in frames]
+    return ScaledCapture(with_cameras(frames, metric), metric, found, found / true_scale)
 
 
 def init_strategies(

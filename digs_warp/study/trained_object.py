@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.camera import Camera
-from digs_warp.commands.true_surface import read_true_surface
 from digs_warp.gaussians import Gaussians
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.log import progress
+from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views

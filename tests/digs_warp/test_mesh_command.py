@@ -13,12 +13,12 @@ from reference.tiny_capture import ball, write_tiny_capture
 from digs_warp.camera import Intrinsics
 from digs_warp.capture import CaptureWriter, FrameImages
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.true_surface import read_true_surface
 from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.gaussians import Gaussians
 from digs_warp.imports import MissingLibraryError, import_open3d
 from digs_warp.log import RunLog
 from digs_warp.sh import sh_from_rgb
+from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.surface_metrics import sample_surface
 from sim.config import SimulateConfig
 from sim.record import simulate

@@ -17,11 +17,15 @@ class Case:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
         recording: settings of `sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.reconstruct.ReconstructConfig` that differ.
+        effort: how long it takes, relative to the other cases of its study: a guess, for the time budget.
+        threads: CPU threads; None: as the runner has them.
     """
 
     labels: Mapping[str, Any]
     recording: Mapping[str, Any] = field(default_factory=dict)
     reconstruction: Mapping[str, Any] = field(default_factory=dict)
+    effort: float = 1.0
+    threads: int | None = None
 
     @property
     def key(self) -> str:

@@ -5,9 +5,7 @@ import logging
 import resource
 import shutil
 import sys
-from importlib.util import find_spec
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from digs_warp.capture import Capture
@@ -16,6 +14,7 @@ from digs_warp.log import read_json, to_json, versions, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.study.engine.case import Case, digest
 from digs_warp.study.engine.overrides import with_settings
+from digs_warp.study.engine.yardstick import YARDSTICK, score_on_yardstick
 from sim.config import SimulateConfig
 
 CAPTURES = "captures"
@@ -24,12 +23,6 @@ WORK = "work"
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
 SCENE_SETTINGS = ("mesh", "environment", "object_size", "up")
-
-# The recording that results are compared on, whatever they were made from.
-YARDSTICK: dict[str, Any] = {
-    **{"frames": 8, "width": 640, "height": 360, "tier": "truth"},
-    **{"samples_per_pixel": 4, "seed": 20260521},
-}
 
 # Points within this distance [m] of the true surface count as on it.
 SURFACE_THRESHOLD = 0.005
@@ -109,25 +102,15 @@ def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
 
 
 def _yardstick_score(case: Case, gaussians: Gaussians, folder: Path) -> dict[str, float | None]:
-    """Measure the result on views that no case has seen: a perfect camera on a walk of its own."""
-    from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
-
+    """Measure the result on views that no case has seen; they are recorded once per scene."""
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
     config = with_settings(SimulateConfig(**YARDSTICK), scene)
-    views = load_test_views(_recorded(config, f"yardstick-{digest(scene)}", folder).frames)
-    images = render_views(DeviceGaussians.from_numpy(gaussians), views)
-    score = mean_score(score_views(images, views))
-    if find_spec("flip_evaluator"):
-        from digs_warp.flip import flip
-
-        pairs = zip(images, views, strict=True)
-        score["flip"] = fmean(flip(image, view.target) for image, view in pairs)
-    return score
+    frames = _recorded(config, f"yardstick-{digest(scene)}", folder).frames
+    return score_on_yardstick(gaussians, frames)
 
 
 def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:
-    from digs_warp.commands.true_surface import read_true_surface
+    from digs_warp.surface.true_surface import read_true_surface
     from digs_warp.surface_metrics import surface_score
 
     surface = read_true_surface(capture.folder)

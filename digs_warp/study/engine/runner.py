@@ -82,7 +82,8 @@ class _Run:
         self._workers = workers
         self._threads = max(1, default_threads() // workers)
         self._end = time.monotonic() + budget
-        self._durations: list[float] = []
+        self._seconds = 0.0
+        self._effort = 0.0
 
     def all(self, waiting: Sequence[Case], tick: Callable[[], object]) -> None:
         """Run the cases; ``tick`` is called after each."""
@@ -90,9 +91,12 @@ class _Run:
         running: list[Worker] = []
         try:
             while queue or running:
-                while queue and len(running) < self._workers and self._has_time():
+                while queue and len(running) < self._workers:
                     case = queue.pop(0)
-                    running.append(Worker(case, self._measure, self._folder, self._threads))
+                    if self._has_time(case):
+                        running.append(
+                            Worker(case, self._measure, self._folder, self._threads_of(case))
+                        )
                 if not running:
                     return  # the budget is used up
                 ready = wait([worker.connection for worker in running])
@@ -104,9 +108,13 @@ class _Run:
             for worker in running:
                 worker.stop()
 
-    def _has_time(self) -> bool:
-        typical = sum(self._durations) / len(self._durations) if self._durations else 0.0
-        return time.monotonic() + typical <= self._end
+    def _has_time(self, case: Case) -> bool:
+        """Whether the case would end in time, if its effort is paid as that of the cases before."""
+        expected = case.effort * self._seconds / self._effort if self._effort else 0.0
+        return time.monotonic() + expected <= self._end
+
+    def _threads_of(self, case: Case) -> int:
+        return case.threads or self._threads
 
     def _settle(self, worker: Worker) -> None:
         case = worker.case
@@ -115,12 +123,13 @@ class _Run:
             "labels": plain(case.labels),
             "recording": plain(case.recording),
             "reconstruction": plain(case.reconstruction),
-            "threads": self._threads,
+            "threads": self._threads_of(case),
         }
         try:
             record |= worker.result()
             self.done += 1
-            self._durations.append(record["case_seconds"])
+            self._seconds += record["case_seconds"]
+            self._effort += case.effort
         except DigsError as error:
             self.failed += 1
             record["error"] = str(error)

@@ -142,6 +142,8 @@ def test_a_study_is_measured_resumed_and_drawn(
     records = [json.loads(line) for line in (out / RESULTS).read_text().splitlines()]
     for record in records:
         assert record["yardstick"]["psnr"] > 5
+        assert 0 < record["yardstick"]["depth_mae"] < 0.2
+        assert 0 < record["yardstick"]["depth_seen"] <= 1
         assert 0 < record["surface"]["points"]["chamfer"] < 0.2
         assert record["memory_mb"] > 100
         assert record["course"][-1]["iteration"] == 4

@@ -123,3 +123,20 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     _, stderr = process.communicate(timeout=30)
     assert b"KeyboardInterrupt" in stderr
     assert [r["labels"]["n"] for r in Store(tmp_path).records.values()] == [1]
+
+
+def test_what_is_too_long_for_the_budget_is_left_out_and_shorter_cases_still_run(
+    tmp_path: Path,
+) -> None:
+    first = cases(2, seconds=0.2)[0]
+    long = Case(labels={"n": 3}, effort=1e6)
+    short = Case(labels={"n": 4}, effort=1e-6)
+    outcome = run_cases([first, long, short], tmp_path, measure=measure, budget=60.0)
+    assert (outcome.done, outcome.left_out) == (2, 1)
+    assert calls(tmp_path) == [2, 4]
+
+
+def test_a_case_may_ask_for_threads(tmp_path: Path) -> None:
+    run_cases([Case(labels={"n": 5}, threads=3)], tmp_path, measure=measure)
+    (record,) = Store(tmp_path).records.values()
+    assert (record["threads"], record["threads_seen"]) == (3, "3")
