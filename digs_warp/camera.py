@@ -99,6 +99,16 @@ class Camera:
         """Return the same view at another image size."""
         return replace(self, intrinsics=self.intrinsics.resized(width, height))
 
+    def cropped(self, rows: slice, columns: slice) -> "Camera":
+        """Return the view of a part of the image; starts and stops are given, and it is not empty."""
+        k = self.intrinsics
+        part = Intrinsics(
+            columns.stop - columns.start,
+            rows.stop - rows.start,
+            *(k.fx, k.fy, k.cx - columns.start, k.cy - rows.start),
+        )
+        return replace(self, intrinsics=part)
+
     def shifted_right(self, baseline: float) -> "Camera":
         """Return the camera ``baseline`` metres along this one's x axis: the right eye of a rig."""
         matrix = self.world_from_cam.copy()

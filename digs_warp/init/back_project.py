@@ -43,14 +43,12 @@ def back_project(
         DigsError: the voxel size is not positive, or so small that voxel indices overflow.
     """
     check_positive("voxel size", voxel_size)
-    top, left, box = _box(weights)
-    depth, weights, image = depth[box], weights[box], image[box]
     height, width = depth.shape
     channels = 0 if extra is None else extra.shape[2]
-    flat_extra = np.zeros((0, 0)) if extra is None else extra[box].reshape(-1, channels)
+    flat_extra = np.zeros((0, 0)) if extra is None else extra.reshape(-1, channels)
     k = camera.intrinsics
     axes = camera.world_from_cam[:3, :3]
-    corner = axes @ [(left - k.cx) / k.fx, (top - k.cy) / k.fy, 1.0]
+    corner = axes @ [-k.cx / k.fx, -k.cy / k.fy, 1.0]
     inputs = [
         _flat(depth, np.float32),
         _flat(image, np.uint8),
@@ -84,16 +82,6 @@ def back_project(
     sums = sums[:found][order]
     sums[:, 1 + COLOR : 1 + EXTRA] /= 255.0
     return VoxelSums(keys[:found][order], counts[:found][order], sums)
-
-
-def _box(weights: np.ndarray) -> tuple[int, int, tuple[slice, slice]]:
-    """Return top and left of the smallest box around all weights above 0, and the box as slices."""
-    rows = np.flatnonzero(weights.any(axis=1))
-    if rows.size == 0:
-        return 0, 0, (slice(0, 0), slice(0, 0))
-    columns = np.flatnonzero(weights[rows[0] : rows[-1] + 1].any(axis=0))
-    box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-    return box[0].start, box[1].start, box
 
 
 def _flat(array: np.ndarray, dtype: type) -> wp.array:

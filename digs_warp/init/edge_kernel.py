@@ -4,6 +4,8 @@
 
 One thread per tile of 64x16 pixels. Its depth values lie in one local array, so that LLVM turns the loop
 over a row into vector code, and that over its sums; what is missing is selected away, not branched around.
+Arrays are read and written through two lines of C: Warp's own index multiplies by a stride that LLVM cannot
+know, and element by element that took longer than the Laplacian itself.
 """
 
 import warp as wp
@@ -25,6 +27,14 @@ _NEAR = wp.constant((TILE_WIDTH + 2 * REACH) * (TILE_HEIGHT + 2 * REACH))
 _ROW_MASK = wp.constant(TILE_HEIGHT - 1)
 
 
+@wp.func_native("return values.data[i];")
+def value_at(values: wp.array[float], i: int) -> float: ...
+
+
+@wp.func_native("values.data[i] = value;")
+def set_value(values: wp.array[float], i: int, value: float): ...
+
+
 @wp.func
 def known(bend: float) -> float:
     """Return 1 where both members of a pair are measured, else 0."""
@@ -40,29 +50,43 @@ def or_zero(bend: float) -> float:
 @wp.kernel
 def laplacian_kernel(
     first: int,
-    depth: wp.array2d[float],  # [height, width] NaN: unknown
+    depth: wp.array[float],  # [height * width] NaN: unknown
+    height: int,
+    width: int,
     tile_columns: int,
     total_weight: float,  # of all pairs
     min_weight: float,  # below which a pixel is not judged
+    # the part of the image whose magnitudes are wanted
+    box_top: int,
+    box_left: int,
+    box_height: int,
+    box_width: int,
     # outputs
-    magnitude: wp.array2d[float],  # [height, width] |E|, NaN where not judged
-    sums: wp.array2d[wp.float64],  # [tiles, 3] number, sum and sum of squares of |E|
+    magnitude: wp.array[float],  # [box_height * box_width] |E|, NaN where not judged
+    sums: wp.array2d[
+        wp.float64
+    ],  # [tiles, 3] number, sum and sum of squares of |E|, over the whole image
 ):
     """Write |E|. The weights of the pairs are those of `digs_warp.init.edges.LAPLACIAN_5X5`."""
     tile = first + wp.tid()
     top = (tile // tile_columns) * _HEIGHT
     left = (tile % tile_columns) * _WIDTH
-    height = depth.shape[0]
-    width = depth.shape[1]
     near = wp.zeros(shape=(_NEAR,), dtype=float)
     for load_y in range(_ROWS):
         row = top + load_y - _REACH
-        for load_x in range(_STRIDE):
-            column = left + load_x - _REACH
-            loaded = wp.nan
-            if row >= 0 and row < height and column >= 0 and column < width:
-                loaded = depth[row, column]
-            near[load_y * _STRIDE + load_x] = loaded
+        if row >= 0 and row < height and left >= _REACH and left + _WIDTH + _REACH <= width:
+            start = row * width + left - _REACH
+            for load_x in range(_STRIDE):
+                near[load_y * _STRIDE + load_x] = value_at(depth, start + load_x)
+        else:
+            for edge_x in range(_STRIDE):
+                column = left + edge_x - _REACH
+                loaded = wp.nan
+                if row >= 0 and row < height and column >= 0 and column < width:
+                    loaded = value_at(depth, row * width + column)
+                near[load_y * _STRIDE + edge_x] = loaded
+    from_x = wp.max(box_left - left, 0)
+    to_x = wp.min(box_left + box_width - left, _WIDTH)
     line = wp.zeros(shape=(_WIDTH,), dtype=float)
     count = wp.float64(0.0)
     total = wp.float64(0.0)
@@ -110,8 +134,10 @@ def laplacian_kernel(
             count += wp.float64(row_count)
             total += wp.float64(row_total)
             squares += wp.float64(row_squares)
-            for write_x in range(inside):
-                magnitude[top + y, left + write_x] = line[write_x]
+            if top + y >= box_top and top + y < box_top + box_height:
+                box_row = (top + y - box_top) * box_width + left - box_left
+                for write_x in range(from_x, to_x):
+                    set_value(magnitude, box_row + write_x, line[write_x])
     sums[tile, 0] = count
     sums[tile, 1] = total
     sums[tile, 2] = squares

@@ -17,6 +17,9 @@ import warp as wp
 
 from digs_warp.init.edge_kernel import TILE_HEIGHT, TILE_WIDTH, laplacian_kernel
 
+# Rows and columns of a part of an image; starts and stops are given.
+Box = tuple[slice, slice]
+
 # Rows of the 5x5 Sobel second derivative and its smoothing: this is OpenCV's Laplacian of size 5.
 _SECOND_DERIVATIVE = np.array([1.0, 0.0, -2.0, 0.0, 1.0])
 _SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0])
@@ -34,39 +37,49 @@ MIN_PAIR_WEIGHT = 0.75
 STD_FRACTION = 0.1  # "10 % of the standard deviation" (section 4.1)
 
 
-def edge_magnitude(depth: np.ndarray) -> tuple[np.ndarray, float]:
+def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarray, float]:
     """Return |E| of a depth map [m], shape (height, width), float32, and the threshold tau_edge.
 
     Where some pairs are missing, the response of the others is scaled up to the full kernel. NaN: the
     pixel has no depth, or too few measured neighbours to judge. The threshold is NaN when none is known.
+
+    Args:
+        depth: shape (height, width), NaN where unknown.
+        box: rows and columns whose |E| is wanted; None: all. The threshold is that of the whole map.
     """
     height, width = depth.shape
-    columns = -(-width // TILE_WIDTH)
-    tiles = columns * -(-height // TILE_HEIGHT)
-    magnitude = np.empty((height, width), dtype=np.float32)
+    rows, columns = box or (slice(0, height), slice(0, width))
+    tile_columns = -(-width // TILE_WIDTH)
+    tiles = tile_columns * -(-height // TILE_HEIGHT)
+    magnitude = np.empty((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
     sums = np.empty((tiles, 3))
     wp.launch(
         laplacian_kernel,
         dim=tiles,
         inputs=[
             0,
-            on_device(np.ascontiguousarray(depth, dtype=np.float32)),
-            columns,
+            on_device(np.ascontiguousarray(depth, dtype=np.float32).reshape(-1)),
+            height,
+            width,
+            tile_columns,
             _TOTAL_WEIGHT,
             MIN_PAIR_WEIGHT * _TOTAL_WEIGHT,
+            rows.start,
+            columns.start,
+            *magnitude.shape,
         ],
-        outputs=[on_device(magnitude), on_device(sums)],
+        outputs=[on_device(magnitude.reshape(-1)), on_device(sums)],
         device="cpu",
     )
     return magnitude, _edge_threshold(*sums.sum(axis=0))
 
 
-def smooth_depth(depth: np.ndarray) -> np.ndarray:
-    """Return where depth is known and far from a jump, shape (height, width), bool.
+def smooth_depth(depth: np.ndarray, box: Box | None = None) -> np.ndarray:
+    """Return where depth is known and far from a jump, bool, the shape of ``depth`` or of ``box``.
 
     On a perfectly flat map (every response is the same) all measured pixels pass.
     """
-    magnitude, threshold = edge_magnitude(depth)
+    magnitude, threshold = edge_magnitude(depth, box)
     return magnitude <= threshold
 
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # Pixels that vote on the centroids: a regular subset of large images is enough.
-SAMPLE_PIXELS = 200_000
+SAMPLE_PIXELS = 50_000
 # Share of the votes left out at either end: single wild values must not make a cluster of their own.
 TRIMMED = 0.01
 # From this share of the image on a mask tells nothing.

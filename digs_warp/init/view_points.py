@@ -10,8 +10,9 @@ from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
-from digs_warp.init.edges import smooth_depth
+from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
+from digs_warp.init.normal_kernel import REACH
 from digs_warp.init.normals import normals_from_depth
 from digs_warp.init.uncertainty import depth_deviation, pixel_rays, stereo_weights
 from digs_warp.init.voxel import VoxelSums
@@ -74,29 +75,47 @@ def view_points(
     confidence = frame.load_confidence() if config.weight_by_confidence else None
     laps.lap("read")
     in_mask = mask > config.mask_threshold
-    keep = in_mask & ~np.isnan(depth)
+    rows, columns = box = box_of(in_mask)
+    camera, near = frame.camera.cropped(rows, columns), depth[box]  # what the mask is about
+    keep = in_mask[box] & ~np.isnan(near)
     pixels = {FILTERS[0]: int(np.count_nonzero(in_mask)), FILTERS[1]: int(np.count_nonzero(keep))}
     laps.lap("mask")
     if config.edge_filter:
-        keep &= smooth_depth(depth)
+        keep &= smooth_depth(depth, box)
     pixels[FILTERS[2]] = int(np.count_nonzero(keep))
     laps.lap("edge filter")
     if config.foreground_filter:
-        keep &= foreground_range(depth, in_mask, config.background_weight).contains(depth)
+        keep &= foreground_range(depth, in_mask, config.background_weight).contains(near)
     pixels[FILTERS[3]] = int(np.count_nonzero(keep))
     laps.lap("foreground")
     weights = keep.astype(np.float32)
     if config.weight_by_uncertainty:
-        weights *= stereo_weights(depth)
+        weights *= stereo_weights(near)
     if confidence is not None:
-        weights *= confidence
-    extra = _shape_values(frame.camera, depth, keep, config, baseline)
+        weights *= confidence[box]
+    extra = _shape_values(camera, near, keep, config, baseline)
     laps.lap("weights")
-    voxels = back_project(frame.camera, image, depth, weights, voxel_size, extra)
+    voxels = back_project(camera, image[box], near, weights, voxel_size, extra)
     laps.lap("back-project")
     stride = int(np.ceil(np.sqrt(depth.size / KEPT_PIXELS)))
     thinned = depth[::stride, ::stride].copy() if config.visibility_check else None
     return ViewPoints(frame.name, frame.camera, voxels, pixels, thinned, laps.seconds)
+
+
+def box_of(in_mask: np.ndarray) -> Box:
+    """Return rows and columns around all mask pixels, and the few beside them that normals look at.
+
+    Of an empty mask it is the first pixel.
+    """
+    rows = np.flatnonzero(in_mask.any(axis=1))
+    columns = np.flatnonzero(in_mask.any(axis=0))
+    if rows.size == 0:
+        return slice(0, 1), slice(0, 1)
+    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    return (
+        slice(max(0, int(top) - REACH), min(in_mask.shape[0], int(bottom) + REACH)),
+        slice(max(0, int(left) - REACH), min(in_mask.shape[1], int(right) + REACH)),
+    )
 
 
 def _shape_values(

@@ -9,7 +9,11 @@ Positions and sums are float64: the same bits as the NumPy twin in the tests.
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False})
+# Without the machine's own rounding instruction `floor` is a call. Fused multiply-adds would change bits.
+FLAGS = "-march=native -ffp-contract=off"
+wp.set_module_options(
+    {"enable_backward": False, "optimization_level": 3, "cpu_compiler_flags": FLAGS}
+)
 
 # Three signed voxel indices share one 64-bit key, so that a single sort groups the points.
 BITS = 21

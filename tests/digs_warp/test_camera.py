@@ -73,6 +73,17 @@ def test_center_and_inverse_agree_with_the_pose():
     )
 
 
+def test_cropped_camera_sees_every_point_where_the_part_of_the_image_shows_it():
+    camera = Camera(Intrinsics(64, 48, 50.0, 52.0, 31.0, 25.0), np.eye(4))
+    part = camera.cropped(slice(10, 40), slice(7, 20))
+    points = np.array([[0.1, -0.2, 1.5], [-0.3, 0.4, 2.0]])
+    px, depth = camera.project(points)
+    part_px, part_depth = part.project(points)
+    np.testing.assert_allclose(part_px, px - [7, 10], atol=1e-12)
+    np.testing.assert_array_equal(part_depth, depth)
+    assert (part.intrinsics.width, part.intrinsics.height) == (13, 30)
+
+
 def test_resized_camera_sees_every_point_at_the_same_place_of_its_image():
     camera = random_camera(2)
     px, depth = random_pixels(50)

@@ -40,6 +40,24 @@ def test_the_kernel_equals_its_twin(shape: tuple[int, int], holes: float) -> Non
     np.testing.assert_allclose(threshold, threshold_of(expected), atol=PLANE_ROUNDING, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    "box",
+    [
+        (slice(0, 40), slice(0, 130)),
+        (slice(15, 33), slice(63, 65)),
+        (slice(39, 40), slice(100, 130)),
+    ],
+)
+def test_a_part_of_the_image_is_cut_out_of_the_whole(box: tuple[slice, slice]) -> None:
+    depth = np.random.default_rng(3).uniform(0.5, 2.0, (40, 130)).astype(np.float32)
+    depth[5:12, 60:80] = np.nan
+    whole, threshold = edge_magnitude(depth)
+    part, same_threshold = edge_magnitude(depth, box)
+    np.testing.assert_array_equal(part, whole[box])
+    assert same_threshold == threshold
+    np.testing.assert_array_equal(smooth_depth(depth, box), smooth_depth(depth)[box])
+
+
 def test_without_holes_it_is_the_usual_laplacian() -> None:
     depth = np.random.default_rng(0).uniform(0.5, 2.0, (20, 30)).astype(np.float32)
     expected = ndimage.correlate(depth.astype(np.float64), LAPLACIAN_5X5)
