@@ -19,6 +19,7 @@ class Case:
         reconstruction: dotted settings of `digs_warp.reconstruct.ReconstructConfig` that differ.
         effort: how long it takes, relative to the other cases of its study: a guess, for the time budget.
         threads: CPU threads; None: as the runner has them.
+        finishes: also measure what can be chosen after the training (`engine.finish`).
     """
 
     labels: Mapping[str, Any]
@@ -26,6 +27,7 @@ class Case:
     reconstruction: Mapping[str, Any] = field(default_factory=dict)
     effort: float = 1.0
     threads: int | None = None
+    finishes: bool = False
 
     @property
     def key(self) -> str:

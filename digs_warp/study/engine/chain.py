@@ -5,17 +5,22 @@ import logging
 import resource
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from digs_warp.capture import Capture
+from digs_warp.capture import Capture, Frame
 from digs_warp.gaussians import Gaussians
 from digs_warp.log import read_json, to_json, versions, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.study.engine.case import Case, digest
+from digs_warp.study.engine.finish import score_finishes
 from digs_warp.study.engine.overrides import with_settings
 from digs_warp.study.engine.yardstick import YARDSTICK, score_on_yardstick
 from sim.config import SimulateConfig
+
+if TYPE_CHECKING:
+    from digs_warp.init.config import InitConfig
 
 CAPTURES = "captures"
 SFM = "sfm"
@@ -23,6 +28,9 @@ WORK = "work"
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
 SCENE_SETTINGS = ("mesh", "environment", "object_size", "up")
+
+# The unit of the model that the scale is recovered from; any number but 1 would do.
+SFM_PER_METRE = 1.37
 
 # Points within this distance [m] of the true surface count as on it.
 SURFACE_THRESHOLD = 0.005
@@ -38,8 +46,9 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
 
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk: comparable between
-    recordings), ``surface`` (distances of points and Gaussians to the true surface), ``seconds`` (stages;
-    compiling kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
+    recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
+    `engine.finish`), ``scale_error`` (share that the sensor's depth misses the scale by), ``seconds`` (of
+    stages; compiling kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
     process), ``versions``.
 
     Args:
@@ -60,8 +69,11 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         gaussians = reconstruct(capture, config, work)
     measured = _measure(work)
     _share_sfm(work, matched, measured["seconds"])
+    yardstick = _yardstick(case, folder)
     measured |= {
-        "yardstick": _yardstick_score(case, gaussians, folder),
+        "yardstick": score_on_yardstick(gaussians, yardstick),
+        "finishes": score_finishes(gaussians, yardstick) if case.finishes else {},
+        "scale_error": _scale_error(capture, config.init),
         "surface": _surface_scores(capture, work, gaussians),
         "recording_seconds": read_json(capture.folder / "run.json", "run record")["seconds"],
         "memory_mb": _peak_memory_mb(),
@@ -101,12 +113,26 @@ def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
         write_atomically(note, to_json({"seconds": seconds[stage]}).encode())
 
 
-def _yardstick_score(case: Case, gaussians: Gaussians, folder: Path) -> dict[str, float | None]:
-    """Measure the result on views that no case has seen; they are recorded once per scene."""
+def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:
+    """Return views that no case has seen; they are recorded once per scene."""
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
     config = with_settings(SimulateConfig(**YARDSTICK), scene)
-    frames = _recorded(config, f"yardstick-{digest(scene)}", folder).frames
-    return score_on_yardstick(gaussians, frames)
+    return _recorded(config, f"yardstick-{digest(scene)}", folder).frames
+
+
+def _scale_error(capture: Capture, config: "InitConfig") -> float:
+    """Return by what share the scale is missed that the depth gives to a perfect model of the poses.
+
+    What the sensor alone does to the scale: structure from motion adds its own errors.
+    """
+    from digs_warp.init.local_scales import local_scales
+    from digs_warp.init.scale import estimate_scale
+    from digs_warp.study.synthetic_sfm import sfm_from_truth
+
+    training, _ = capture.split()
+    model = sfm_from_truth(training, SFM_PER_METRE)
+    found = estimate_scale(local_scales(model, training, config))
+    return abs(found.sfm_per_metre / SFM_PER_METRE - 1)
 
 
 def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:

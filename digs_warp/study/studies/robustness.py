@@ -1,107 +1,187 @@
-"""How errors of the sensor reach the result: each effect alone, at rising strength."""
+"""How errors of the sensor reach the result: all together for every strategy, then each effect alone."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.charts import Chart, Curve
 from digs_warp.study.engine.page import Section, Table
-from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
+from digs_warp.study.engine.records import Record, Spread, at_iteration, group_by, spread
 from digs_warp.study.studies.scenes import objects
 
-STRENGTHS = (0.0, 1.0, 2.0, 4.0)
-STRATEGIES = ("highdepth", "depth", "fusion")
-ITERATIONS = (100, 1000)
+# The largest first: it tells whether an effect matters at all.
+STRENGTHS = (4.0, 1.0, 2.0)
+STRATEGIES = ("highdepth", "depth", "fusion", "default", "random")
+MAIN = "highdepth"
+ITERATIONS = (100, 300, 1000)
 
-ALL = "all together"
+ALL, NONE = "all together", "none"
+
+# Small, because there are two dozen effects; poses are the recording's own, so that nothing else is wrong.
+RECORDING: dict[str, Any] = {"frames": 24, "width": 400, "height": 225, "samples_per_pixel": 2}
 
 
-def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> list[Case]:
-    """Return all effects together first, then each alone; strengths and strategies innermost."""
+def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 300) -> list[Case]:
+    """Return the cases: no effect and all of them for every strategy, then each effect for the main one."""
     from sim.sensor.planner import EFFECT_NAMES
 
+    settings = [(NONE, 0.0, strategy) for strategy in STRATEGIES]
+    settings += [(ALL, strength, strategy) for strength in STRENGTHS for strategy in STRATEGIES]
+    settings += [(effect, strength, MAIN) for strength in STRENGTHS for effect in EFFECT_NAMES]
     return [
-        Case(
-            labels={
-                **{"object": name, "effect": effect, "strength": strength},
-                **{"strategy": strategy, "seed": seed},
-            },
-            recording=scene
-            | {"frames": 40, "width": 640, "height": 360, "seed": seed, "strength": strength}
-            | {"effects": "all" if effect == ALL else effect},
-            reconstruction={
-                "init.strategy": strategy,
-                "train.iterations": iterations,
-                "train.seed": seed,
-            },
-        )
+        _case(name, scene, effect, strength, strategy, seed, iterations)
         for seed in range(seeds)
-        for effect in (ALL, *EFFECT_NAMES)
         for name, scene in objects(objects_count).items()
-        for strength in STRENGTHS
-        for strategy in STRATEGIES
+        for effect, strength, strategy in settings
     ]
+
+
+def _case(
+    name: str,
+    scene: Mapping[str, Any],
+    effect: str,
+    strength: float,
+    strategy: str,
+    seed: int,
+    iterations: int,
+) -> Case:
+    return Case(
+        labels={
+            **{"object": name, "effect": effect, "strength": strength},
+            **{"strategy": strategy, "seed": seed},
+        },
+        recording={**scene, **RECORDING, "seed": seed}
+        | {"strength": strength, "effects": "all" if effect == ALL else effect},
+        reconstruction={
+            "init.strategy": strategy,
+            "train.iterations": iterations,
+            "train.seed": seed,
+        },
+    )
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
-    """Return a table of every effect, and curves of what hurts most."""
+    """Return strategies under all effects, each effect alone, and which stage each of them hurts."""
+    groups = group_by(records, "effect", "strength", "strategy")
+    found = [_strategies(groups), _effects(groups), _stages(groups)]
+    return [section for section in found if any(table.rows for table in section.tables)]
+
+
+Groups = Mapping[tuple[Any, ...], list[Record]]
+
+
+def _strategies(groups: Groups) -> Section:
     rows = []
-    slopes: dict[str, float] = {}
-    for (effect, strategy), found in group_by(records, "effect", "strategy").items():
-        by_strength = {key[0]: value for key, value in group_by(found, "strength").items()}
-        for strength, group in by_strength.items():
-            rows.append([effect, strategy, f"{strength:g}", *map(_text, _numbers(group))])
-        worst = spread(by_strength.get(STRENGTHS[-1], []), _final_psnr)
-        none = spread(by_strength.get(STRENGTHS[0], []), _final_psnr)
-        if worst and none:
-            slopes[effect] = min(slopes.get(effect, 0.0), worst.mean - none.mean)
-    headings = ["effect", "strategy", "strength", "scale error [%]", "points: Chamfer [mm]"]
-    headings += [*(f"PSNR after {i} [dB]" for i in ITERATIONS), "PSNR at the end [dB]"]
-    order = sorted(slopes, key=slopes.__getitem__)
-    text = "Poses are the recording's own. "
-    if order:
-        text += "What hurts most at four times the usual strength: " + ", ".join(
-            f"{effect} ({slopes[effect]:+.1f} dB)" for effect in order[:3]
-        )
-    return [Section("Effects", text, [Table("effects", headings, rows)], [_chart(records, order)])]
-
-
-def _chart(records: Sequence[Record], effects: Sequence[str]) -> Chart:
     curves = []
-    for effect in effects[:8]:
-        found = [r for r in records if r["labels"]["effect"] == effect]
-        groups = {k[0]: v for k, v in group_by(found, "strength").items()}
-        values = [(strength, spread(group, _final_psnr)) for strength, group in groups.items()]
+    for strategy in STRATEGIES:
+        points = []
+        for effect, strength in ((NONE, 0.0), *((ALL, s) for s in sorted(STRENGTHS))):
+            found = groups.get((effect, strength, strategy))
+            if found:
+                rows.append([strategy, f"{strength:g}", *_texts(found)])
+                quality = spread(found, _final_psnr)
+                points += [(strength, quality.mean)] if quality else []
+        curves.append(Curve(strategy, [x for x, _ in points], [y for _, y in points]))
+    chart = Chart(
+        *("strategies", "All effects together, by strategy", curves),
+        *("strength of the effects (1: a real camera)", "PSNR on views of a perfect camera [dB]"),
+    )
+    text = (
+        "Every effect at once at 0, 1, 2 and 4 times its real strength. Default and Random do not start from "
+        "depth: what they lose is what the photographs have lost (blur, grain, vignetting)."
+    )
+    headings = ["strategy", "strength", *_headings()]
+    return Section("All effects together", text, [Table("strategies", headings, rows)], [chart])
+
+
+def _effects(groups: Groups) -> Section:
+    rows = []
+    for effect in _by_harm(groups):
+        for strength in sorted(STRENGTHS):
+            if found := groups.get((effect, strength, MAIN)):
+                rows.append([effect, f"{strength:g}", *_texts(found)])
+    if clean := groups.get((NONE, 0.0, MAIN)):
+        rows.append([NONE, "0", *_texts(clean)])
+    worst = _by_harm(groups)[:3]
+    text = f"Each effect alone, with {MAIN}; the most harmful first."
+    if worst:
+        text += f" What costs most of the final quality: {', '.join(worst)}."
+    table = Table("effects", ["effect", "strength", *_headings()], rows)
+    return Section("Each effect alone", text, [table], [_chart(groups)] if rows else [])
+
+
+def _stages(groups: Groups) -> Section:
+    """Say which stage an effect at the largest strength hurts: scale, points, early or late training."""
+    clean = groups.get((NONE, 0.0, MAIN))
+    rows = []
+    if clean:
+        usual = _values(clean)
+        for effect in _by_harm(groups):
+            if found := groups.get((effect, max(STRENGTHS), MAIN)):
+                changes = [
+                    "" if a is None or b is None else f"{a.mean - b.mean:+.{decimals}f}"
+                    for a, b, decimals in zip(_values(found), usual, DECIMALS, strict=True)
+                ]
+                rows.append([effect, *changes])
+    text = (
+        f"What {max(STRENGTHS):g} times the real strength changes, against no effect at all. Scale error "
+        "and Chamfer distance: harm before the training. PSNR after 100 steps: what the start has lost. PSNR "
+        "at the end: what training could not make up for."
+    )
+    return Section("Which stage is hurt", text, [Table("stages", ["effect", *_headings()], rows)])
+
+
+def _by_harm(groups: Groups) -> list[str]:
+    """Return the single effects, those first whose largest measured strength leaves the least quality."""
+    strongest: dict[str, tuple[float, float]] = {}
+    for (effect, strength, strategy), found in groups.items():
+        quality = spread(found, _final_psnr)
+        if effect in (ALL, NONE) or strategy != MAIN or not quality:
+            continue
+        strongest[effect] = max(strongest.get(effect, (0.0, 0.0)), (strength, quality.mean))
+    return sorted(strongest, key=lambda effect: strongest[effect][1])
+
+
+def _chart(groups: Groups) -> Chart:
+    curves = []
+    clean = groups.get((NONE, 0.0, MAIN), [])
+    for effect in _by_harm(groups)[:6]:
+        values = [(0.0, spread(clean, _final_psnr))]
+        values += [(s, spread(groups.get((effect, s, MAIN), []), _final_psnr)) for s in STRENGTHS]
         known = sorted((strength, value.mean) for strength, value in values if value)
         curves.append(Curve(effect, [x for x, _ in known], [y for _, y in known]))
-    title = "What the strength of an effect costs, mean over the strategies"
-    return Chart("effects", title, curves, "strength", "PSNR on views of a perfect camera [dB]")
+    title = "The six most harmful effects"
+    labels = ("strength (1: a real camera)", "PSNR on views of a perfect camera [dB]")
+    return Chart("effects", title, curves, *labels)
 
 
-def _numbers(group: Sequence[Record]) -> list[tuple[float | None, int]]:
-    """Return the values of a row, each with its number of decimals."""
+DECIMALS = (3, 2, *(2 for _ in ITERATIONS), 2)
 
-    def mean(value: Any) -> float | None:
-        found = spread(group, value)
-        return found.mean if found else None
 
+def _headings() -> list[str]:
     return [
-        (mean(_scale_error), 3),
-        (mean(lambda r: 1e3 * r["surface"]["points"]["chamfer"] if r["surface"] else None), 2),
-        *((mean(lambda r, i=i: at_iteration(r, i, "psnr")), 2) for i in ITERATIONS),
-        (mean(_final_psnr), 2),
+        *("scale error [%]", "points: Chamfer [mm]"),
+        *(f"PSNR after {i} [dB]" for i in ITERATIONS),
+        "PSNR at the end [dB]",
     ]
 
 
-def _scale_error(record: Record) -> float | None:
-    scale = record["results"].get("scale")
-    return 100 * abs(scale["sfm_per_metre"] - 1) if scale else None
+def _values(group: Sequence[Record]) -> list[Spread | None]:
+    """Return the values of a row, in the order of the headings."""
+    return [
+        spread(group, lambda r: 100 * r["scale_error"]),
+        spread(group, lambda r: 1e3 * r["surface"]["points"]["chamfer"] if r["surface"] else None),
+        *(spread(group, lambda r, i=i: at_iteration(r, i, "psnr")) for i in ITERATIONS),
+        spread(group, _final_psnr),
+    ]
+
+
+def _texts(group: Sequence[Record]) -> list[str]:
+    return [
+        value.text(decimals) if value else ""
+        for value, decimals in zip(_values(group), DECIMALS, strict=True)
+    ]
 
 
 def _final_psnr(record: Record) -> float | None:
     return record["yardstick"].get("psnr")
-
-
-def _text(value: tuple[float | None, int]) -> str:
-    number, decimals = value
-    return "" if number is None else f"{number:.{decimals}f}"

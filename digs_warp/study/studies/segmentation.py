@@ -17,7 +17,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> lis
     return [
         Case(
             labels={"object": name, "mask error": error, "strategy": strategy, "seed": seed},
-            recording=scene | {"frames": 40, "width": 640, "height": 360, "seed": seed},
+            recording=scene | {"frames": 40, "width": 480, "height": 270, "seed": seed},
             reconstruction={
                 **{"segment.masks": "degraded", "segment.mask_error": error},
                 **{"segment.mask_seed": seed, "init.strategy": strategy},

@@ -1,44 +1,68 @@
 """What accuracy costs in time: each knob of the chain alone, and the front of what is worth its seconds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.charts import Chart, Curve
 from digs_warp.study.engine.page import Section, Table
-from digs_warp.study.engine.records import Record, Spread, group_by, pareto_front, spread
+from digs_warp.study.engine.records import Record, Spread, group_by, pareto_front
+from digs_warp.study.studies.finishes import finish_sections
 from digs_warp.study.studies.scenes import objects
 
 # The point that every knob starts from.
-RECORDING: dict[str, Any] = {"frames": 40, "width": 640, "height": 360, "samples_per_pixel": 4}
+RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples_per_pixel": 4}
 RECONSTRUCTION: dict[str, Any] = {"train.iterations": 500}
 USUAL = "usual"
 
-# Knob -> (part of the chain, setting, values); a size changes both sides of the image.
+# Knob -> (part of the chain, setting, values); a size changes both sides of the image. Those whose price is
+# asked for most come first.
 KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "iterations": ("reconstruction", "train.iterations", (100, 250, 1000, 2000)),
-    "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
-    "frames": ("recording", "frames", (16, 24, 60, 90)),
-    "image width": ("recording", "width", (320, 480, 960)),
-    "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
+    "frames": ("recording", "frames", (16, 24, 60)),
+    "image width": ("recording", "width", (320, 640, 960)),
     "voxel size [mm]": ("reconstruction", "init.voxel_size", (16, 8, 2)),
     "initialization": ("reconstruction", "init.strategy", ("depth", "fusion", "default", "random")),
     "density control": ("reconstruction", "train.density", ("default", "absgrad", "mcmc")),
+    "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
+    "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
     "SH degree": ("reconstruction", "train.sh_degree", (0, 2, 3)),
     "poses": ("reconstruction", "sfm.poses", ("sfm",)),
+    "features per image": ("reconstruction", "sfm.features", (1000, 6000)),
+    "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),
+    "mapper": ("reconstruction", "sfm.mapper", ("global",)),
+}
+# These mean something only with estimated poses, and are priced against them.
+OF_SFM = ("features per image", "pairs of images", "mapper")
+
+# What is bought with the seconds, a sentence per knob.
+BUYS = {
+    "iterations": "Training steps: the knob to turn first; what a second buys falls quickly.",
+    "frames": "More views cover more of the object and take longer to record, not to train.",
+    "image width": "Finer images: recording and training both pay for every pixel.",
+    "voxel size [mm]": "Finer points to start from: more Gaussians, so every step is slower.",
+    "initialization": "Where the Gaussians start: seconds once, saved again in the training.",
+    "density control": "Adding and removing Gaussians while training; a dense start hardly needs it.",
+    "sensor tier": "How the depth is made: from no error to a real matcher. Buys realism, not quality.",
+    "samples per pixel": "Rays of the simulated photograph: less grain to learn, more time to record.",
+    "SH degree": "Colour that depends on the view: gloss needs it; more numbers per Gaussian.",
+    "poses": "Estimated instead of recorded poses: time for what a real recording needs.",
+    "features per image": "Of structure from motion: more points and matches, more time.",
+    "pairs of images": "Of structure from motion: fewer pairs save time in long recordings.",
+    "mapper": "Of structure from motion: all cameras at once instead of one after the other.",
 }
 
 
 def cases(objects_count: int = 2, seeds: int = 1, iterations: int = 500) -> list[Case]:
-    """Return the usual settings, then one knob turned at a time; objects innermost."""
+    """Return the usual settings, then one knob turned at a time; one object after the other."""
     usual = RECONSTRUCTION | {"train.iterations": iterations}
     turned = [(knob, value) for knob, (_, _, values) in KNOBS.items() for value in values]
     return [
         _case(name, recording, knob, value, seed, usual)
         for seed in range(seeds)
-        for knob, value in [(USUAL, ""), *turned]
         for name, recording in objects(objects_count).items()
+        for knob, value in [(USUAL, ""), *turned]
     ]
 
 
@@ -54,21 +78,23 @@ def _case(
             changes["height"] = value * 9 // 16
         if knob == "voxel size [mm]":
             changes[setting] = value / 1e3
+        if knob in OF_SFM:
+            changes["sfm.poses"] = "sfm"
         if part == "recording":
             recording |= changes
         else:
             reconstruction |= changes
     labels = {"object": name, "knob": knob, "value": value, "seed": seed}
-    return Case(labels, recording, reconstruction)
+    return Case(labels, recording, reconstruction, finishes=knob == USUAL)
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
     """Return the front over all cases, and a table per knob."""
-    measured = _measured(group_by(records, "knob", "value"))
-    usual = measured.get((USUAL, ""))
-    if usual is None:
+    measured = _measured(records)
+    if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
-    return [_front(measured), *_knob_sections(measured, usual)]
+    usual = [r for r in records if r["labels"]["knob"] == USUAL]
+    return [_front(measured), *_knob_sections(measured), *finish_sections(usual)]
 
 
 def total_seconds(record: Record) -> float:
@@ -106,16 +132,11 @@ class Best:
 
 def best_within(records: Sequence[Record], budget: float) -> Best | None:
     """Return the setting of the highest quality whose mean time is within ``budget`` seconds."""
-    groups = group_by(records, "knob", "value")
-    within = {
-        key: (seconds, quality)
-        for key, (seconds, quality) in _measured(groups).items()
-        if seconds.mean <= budget
-    }
+    within = {key: m for key, m in _measured(records).items() if m[0].mean <= budget}
     if not within:
         return None
     key = max(within, key=lambda k: within[k][1].mean)
-    record = groups[key][0]
+    record = group_by(records, "knob", "value")[key][0]
     settings = {**record["recording"], **record["reconstruction"]}
     kept = {
         n: v for n, v in settings.items() if n not in ("mesh", "environment", "seed", "train.seed")
@@ -126,13 +147,38 @@ def best_within(records: Sequence[Record], budget: float) -> Best | None:
 Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
 
 
-def _measured(groups: Mapping[tuple[Any, ...], list[Record]]) -> Measured:
-    """Return mean time and quality of every setting."""
-    return {
-        key: (seconds, quality)
-        for key, found in groups.items()
-        if (seconds := spread(found, total_seconds)) and (quality := spread(found, yardstick_psnr))
-    }
+def _measured(records: Sequence[Record]) -> Measured:
+    """Return mean time and quality of every setting.
+
+    A time budget may have left an object out for some settings. Each setting is therefore compared with the
+    usual one on the objects that both have; the mean difference is added to the mean of the usual one.
+    """
+    usual = {_subject(r): _numbers(r) for r in records if r["labels"]["knob"] == USUAL}
+    usual = {subject: pair for subject, pair in usual.items() if pair}
+    if not usual:
+        return {}
+    levels = [sum(pair[i] for pair in usual.values()) / len(usual) for i in (0, 1)]
+    found: Measured = {}
+    for key, group in group_by(records, "knob", "value").items():
+        pairs = [
+            (n, usual[_subject(r)]) for r in group if (n := _numbers(r)) and _subject(r) in usual
+        ]
+        seconds, quality = (
+            Spread.of(level + own[i] - base[i] for own, base in pairs)
+            for i, level in enumerate(levels)
+        )
+        if seconds and quality:
+            found[key] = (seconds, quality)
+    return found
+
+
+def _subject(record: Record) -> tuple[Any, Any]:
+    return record["labels"]["object"], record["labels"]["seed"]
+
+
+def _numbers(record: Record) -> tuple[float, float] | None:
+    quality = yardstick_psnr(record)
+    return None if quality is None else (total_seconds(record), quality)
 
 
 def _front(measured: Measured) -> Section:
@@ -164,22 +210,23 @@ def _front(measured: Measured) -> Section:
     return Section("What is worth its time", text, [table], [chart])
 
 
-def _knob_sections(measured: Measured, usual: tuple[Spread, Spread]) -> list[Section]:
+def _knob_sections(measured: Measured) -> list[Section]:
     found = []
     for knob in KNOBS:
         turned = {key: value for key, value in measured.items() if key[0] == knob}
-        if not turned:
+        base_key = ("poses", "sfm") if knob in OF_SFM else (USUAL, "")
+        if not turned or base_key not in measured:
             continue
+        base = measured[base_key]
         rows = [
-            [str(key[1]), seconds.text(1), quality.text(2), *_price(seconds, quality, usual)]
+            [str(key[1]), seconds.text(1), quality.text(2), *_price(seconds, quality, base)]
             for key, (seconds, quality) in turned.items()
         ]
-        rows.append([f"{USUAL} ({_usual_value(knob)})", usual[0].text(1), usual[1].text(2), "", ""])
+        rows.append([f"{USUAL} ({_usual_value(knob)})", base[0].text(1), base[1].text(2), "", ""])
         headings = [knob, "seconds", "PSNR [dB]", "seconds more", "dB more"]
         name = f"knob_{knob.split(' [')[0].replace(' ', '_')}"
-        found.append(
-            Section(knob.capitalize(), _sentence(turned, usual), [Table(name, headings, rows)])
-        )
+        text = f"{BUYS[knob]} {_sentence(turned, base)}"
+        found.append(Section(knob[0].upper() + knob[1:], text, [Table(name, headings, rows)]))
     return found
 
 
@@ -191,7 +238,7 @@ def _sentence(turned: Measured, usual: tuple[Spread, Spread]) -> str:
     for title, key in (("Best", best), ("Fastest", fastest)):
         seconds, quality = _difference(*turned[key], usual)
         words.append(f"{title}: {key[1]}, {quality:+.2f} dB for {seconds:+.1f} s")
-    return "; ".join(words) + ", against the usual settings."
+    return "; ".join(words if best != fastest else words[:1]) + ", against the usual settings."
 
 
 def _price(seconds: Spread, quality: Spread, usual: tuple[Spread, Spread]) -> tuple[str, str]:

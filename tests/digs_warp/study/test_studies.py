@@ -33,10 +33,15 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
         ],
         "yardstick": {"psnr": psnr - 1, "psnr_masked": psnr - 6},
         "surface": {
-            name: {"chamfer": 0.004, "accuracy_median": 0.001, "f_score": 0.8}
+            name: {"chamfer": 0.004, "accuracy_median": 0.001, "recall": 0.8, "spacing_ratio": 1.4}
             for name in ("points", "gaussians")
         },
         "seconds": {"initialize": 1.0, "train": 10.0 + number, "compile kernels": 99.0},
+        "scale_error": 0.0004,
+        "finishes": {
+            "alpha_cuts": [{"value": 0.0039, "seconds": 0.01, "psnr": 30.0}],
+            "precisions": [{"value": "half", "megabytes": 1.5, "psnr": 29.9}],
+        },
         "recording_seconds": {"render": 20.0, "sense": 500.0},
         "results": {"initial_points": 1000 + number, "gaussians": 900},
     }
@@ -49,7 +54,7 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
     for case in cases:
         with_settings(SimulateConfig(), case.recording)
         config = with_settings(ReconstructConfig(), case.reconstruction)
-        if case.labels.get("knob") != "iterations":
+        if case.labels.get("knob") != "iterations" and case.effort == 1:
             assert config.train.iterations == 300
 
 
@@ -66,12 +71,24 @@ def test_a_report_is_drawn_from_some_or_all_records(study: Study, tmp_path: Path
 def test_the_table_of_initializations_holds_means_over_objects_and_the_papers_figures() -> None:
     study = BY_NAME["initialization"]
     records = [record_of(case, n) for n, case in enumerate(study.cases(2, 1, 1000))]
-    psnr, _ = study.sections(records)[0].tables
-    assert psnr.headings[:3] == ["PSNR [dB]", "100", "300"]
-    fusion = next(row for row in psnr.rows if row[0] == "fusion")
-    mine = [r["metrics"]["psnr"] for r in records if r["labels"]["strategy"] == "fusion"]
-    assert fusion[4].startswith(f"{sum(mine) / len(mine) - 0.5:.2f} ±")
-    assert fusion[psnr.headings.index("paper 1000")] == "25.13"
+    sections = {section.title: section for section in study.sections(records)}
+    psnr, _ = sections["Quality along the iterations"].tables
+    assert psnr.headings == ["PSNR after", "100", "300", "500", "1000"]
+    rows = {row[0]: row for row in psnr.rows}
+    short = [r for r in records if r["labels"]["iterations"] == 1000]
+    mine = [r["metrics"]["psnr"] for r in short if r["labels"]["strategy"] == "fusion"]
+    assert rows["fusion"][4].startswith(f"{sum(mine) / len(mine) - 0.5:.2f} ±")
+    assert rows["fusion, paper"][1:] == ["22.89", "", "24.71", "25.13"]
+
+
+def test_the_lead_of_highdepth_is_that_of_the_same_object() -> None:
+    study = BY_NAME["initialization"]
+    records = [record_of(case, 0) for case in study.cases(1, 1, 1000)]
+    ahead = next(r for r in records if r["labels"]["strategy"] == "highdepth")
+    ahead["course"][0]["psnr"] += 7.25
+    lead = study.sections(records)[0].tables[0]
+    assert lead.rows[0][3:] == ["+7.25", "+0.00", "+0.00", "+0.00"]
+    assert lead.rows[1][3:] == ["+6.64", "", "+2.12", "+0.89"]
 
 
 def test_a_knob_is_priced_against_the_usual_settings() -> None:
@@ -87,6 +104,43 @@ def test_a_knob_is_priced_against_the_usual_settings() -> None:
     assert "+1.50 dB for +5.0 s" in sections["Iterations"].text
     # Sensing overlaps with rendering, and compiling is no part of a run.
     assert row[1] == "36.0"
+
+
+def test_a_knob_is_compared_on_the_objects_that_both_settings_have() -> None:
+    """The second object is easier and slower; a budget has cut off its knobs."""
+    from digs_warp.study.studies.tradeoff import best_within
+
+    study = BY_NAME["tradeoff"]
+    records = []
+    for case in study.cases(2, 1, 500):
+        record = record_of(case, 0) | {"recording": {}, "reconstruction": {}}
+        first = case.labels["object"] == study.cases(1, 1, 500)[0].labels["object"]
+        if not first and case.labels["knob"] != "usual":
+            continue
+        record["yardstick"]["psnr"] += 0.0 if first else 10.0
+        record["seconds"]["train"] += 0.0 if first else 30.0
+        records.append(record)
+    sections = {section.title: section for section in study.sections(records)}
+    assert sections["Iterations"].tables[0].rows[0][3:] == ["+0.0", "+0.00"]
+    best = best_within(records, 1000.0)
+    assert best is not None and best.quality.mean == pytest.approx(29.0)
+
+
+def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
+    from sim.sensor.planner import EFFECT_NAMES
+
+    study = BY_NAME["robustness"]
+    cases = study.cases(1, 1, 300)
+    assert {case.labels["effect"] for case in cases} == {*EFFECT_NAMES, "none", "all together"}
+    records = [record_of(case, 0) for case in cases]
+    harmful = EFFECT_NAMES[3]
+    for record in records:
+        if record["labels"]["effect"] == harmful:
+            record["yardstick"]["psnr"] -= 4.0
+    sections = {section.title: section for section in study.sections(records)}
+    assert sections["Each effect alone"].tables[0].rows[0][0] == harmful
+    stages = {row[0]: row for row in sections["Which stage is hurt"].tables[0].rows}
+    assert stages[harmful][-1] == "-4.00" and stages[EFFECT_NAMES[0]][-1] == "+0.00"
 
 
 def test_settings_are_recommended_within_a_time(
