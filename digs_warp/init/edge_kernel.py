@@ -28,11 +28,15 @@ _ROW_MASK = wp.constant(TILE_HEIGHT - 1)
 
 
 @wp.func_native("return values.data[i];")
-def value_at(values: wp.array[float], i: int) -> float: ...
+def value_at(values: wp.array[float], i: int) -> float:
+    """Return an element; ``i`` is not negative."""
+    ...
 
 
 @wp.func_native("values.data[i] = value;")
-def set_value(values: wp.array[float], i: int, value: float): ...
+def set_value(values: wp.array[float], i: int, value: float):
+    """Set an element; ``i`` is not negative."""
+    ...
 
 
 @wp.func
