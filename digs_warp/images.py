@@ -3,6 +3,7 @@
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,10 @@ from digs_warp.checks import DigsError, check_shape, require_file
 
 # Stands where a format wants a date.
 NO_DATE = "1970:01:01 00:00:00"
+
+# Row filters of PNG as libpng numbers them: a byte minus its left neighbour, or minus the mean of the left
+# and the upper one.
+PNG_FILTER_SUB, PNG_FILTER_AVG = 0x10, 0x40
 
 
 def read_image(path: Path, what: str = "image") -> np.ndarray:
@@ -64,15 +69,16 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     height, width, channels = image.shape
     spec = oiio.ImageSpec(width, height, channels, kinds[str(pixels.dtype)])
     spec.attribute("oiio:UnassociatedAlpha", 1)  # colours are stored as they are
-    spec.attribute("compression", "zip" if path.suffix == ".exr" else "")
+    if path.suffix == ".exr":
+        # Level 1 takes two thirds of the time of the default 4; files are 5 % larger.
+        spec.attribute("compression", "zip:1")
     if pixels.dtype == np.uint16:
         # 16 bits hold depth, not colour. Marked as sRGB, libpng's readers (Open3D) would undo its gamma.
         spec.attribute("oiio:ColorSpace", "data")
     # OpenImageIO stamps EXR files with the time otherwise: the same pixels, but other bytes.
     spec.attribute("DateTime", NO_DATE)
-    spec.attribute(
-        "png:compressionLevel", 3
-    )  # a third of the time of the default 6, files 5 % larger
+    if path.suffix == ".png":
+        _choose_png_coding(spec, image)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
@@ -86,6 +92,21 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _choose_png_coding(spec: Any, image: np.ndarray) -> None:
+    """Set in an `OpenImageIO.ImageSpec` how a PNG file is filtered and deflated, without loss.
+
+    Photographs and masks hardly repeat themselves: a search for earlier copies finds next to nothing in
+    what one good filter leaves. Without it a noisy photograph takes a quarter of the time, and less room.
+    """
+    if image.dtype == np.uint8:
+        spec.attribute("png:filter", PNG_FILTER_AVG if image.shape[2] >= 3 else PNG_FILTER_SUB)
+        spec.attribute("compression", "rle")
+        spec.attribute("png:compressionLevel", 1)
+    else:
+        # A third of the time of the default 6, files 5 % larger.
+        spec.attribute("png:compressionLevel", 3)
 
 
 def encode_jpeg(pixels: np.ndarray, quality: int = 88) -> bytes:

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from digs_warp.checks import DigsError
@@ -35,6 +36,22 @@ def test_what_is_written_is_read(tmp_path: Path, dtype: str, shape: tuple[int, .
     found = read_image(path)
     assert found.dtype == pixels.dtype
     np.testing.assert_array_equal(found, pixels.reshape(*shape[:2], -1))
+
+
+def test_a_noisy_photograph_takes_no_more_room_than_by_the_slow_default(tmp_path: Path) -> None:
+    y, x = np.mgrid[:240, :320]
+    shading = 90 + 50 * np.sin(x / 40) * np.cos(y / 30)
+    noise = np.random.default_rng(4).normal(0.0, 2.0, (240, 320, 3))
+    pixels = (shading[..., None] + noise).round().astype(np.uint8)
+    write_image(tmp_path / "ours.png", pixels)
+
+    image = oiio.ImageOutput.create(str(tmp_path / "default.png"))
+    assert image is not None
+    image.open(str(tmp_path / "default.png"), oiio.ImageSpec(320, 240, 3, oiio.UINT8))
+    image.write_image(pixels)
+    image.close()
+    ours, default = ((tmp_path / f"{name}.png").stat().st_size for name in ("ours", "default"))
+    assert ours <= default
 
 
 def test_exr_keeps_nan_infinity_and_tiny_values(tmp_path: Path) -> None:
