@@ -63,8 +63,8 @@ class Gaussians:
             np.float32
         )
 
-    def select(self, keep: np.ndarray) -> "Gaussians":
-        """Return the Gaussians at ``keep``: a bool mask, (n,), or indices."""
+    def select(self, keep: np.ndarray | slice) -> "Gaussians":
+        """Return the Gaussians at ``keep``: a bool mask, (n,), indices, or a slice (a view)."""
         return Gaussians(*(getattr(self, name)[keep] for name in FIELDS))
 
     def save(self, path: Path) -> None:

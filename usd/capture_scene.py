@@ -28,15 +28,14 @@ from digs_warp.log import progress
 from digs_warp.point_cloud import PointCloud
 from digs_warp.triangle_mesh import TriangleMesh
 from usd import names
+from usd.asset_splats import WriteOptions, asset_arrays
 from usd.author import author_field, begin_asset, begin_stage
 from usd.cameras import CameraPath, author_cameras
-from usd.convert import SplatArrays
-from usd.extent import three_sigma_extent
 from usd.files import export_layer, package_folder
 from usd.lod import LEVELS, level_of_detail
 from usd.metadata import portable_json, usd_from_json
 from usd.shapes import author_mesh, author_points
-from usd.writer import WriteOptions, asset_arrays
+from usd.splat_layer import write_splat_crate
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -138,12 +137,13 @@ def write_capture_scene(
         total = len(variants) * len(LEVELS) + len(scene.course)
         with progress(total, "Writing the scene", "layer") as bar:
             for variant, each in zip(variants, scene.reconstructions, strict=True):
-                levels = _level_arrays(each, options)
-                boxes.append(three_sigma_extent(next(iter(levels.values()))))
-                for level, arrays in levels.items():
-                    _write_payload(folder / _payload_name(variant, level), arrays, path)
+                extents = [
+                    _write_payload(folder / _payload_name(variant, level), each, share, options)
+                    for level, share in LEVELS.items()
+                ]
+                boxes.append(extents[0])
                 _author_variant(stage, variant, each)
-                bar.update(len(levels))
+                bar.update(len(LEVELS))
             _select_first(stage, variants[0])
             if scene.cameras is not None:
                 author_cameras(stage, scene.cameras, _union(boxes))
@@ -164,22 +164,17 @@ def write_capture_scene(
             raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
 
 
-def _level_arrays(each: Reconstruction, options: WriteOptions) -> dict[str, SplatArrays]:
-    what = f"Gaussians of '{each.name}'"
-    return {
-        level: asset_arrays(level_of_detail(each.gaussians, share), options, what)
-        for level, share in LEVELS.items()
-    }
-
-
 def _payload_name(variant: str, level: str) -> str:
     return f"splats_{variant}_{level}.usdc"
 
 
-def _write_payload(target: Path, arrays: SplatArrays, path: Path) -> None:
-    stage, prim = _begin_payload()
-    author_field(prim, arrays)
-    export_layer(stage.GetRootLayer(), target, path)
+def _write_payload(
+    target: Path, each: Reconstruction, share: float, options: WriteOptions
+) -> np.ndarray:
+    """Write one level of detail of a reconstruction; return its extent in the asset's frame."""
+    what = f"Gaussians of '{each.name}'"
+    _stage, prim = _begin_payload()
+    return write_splat_crate(prim, level_of_detail(each.gaussians, share), options, target, what)
 
 
 def _begin_payload() -> "tuple[Usd.Stage, Usd.Prim]":

@@ -1,6 +1,6 @@
 """Gaussians <-> the arrays of the USD schema: activation, frames, precision, checks. NumPy only."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -50,6 +50,11 @@ class SplatArrays:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def floats(self, rows: slice) -> "SplatArrays":
+        """Return some of the splats, float32."""
+        parts = (getattr(self, each.name)[rows] for each in fields(self))
+        return SplatArrays(*(part.astype(np.float32, copy=False) for part in parts))
 
 
 def arrays_from_gaussians(gaussians: Gaussians, what: str = "Gaussians") -> SplatArrays:
@@ -183,8 +188,20 @@ def check_activated(arrays: SplatArrays, what: str) -> None:
 
 def mean_display_color(arrays: SplatArrays) -> np.ndarray:
     """Return the opacity-weighted mean colour of at least one splat, linear RGB in 0..1, shape (3,)."""
+    return display_color(color_sums(arrays))
+
+
+def color_sums(arrays: SplatArrays) -> np.ndarray:
+    """Return the sums over all splats of opacity times coefficient of degree 0, and of opacity, (4,)."""
     weights = arrays.opacities.astype(np.float64) + MIN_OPACITY
-    mean_sh = weights @ arrays.sh[:, 0].astype(np.float64) / weights.sum()
+    # No matrix product: its rounding depends on the number of threads.
+    weighted = (weights[:, None] * arrays.sh[:, 0]).sum(axis=0)
+    return np.append(weighted, weights.sum())
+
+
+def display_color(sums: np.ndarray) -> np.ndarray:
+    """Return the mean colour, linear RGB in 0..1, shape (3,), of what `color_sums` summed up."""
+    mean_sh = sums[:3] / sums[3]
     # A field of degree 0 looks the same from everywhere: any direction will do.
     srgb = rgb_from_sh(mean_sh[None, None], np.array([[0.0, 0.0, 1.0]]))[0]
     return linear_from_srgb(np.clip(srgb, 0.0, 1.0))

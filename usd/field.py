@@ -116,7 +116,7 @@ def stored_sh_degree(
 
 
 def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> SplatArrays:
-    """Return the splats in the prim's local frame.
+    """Return the splats in the prim's local frame, float32 or float16 as they are stored.
 
     The arrays may still lie in the mapped file: they must not outlive the stage, else USD copies them.
 
@@ -152,7 +152,7 @@ def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.
 def _array(
     prim: "Usd.Prim", name: str, count: int, width: int | None, what: str, time: float | None
 ) -> np.ndarray | None:
-    """Return ``count`` rows as float32, or None where the default applies (absent or too short)."""
+    """Return ``count`` rows, or None where the default applies (absent or too short)."""
     value = value_of(prim, name, time)
     if value is None or count == 0:
         return None
@@ -165,7 +165,7 @@ def _array(
     if len(array) != count:
         remedy = "the default is used" if len(array) < count else "the rest is ignored"
         _log.warning("%s: %d %s for %d splats; %s", what, len(array), name, count, remedy)
-    return array[:count].astype(np.float32, copy=False) if len(array) >= count else None
+    return array[:count] if len(array) >= count else None
 
 
 def value_of(prim: "Usd.Prim", name: str, time: float | None = None) -> Any:

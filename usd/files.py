@@ -3,7 +3,6 @@
 """USD files on disk: open one with a readable error, write one so that it is complete or not there."""
 
 import os
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,20 +12,13 @@ from typing import TYPE_CHECKING
 from digs_warp.checks import DigsError, UsdError, require_file
 from usd import names
 from usd.memory_guard import limited_memory
+from usd.package_writer import PackageWriter
 from usd.structure import check_structure, open_layers
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
 
 HINT = "Expected a .usda, .usdc or .usdz scene, as 'digs-warp export-usd' writes it."
-
-# A usdz package is a ZIP file without the 64-bit extension: offsets have 32 bits. Some of that is for the
-# headers and the alignment of members.
-MAX_PACKAGE = 2**32 - 2**16
-
-# The oldest local time that a ZIP file can hold. Packages carry the time of their members; with the
-# true one, the same scene would give different bytes every two seconds.
-_PACKAGE_TIME = (1980, 1, 1, 0, 0, 0, 0, 1, -1)
 
 
 @contextmanager
@@ -77,23 +69,9 @@ def check_suffix(path: Path) -> None:
         )
 
 
-def save_layer(layer: "Sdf.Layer", path: Path) -> None:
-    """Write a layer in the format that the suffix of ``path`` names; see `finished_file`.
-
-    Raises:
-        UsdError: the file cannot be written, or does not fit into a package.
-    """
-    if path.suffix.lower() == ".usdz":
-        with package_folder(path) as folder:
-            export_layer(layer, folder / names.PACKAGE_ROOT, path)
-    else:
-        with finished_file(path) as unfinished:
-            export_layer(layer, unfinished, path)
-
-
 @contextmanager
 def package_folder(path: Path) -> Iterator[Path]:
-    """Give a folder for layers; at the end, ``default.usdc`` and all it refers to become a package.
+    """Give a folder for layers; at the end all of them become a package, with ``default.usdc`` first.
 
     Raises:
         UsdError: the file cannot be written, or the layers do not fit into a package.
@@ -102,7 +80,12 @@ def package_folder(path: Path) -> Iterator[Path]:
         folder = package.parent / "layers"
         folder.mkdir()
         yield folder
-        _package(folder, package, path)
+        writer = PackageWriter(package, path)
+        for member in sorted(
+            folder.iterdir(), key=lambda each: (each.name != names.PACKAGE_ROOT, each.name)
+        ):
+            writer.add(member, member.name)
+        writer.close()
 
 
 @contextmanager
@@ -135,29 +118,6 @@ def export_layer(layer: "Sdf.Layer", target: Path, path: Path) -> None:
     """Write a layer to ``target``, on the way to the scene at ``path``, or raise a `UsdError`."""
     if not layer.Export(str(target)):
         raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
-
-
-def check_package_size(size: int, path: Path) -> None:
-    """Raise a `UsdError` when layers of ``size`` bytes do not fit into a usdz package."""
-    if size > MAX_PACKAGE:
-        raise UsdError(
-            f"USD scene '{path}': {size} bytes do not fit into a usdz package (below 4 GiB); store fewer "
-            "splats, half precision or a lower degree, or write a .usdc file"
-        )
-
-
-def _package(folder: Path, package: Path, path: Path) -> None:
-    from pxr import UsdUtils
-
-    members = sorted(folder.iterdir())
-    check_package_size(sum(member.stat().st_size for member in members), path)
-    stamp = time.mktime(_PACKAGE_TIME)
-    for member in members:
-        os.utime(member, (stamp, stamp))
-    # The resolver's packager aligns members to 64 bytes and stores them uncompressed, as usdz demands.
-    root = str(folder / names.PACKAGE_ROOT)
-    if not UsdUtils.CreateNewUsdzPackage(root, str(package), names.PACKAGE_ROOT):
-        raise UsdError(f"USD scene '{path}': the package cannot be written. Is the disk full?")
 
 
 def reason(error: Exception) -> str:

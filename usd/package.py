@@ -15,11 +15,13 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from usd.findings import Finding
 
 ALIGNMENT = 64
-_END = struct.Struct("<4s4H2LH")
-_ENTRY = struct.Struct("<4s6H3L5H2L")
-_LOCAL = struct.Struct("<4s5H3L2H")
+END = struct.Struct("<4s4H2LH")
+ENTRY = struct.Struct("<4s6H3L5H2L")
+LOCAL = struct.Struct("<4s5H3L2H")
 # The comment behind the end of the directory has a length of 16 bits.
-_END_REACH = _END.size + 0xFFFF
+_END_REACH = END.size + 0xFFFF
+# Offsets have 32 bits; some of that is for the headers and the alignment of members.
+MAX_PACKAGE = 2**32 - 2**16
 LAYER_SUFFIXES = (".usda", ".usdc", ".usd")
 
 
@@ -105,11 +107,11 @@ def read_members(data: mmap.mmap) -> list[Member]:
             the 64-bit extension.
     """
     end = data.rfind(b"PK\5\6", max(0, len(data) - _END_REACH))
-    if end < 0 or end + _END.size > len(data):
+    if end < 0 or end + END.size > len(data):
         raise ValueError(
             "no directory of a ZIP file at its end; the file is truncated or no package"
         )
-    _, _, _, _, count, size, offset, _ = _END.unpack_from(data, end)
+    _, _, _, _, count, size, offset, _ = END.unpack_from(data, end)
     if 0xFFFFFFFF in (size, offset) or count == 0xFFFF:
         raise ValueError("a package has no 64-bit extension")
     if offset + size > end:
@@ -127,9 +129,9 @@ def read_members(data: mmap.mmap) -> list[Member]:
 
 
 def _read_entry(data: mmap.mmap, at: int, end: int) -> tuple[Member, int]:
-    if at + _ENTRY.size > end:
+    if at + ENTRY.size > end:
         raise ValueError("the directory is cut off")
-    fields = _ENTRY.unpack_from(data, at)
+    fields = ENTRY.unpack_from(data, at)
     signature, flags, method, stored, size = fields[0], fields[3], fields[4], fields[8], fields[9]
     name_length, extra_length, comment_length, local = (
         fields[10],
@@ -139,16 +141,16 @@ def _read_entry(data: mmap.mmap, at: int, end: int) -> tuple[Member, int]:
     )
     if signature != b"PK\1\2":
         raise ValueError("an entry of the directory is broken")
-    name = data[at + _ENTRY.size : at + _ENTRY.size + name_length].decode("utf-8", "replace")
-    if local + _LOCAL.size > end:
+    name = data[at + ENTRY.size : at + ENTRY.size + name_length].decode("utf-8", "replace")
+    if local + LOCAL.size > end:
         raise ValueError(f"member '{name}' reaches beyond the file")
-    header = _LOCAL.unpack_from(data, local)
+    header = LOCAL.unpack_from(data, local)
     if header[0] != b"PK\3\4":
         raise ValueError(f"the header of member '{name}' is broken")
     if (header[6], header[7], header[8]) != (fields[7], stored, size):
         raise ValueError(f"member '{name}' has two different sizes or checksums")
-    start = local + _LOCAL.size + header[9] + header[10]
+    start = local + LOCAL.size + header[9] + header[10]
     if start + stored > end:
         raise ValueError(f"member '{name}' reaches beyond the file")
     member = Member(name, start, size, method != 0 or stored != size, bool(flags & 1))
-    return member, at + _ENTRY.size + name_length + extra_length + comment_length
+    return member, at + ENTRY.size + name_length + extra_length + comment_length

@@ -11,9 +11,11 @@ import numpy as np
 
 from digs_warp.checks import UsdError
 from digs_warp.gaussians import Gaussians
+from digs_warp.threads import over_rows
 from usd import names
 from usd.affine import deformed
 from usd.convert import (
+    SplatArrays,
     check_activated,
     check_rows,
     gaussians_from_arrays,
@@ -140,11 +142,36 @@ def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path, options: ReadOptions
 
 def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussians:
     arrays = read_arrays(prim, what, options.time)
+    world_from_local = world_from_prim(prim, what, options.time)
+    similarity = None if options.approximate else similarity_from_matrix(world_from_local, what)
+    count = len(arrays)
+    read = Gaussians(
+        means=np.empty((count, 3), np.float32),
+        log_scales=np.empty((count, 3), np.float32),
+        quats=np.empty((count, 4), np.float32),
+        opacity_logits=np.empty(count, np.float32),
+        sh=np.empty(arrays.sh.shape, np.float32),
+    )
+
+    def work(rows: slice) -> None:
+        part = arrays.floats(rows)
+        _check(part, what)
+        if similarity is None:
+            part = deformed(part, world_from_local, what)
+        else:
+            part = transformed(part, similarity)
+        raw = gaussians_from_arrays(part)
+        for each in fields(Gaussians):
+            getattr(read, each.name)[rows] = getattr(raw, each.name)
+
+    try:
+        over_rows(count, work)
+    except UsdError:
+        _check(arrays.floats(slice(None)), what)  # says what is wrong with all of them
+        raise
+    return read
+
+
+def _check(arrays: SplatArrays, what: str) -> None:
     check_rows(arrays, what)
     check_activated(arrays, what)
-    world_from_local = world_from_prim(prim, what, options.time)
-    if options.approximate:
-        return gaussians_from_arrays(deformed(arrays, world_from_local, what))
-    return gaussians_from_arrays(
-        transformed(arrays, similarity_from_matrix(world_from_local, what))
-    )

@@ -8,22 +8,15 @@ directory of its members. Both are a few hundred bytes, whatever the size of the
 
 import mmap
 import os
-import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import UsdError
+from usd.crate import CRATE_MAGIC, read_sections
 from usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
 
 if TYPE_CHECKING:
     from pxr import Sdf
-
-CRATE_MAGIC = b"PXR-USDC"
-_HEADER = struct.Struct("<8s8Bq")
-_HEADER_SIZE = 88  # with the reserved words
-_SECTION = struct.Struct("<16sqq")
-# Six kinds of sections exist; a count beyond this is not one of them.
-_MAX_SECTIONS = 64
 
 
 def check_structure(path: Path) -> None:
@@ -38,7 +31,7 @@ def check_structure(path: Path) -> None:
                 for member in read_members(data):
                     _check_member(data, member)
             elif suffix == ".usdc" or (suffix == ".usd" and data[:8] == CRATE_MAGIC):
-                _check_crate(data, Member("the file", 0, len(data), False, False))
+                read_sections(data, "the file", 0, len(data))
     except ValueError as error:
         raise UsdError(
             f"USD scene '{path}': truncated or not a USD file ({error}). Copy or export it again."
@@ -102,30 +95,4 @@ def _check_member(data: mmap.mmap, member: Member) -> None:
         raise ValueError(f"member '{member.name}' is compressed or encrypted")
     is_crate = data[member.start : member.start + 8] == CRATE_MAGIC
     if is_crate or member.name.lower().endswith(".usdc"):
-        _check_crate(data, member)
-
-
-def _check_crate(data: mmap.mmap, crate: Member) -> None:
-    """Check that header, table and sections lie inside the crate.
-
-    Raises:
-        ValueError: they do not; says which.
-    """
-    what, size = crate.name, crate.size
-    if size < _HEADER_SIZE:
-        raise ValueError(f"{what} has {size} bytes, fewer than the header of a crate")
-    magic, *_, table = _HEADER.unpack_from(data, crate.start)
-    if magic != CRATE_MAGIC:
-        raise ValueError(f"{what} does not begin as a crate")
-    if not _HEADER_SIZE <= table <= size - 8:
-        raise ValueError(f"the table of {what} is said to lie at {table} of {size} bytes")
-    (count,) = struct.unpack_from("<Q", data, crate.start + table)
-    first = table + 8
-    if count > _MAX_SECTIONS or first + count * _SECTION.size > size:
-        raise ValueError(f"the table of {what} is said to have {count} sections")
-    for i in range(count):
-        at = crate.start + first + i * _SECTION.size
-        name, start, length = _SECTION.unpack_from(data, at)
-        if start < _HEADER_SIZE or length < 0 or start + length > size:
-            label = name.rstrip(b"\0").decode("ascii", "replace")
-            raise ValueError(f"section '{label}' of {what} reaches beyond its end")
+        read_sections(data, member.name, member.start, member.size)

@@ -2,36 +2,16 @@
 # pyright: reportAttributeAccessIssue=false
 """Writes Gaussians as a USD scene: one ``ParticleField3DGaussianSplat`` in a Y-up, metric asset."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from digs_warp.gaussians import Gaussians
 from usd import names
+from usd.asset_splats import WriteOptions, asset_arrays
 from usd.author import author_field, begin_asset
-from usd.convert import (
-    Precision,
-    SplatArrays,
-    arrays_from_gaussians,
-    transformed,
-    with_precision,
-    with_sh_degree,
-)
-from usd.files import check_suffix, save_layer
-from usd.frames import ASSET_FROM_WORLD, similarity_from_matrix
-
-
-@dataclass(frozen=True, kw_only=True)
-class WriteOptions:
-    """How Gaussians are stored in a USD scene."""
-
-    precision: Precision = "float"
-    """float keeps every digit; mixed halves all but the positions, which halves the file at no visible
-    loss; half also rounds positions (to 0.5 mm at 1 m), and some importers do not read it."""
-
-    sh_degree: Literal[0, 1, 2, 3] | None = None
-    """Degree of the spherical harmonics in the file: higher bands are left out, missing ones are zero.
-    Without it the file has the degree of the training."""
+from usd.files import check_suffix, export_layer, finished_file
+from usd.package_writer import PackageWriter
+from usd.splat_layer import write_splat_crate
 
 
 def write_gaussians(
@@ -59,22 +39,18 @@ def write_gaussians(
     """
     path = Path(path)
     check_suffix(path)
-    arrays = asset_arrays(gaussians, options or WriteOptions())
+    options = options or WriteOptions()
     stage = begin_asset(metadata or {})
-    author_field(stage.DefinePrim(names.GAUSSIANS_PATH, names.FIELD_TYPE), arrays)
-    save_layer(stage.GetRootLayer(), path)
-
-
-def asset_arrays(
-    gaussians: Gaussians, options: WriteOptions, what: str = "Gaussians"
-) -> SplatArrays:
-    """Return Gaussians as they are stored: activated, in the asset's frame, in the chosen precision.
-
-    Raises:
-        UsdError: NaN or infinite values, or values beyond the chosen precision; names ``what``.
-    """
-    arrays = arrays_from_gaussians(gaussians, what)
-    if options.sh_degree is not None:
-        arrays = with_sh_degree(arrays, options.sh_degree)
-    arrays = transformed(arrays, similarity_from_matrix(ASSET_FROM_WORLD, "asset"))
-    return with_precision(arrays, options.precision, what)
+    field = stage.DefinePrim(names.GAUSSIANS_PATH, names.FIELD_TYPE)
+    suffix = path.suffix.lower()
+    with finished_file(path) as unfinished:
+        if suffix == ".usda":
+            author_field(field, asset_arrays(gaussians, options))
+            export_layer(stage.GetRootLayer(), unfinished, path)
+        elif suffix == ".usdc":
+            write_splat_crate(field, gaussians, options, unfinished)
+        else:
+            package = PackageWriter(unfinished, path)
+            with package.member(names.PACKAGE_ROOT) as start:
+                write_splat_crate(field, gaussians, options, unfinished, start=start)
+            package.close()

@@ -17,7 +17,8 @@ from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.images import linear_from_srgb
 from digs_warp.sh import rgb_from_sh, sh_from_rgb
-from usd.files import MAX_PACKAGE, check_package_size
+from usd.package import MAX_PACKAGE
+from usd.package_writer import check_package_size
 from usd.writer import WriteOptions, write_gaussians
 
 SUFFIXES = (".usda", ".usdc", ".usdz")

@@ -1,0 +1,117 @@
+"""The binary format of USD (a crate, ``.usdc``), as far as its frame and its table of values go.
+
+A header points to a table of sections at the end; the section FIELDS lists all values: small ones
+themselves, others by their place in the file. An array of numbers lies there as its length (64 bits) and its
+bytes, as they are in memory, so that readers map it. The format is that of OpenUSD's
+``pxr/usd/sdf/crateFile.cpp``; blocks are compressed with LZ4 (its block format).
+"""
+
+import struct
+from dataclasses import dataclass
+from typing import Protocol
+
+CRATE_MAGIC = b"PXR-USDC"
+HEADER = struct.Struct("<8s8Bq")
+HEADER_SIZE = 88  # with the reserved words
+SECTION = struct.Struct("<16sqq")
+COUNT = struct.Struct("<Q")
+# Six kinds of sections exist; a count beyond this is not one of them.
+_MAX_SECTIONS = 64
+
+
+class Bytes(Protocol):
+    """Bytes or a mapped file: what can be cut and unpacked."""
+
+    def __getitem__(self, rows: slice, /) -> bytes: ...
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a crate: its name, where it begins behind the start of the crate, and its length."""
+
+    name: str
+    start: int
+    length: int
+
+
+def read_sections(data: Bytes, what: str, start: int, size: int) -> list[Section]:
+    """Return the sections of the crate in ``data[start : start + size]``.
+
+    Raises:
+        ValueError: header, table or sections do not lie inside the crate; says which, of ``what``.
+    """
+    if size < HEADER_SIZE:
+        raise ValueError(f"{what} has {size} bytes, fewer than the header of a crate")
+    magic, *_, table = HEADER.unpack(data[start : start + HEADER.size])
+    if magic != CRATE_MAGIC:
+        raise ValueError(f"{what} does not begin as a crate")
+    if not HEADER_SIZE <= table <= size - COUNT.size:
+        raise ValueError(f"the table of {what} is said to lie at {table} of {size} bytes")
+    first = table + COUNT.size
+    (count,) = COUNT.unpack(data[start + table : start + first])
+    if count > _MAX_SECTIONS or first + count * SECTION.size > size:
+        raise ValueError(f"the table of {what} is said to have {count} sections")
+    entries = data[start + first : start + first + count * SECTION.size]
+    sections = []
+    for name, at, length in SECTION.iter_unpack(entries):
+        label = name.rstrip(b"\0").decode("ascii", "replace")
+        if at < HEADER_SIZE or length < 0 or at + length > size:
+            raise ValueError(f"section '{label}' of {what} reaches beyond its end")
+        sections.append(Section(label, at, length))
+    return sections
+
+
+def decompressed(block: bytes, size: int) -> bytes:
+    """Return at most ``size`` bytes of a compressed block: the number of its pieces, here 0, and LZ4.
+
+    Raises:
+        ValueError: the block is broken, or larger than ``size``.
+    """
+    if block[:1] != b"\0":
+        raise ValueError("a compressed block of several pieces")
+    out = bytearray()
+    at = 1
+    while at < len(block):
+        token = block[at]
+        length, at = _length(block, at + 1, token >> 4)
+        if at + length > len(block):
+            raise ValueError("a compressed block is cut off")
+        out += block[at : at + length]
+        at += length
+        if at >= len(block):  # the last sequence has no copy
+            break
+        distance = int.from_bytes(block[at : at + 2], "little")
+        length, at = _length(block, at + 2, token & 15)
+        if not 0 < distance <= len(out) or len(out) + length + 4 > size:
+            raise ValueError("a compressed block refers to what it does not hold")
+        _repeat(out, distance, length + 4)
+    if len(out) > size:
+        raise ValueError(f"a compressed block holds {len(out)} bytes, expected up to {size}")
+    return bytes(out)
+
+
+def _length(block: bytes, at: int, length: int) -> tuple[int, int]:
+    """Return a length that begins with four bits, 15 for more to come, and where the block goes on."""
+    if length == 15:
+        while True:
+            if at >= len(block):
+                raise ValueError("a compressed block is cut off")
+            length += block[at]
+            at += 1
+            if block[at - 1] != 255:
+                break
+    return length, at
+
+
+def _repeat(out: bytearray, distance: int, length: int) -> None:
+    """Append what lies ``distance`` before the end, over and over where that is too short."""
+    piece = bytes(out[-distance:])
+    out += (piece * (length // distance + 1))[:length]
+
+
+def stored(data: bytes) -> bytes:
+    """Return ``data`` as a block that `decompressed` and USD read: one run of literal bytes."""
+    extra = len(data) - 15
+    if extra < 0:
+        return bytes([0, len(data) << 4]) + data
+    return bytes([0, 0xF0]) + b"\xff" * (extra // 255) + bytes([extra % 255]) + data
