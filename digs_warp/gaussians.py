@@ -58,10 +58,9 @@ class Gaussians:
     @property
     def opacities(self) -> np.ndarray:
         """Opacities in 0..1, shape (n,)."""
-        # 1 / (1 + exp(-x)) without overflow at large negative logits.
-        return np.exp(-np.logaddexp(0.0, -self.opacity_logits.astype(np.float64))).astype(
-            np.float32
-        )
+        from scipy.special import expit  # here: `digs-warp --help` shall not wait for it
+
+        return expit(self.opacity_logits.astype(np.float64)).astype(np.float32)
 
     def select(self, keep: np.ndarray | slice) -> "Gaussians":
         """Return the Gaussians at ``keep``: a bool mask, (n,), indices, or a slice (a view)."""

@@ -101,11 +101,11 @@ def _solved_rotation(rotation: bytes, degree: int) -> np.ndarray:
     return mix
 
 
-def rotate_sh(sh: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def rotate_sh(sh: np.ndarray, rotation: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
     """Return the coefficients of the field turned by ``rotation`` (3, 3), in the number type of ``sh``.
 
     The turned field shows along ``rotation @ d`` what ``sh`` (n, K, 3) showed along ``d``. Integers
-    give float64.
+    give float64. ``out``, in one piece, takes the result where it is given.
     """
     sh = np.asarray(sh)
     kind = sh.dtype if sh.dtype.kind == "f" else np.dtype(np.float64)
@@ -113,4 +113,7 @@ def rotate_sh(sh: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     # per band: it reads and writes the coefficients once.
     mix = np.kron(sh_rotation(rotation, degree_from_count(sh.shape[-2])), np.eye(3))
     rows = sh.reshape(-1, mix.shape[0]).astype(kind, copy=False)
-    return (rows @ mix.T.astype(kind)).reshape(sh.shape)
+    if out is not None:
+        assert out.flags.c_contiguous  # else the next line makes a copy
+        out = out.reshape(rows.shape)
+    return np.matmul(rows, mix.T.astype(kind), out=out).reshape(sh.shape)

@@ -13,12 +13,15 @@ from usd.convert import SplatArrays
 CHUNK = 65536
 
 
-def deformed(arrays: SplatArrays, b_from_a: np.ndarray, what: str) -> SplatArrays:
+def deformed(
+    arrays: SplatArrays, b_from_a: np.ndarray, what: str, sh_out: np.ndarray | None = None
+) -> SplatArrays:
     """Return the splats of frame a in frame b under an affine ``b_from_a``, shape (4, 4).
 
     A Gaussian of covariance C becomes one of ``L C L^T``, L the linear part: exact, also where L mirrors,
     shears or scales axes differently. A colour that depends on the direction has no such law: it is
     turned (or mirrored) by the orthogonal factor of L's polar decomposition, exact for similarities.
+    ``sh_out`` takes the coefficients where it is given.
 
     Raises:
         UsdError: the transform collapses a direction or is not finite.
@@ -40,7 +43,7 @@ def deformed(arrays: SplatArrays, b_from_a: np.ndarray, what: str) -> SplatArray
         positions=(arrays.positions @ linear.T + b_from_a[:3, 3]).astype(np.float32),
         orientations=orientations.astype(np.float32),
         scales=scales.astype(np.float32),
-        sh=rotate_sh(arrays.sh, u @ vt),
+        sh=rotate_sh(arrays.sh, u @ vt, sh_out),
     )
 
 

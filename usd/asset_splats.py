@@ -14,6 +14,8 @@ from usd.convert import (
 )
 from usd.frames import ASSET_FROM_WORLD, similarity_from_matrix
 
+_ASSET_FROM_WORLD = similarity_from_matrix(ASSET_FROM_WORLD, "asset")
+
 
 @dataclass(frozen=True, kw_only=True)
 class WriteOptions:
@@ -39,5 +41,5 @@ def asset_arrays(
     arrays = arrays_from_gaussians(gaussians, what)
     if options.sh_degree is not None:
         arrays = with_sh_degree(arrays, options.sh_degree)
-    arrays = transformed(arrays, similarity_from_matrix(ASSET_FROM_WORLD, "asset"))
+    arrays = transformed(arrays, _ASSET_FROM_WORLD)
     return with_precision(arrays, options.precision, what)

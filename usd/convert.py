@@ -1,6 +1,7 @@
 """Gaussians <-> the arrays of the USD schema: activation, frames, precision, checks. NumPy only."""
 
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -120,10 +121,12 @@ def gaussians_from_arrays(arrays: SplatArrays) -> Gaussians:
     )
 
 
-def transformed(arrays: SplatArrays, b_from_a: Similarity) -> SplatArrays:
+def transformed(
+    arrays: SplatArrays, b_from_a: Similarity, sh_out: np.ndarray | None = None
+) -> SplatArrays:
     """Return the splats of frame a in frame b: positions, orientations, scales and SH all turned.
 
-    The orientations become unit quaternions with w >= 0.
+    The orientations become unit quaternions with w >= 0. ``sh_out`` takes the coefficients where it is given.
     """
     linear = b_from_a.scale * b_from_a.rotation
     return replace(
@@ -131,7 +134,7 @@ def transformed(arrays: SplatArrays, b_from_a: Similarity) -> SplatArrays:
         positions=(arrays.positions @ linear.T + b_from_a.translation).astype(np.float32),
         orientations=_turned_quats(arrays.orientations, b_from_a.rotation),
         scales=arrays.scales * np.float32(b_from_a.scale),
-        sh=rotate_sh(arrays.sh, b_from_a.rotation),
+        sh=rotate_sh(arrays.sh, b_from_a.rotation, sh_out),
     )
 
 
@@ -141,9 +144,16 @@ def _turned_quats(quats: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     quats[norm == 0] = (0.0, 0.0, 0.0, 1.0)
     norm[norm == 0] = 1.0
     # The product is linear in its second factor: row i of this matrix is its value for unit vector i.
-    turned = quats @ quat_multiply(quat_xyzw_from_matrix(rotation), np.eye(4))
+    turned = quats @ _quat_products(rotation.tobytes())
     turned /= np.copysign(norm, turned[:, 3])[:, None]
     return turned.astype(np.float32)
+
+
+@lru_cache(maxsize=16)  # those who turn splats piece by piece ask again for every piece
+def _quat_products(rotation: bytes) -> np.ndarray:
+    """Return the products of a rotation's quaternion with the four unit quaternions, (4, 4)."""
+    matrix = np.frombuffer(rotation).reshape(3, 3)
+    return quat_multiply(quat_xyzw_from_matrix(matrix), np.eye(4))
 
 
 def check_rows(arrays: SplatArrays, what: str) -> None:

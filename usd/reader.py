@@ -156,13 +156,14 @@ def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussi
     def work(rows: slice) -> None:
         part = arrays.floats(rows)
         _check(part, what)
+        # The coefficients, most of the data, go straight to their place.
         if similarity is None:
-            part = deformed(part, world_from_local, what)
+            part = deformed(part, world_from_local, what, read.sh[rows])
         else:
-            part = transformed(part, similarity)
+            part = transformed(part, similarity, read.sh[rows])
         raw = gaussians_from_arrays(part)
-        for each in fields(Gaussians):
-            getattr(read, each.name)[rows] = getattr(raw, each.name)
+        for name in ("means", "log_scales", "quats", "opacity_logits"):
+            getattr(read, name)[rows] = getattr(raw, name)
 
     try:
         over_rows(count, work)
