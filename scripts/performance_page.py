@@ -9,6 +9,7 @@ from pathlib import Path
 from digs_warp.log import show_progress, versions
 from digs_warp.study.bench_raster import SCENES, bench_raster
 from digs_warp.study.bench_scaling import bench_scaling
+from digs_warp.study.machine import processor
 from digs_warp.study.plot_scaling import plot_scaling
 from digs_warp.study.results import Result, format_number
 
@@ -162,17 +163,6 @@ def memory_table(results: list[Result]) -> str:
             per = "splat" if "splat" in r.unit else "pixel"
             lines.append(f"| {r.settings['part']} | {r.value:.0f} per {per} |")
     return "\n".join(lines) + "\n"
-
-
-def processor() -> str:
-    """Return the processor's name and cores, as the system tells them."""
-    info = Path("/proc/cpuinfo")
-    if not info.is_file():
-        return platform.processor() or platform.machine()
-    lines = info.read_text(encoding="utf-8").splitlines()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    wide = ", AVX-512" if any("avx512f" in line for line in lines) else ""
-    return f"{len(names)} cores of {names[0] if names else platform.machine()}{wide}"
 
 
 if __name__ == "__main__":

@@ -5,12 +5,11 @@ Usage: python scripts/splat_pages.py   (about five minutes; keep the machine qui
 
 from pathlib import Path
 
-from performance_page import processor
-
 from digs_warp.log import show_progress, versions, write_atomically
 from digs_warp.study.bench_mesh import measure_meshes
 from digs_warp.study.bench_render import measure_films
 from digs_warp.study.bench_splat_files import measure_formats
+from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number
 from digs_warp.study.trained_object import trained_object
 

@@ -10,6 +10,7 @@ from digs_warp.log import show_progress, versions, write_atomically
 from digs_warp.study.bench_convergence import bench_convergence
 from digs_warp.study.bench_options import bench_options
 from digs_warp.study.bench_train import bench_train
+from digs_warp.study.machine import processor
 from digs_warp.study.plot_convergence import plot_convergence
 from digs_warp.study.results import Result, format_number
 from digs_warp.train.config import TrainConfig
@@ -98,16 +99,6 @@ def stages_table(results: list[Result]) -> str:
     cells = {(r.name, r.settings["image"]): f"{format_number(r.value)} {r.unit}" for r in results}
     rows = [[name, *(cells[name, image] for image, _ in sizes)] for name in names]
     return table(["stage", *(f"{image}, {splats:,} splats" for image, splats in sizes)], rows)
-
-
-def processor() -> str:
-    """Return the processor's name and cores, as the system tells them."""
-    info = Path("/proc/cpuinfo")
-    if not info.is_file():
-        return platform.processor() or platform.machine()
-    lines = info.read_text(encoding="utf-8").splitlines()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{len(names)} cores of {names[0] if names else platform.machine()}"
 
 
 if __name__ == "__main__":

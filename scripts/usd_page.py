@@ -5,10 +5,9 @@ Usage: python scripts/usd_page.py   (about two minutes; keep the machine quiet m
 
 from pathlib import Path
 
-from performance_page import processor
-
 from digs_warp.log import show_progress, versions
 from digs_warp.study.bench_usd import PICTURED_SPLATS, SPLATS, bench_usd
+from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "usd.md"

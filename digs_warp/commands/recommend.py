@@ -10,16 +10,20 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
 from digs_warp.durations import seconds_of
 
+# Results that were measured for the documentation; a package without its documentation has none.
+PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "study" / "tradeoff"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Recommend:
-    """Pick settings for a time, from what 'digs-warp study run tradeoff' measured on this machine."""
+    """Pick settings for a time, from what 'digs-warp study run tradeoff' measured."""
 
     budget: str
     """Seconds for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
 
-    study: Path = Path("out/study/tradeoff")
-    """Folder of the study."""
+    study: Path | None = None
+    """Folder of the study. Default: out/study/tradeoff, or else the results that come with the
+    documentation, whose seconds are those of another machine."""
 
     can_resume: ClassVar[bool] = False
 
@@ -28,21 +32,24 @@ class Recommend:
         from digs_warp.study.engine.store import Store
         from digs_warp.study.studies.tradeoff import best_within
 
-        if not self.study.is_dir():
+        folder = self.study or _default_study()
+        if not (folder / "results.jsonl").is_file():
             raise DigsError(
-                f"recommend: no study in '{self.study}'; measure one first: digs-warp study run tradeoff "
-                f"--out {self.study}"
+                f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
+                f"{folder}"
             )
         budget = seconds_of(self.budget, "--budget")
-        records = [r for r in Store(self.study).records.values() if "error" not in r]
+        records = [r for r in Store(folder).records.values() if "error" not in r]
         best = best_within(records, budget)
         if best is None:
             raise DigsError(
-                f"recommend: nothing that '{self.study}' measured takes {self.budget} or less on this "
-                "machine; allow more, or measure smaller recordings"
+                f"recommend: nothing that '{folder}' measured takes {self.budget} or less; allow more, or "
+                "measure smaller recordings"
             )
+        machines = sorted({record["machine"] for record in records})
         return format_facts(
             {
+                "measured": f"on {' and '.join(machines)} ({folder})",
                 "setting": best.name,
                 "seconds": best.seconds.text(1),
                 "PSNR": f"{best.quality.text(2)} dB on views of a perfect camera",
@@ -50,6 +57,11 @@ class Recommend:
                 "left over": "" if math.isinf(budget) else f"{budget - best.seconds.mean:.0f} s",
             }
         )
+
+
+def _default_study() -> Path:
+    own = Path("out/study/tradeoff")
+    return PUBLISHED if not own.is_dir() and PUBLISHED.is_dir() else own
 
 
 def flags(settings: dict[str, Any]) -> list[str]:

@@ -153,4 +153,6 @@ def write_report(study: Study, folder: Path) -> Path:
     failed = len(records) - len(good)
     intro = f"{study.summary[0].upper()}{study.summary[1:]}. {len(good)} cases"
     intro += f", {failed} failed." if failed else "."
+    machines = sorted({record["machine"] for record in good})
+    intro += f" Measured on {' and '.join(machines)}."
     return write_pages(study.title, intro, study.sections(good), folder)

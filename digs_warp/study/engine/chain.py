@@ -17,6 +17,7 @@ from digs_warp.study.engine.case import Case, digest
 from digs_warp.study.engine.finish import score_finishes
 from digs_warp.study.engine.overrides import with_settings
 from digs_warp.study.engine.yardstick import YARDSTICK, score_on_yardstick
+from digs_warp.study.machine import processor
 from sim.config import SimulateConfig
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
     `engine.finish`), ``scale_error`` (share that the sensor's depth misses the scale by), ``seconds`` (of
     stages; compiling kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
-    process), ``versions``.
+    process), ``versions``, ``machine``.
 
     Args:
         case: its recording is taken from the study's ``folder`` or made there; structure from motion with
@@ -78,6 +79,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         "recording_seconds": read_json(capture.folder / "run.json", "run record")["seconds"],
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
+        "machine": processor(),
     }
     measured["seconds"]["compile kernels"] = round(compiled.seconds, 3)
     shutil.rmtree(work)

@@ -37,6 +37,7 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
             for name in ("points", "gaussians")
         },
         "seconds": {"initialize": 1.0, "train": 10.0 + number, "compile kernels": 99.0},
+        "machine": "2 cores of a test",
         "scale_error": 0.0004,
         "finishes": {
             "alpha_cuts": [{"value": 0.0039, "seconds": 0.01, "psnr": 30.0}],
@@ -170,6 +171,22 @@ def test_settings_are_recommended_within_a_time(
     cli.parse([*shlex.split(command)[2:], "--out", "x"])
     assert main(["recommend", "--budget", "1s", *folder]) != 0
     assert "nothing that" in capsys.readouterr().err
+
+
+def test_without_a_study_of_ones_own_the_published_one_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("digs_warp.commands.recommend.PUBLISHED", tmp_path / "published")
+    assert main(["recommend", "--budget", "50s"]) == 1
+    assert "digs-warp study run tradeoff --out out/study/tradeoff" in capsys.readouterr().err
+    for folder, psnr in (("published", 20.0), ("out/study/tradeoff", 40.0)):
+        case = BY_NAME["tradeoff"].cases(1, 1, 500)[0]
+        record = record_of(case, 0) | {"recording": {"frames": 40}, "reconstruction": {}}
+        record["yardstick"]["psnr"] = psnr
+        Store(tmp_path / folder).add(record)
+        assert main(["recommend", "--budget", "50s"]) == 0
+        assert f"{psnr:.2f} dB" in capsys.readouterr().out
 
 
 def test_a_study_is_measured_resumed_and_drawn(

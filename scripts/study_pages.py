@@ -1,0 +1,78 @@
+"""Put what the studies in out/study have measured into docs/study: results, tables, plots, pages.
+
+Usage: python scripts/study_pages.py [NAME ...]   (default: all that have results; takes seconds)
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from digs_warp.commands.study import find_study, write_report
+from digs_warp.log import write_atomically
+from digs_warp.study.catalogue import STUDIES, Study
+from digs_warp.study.engine.page import MARKDOWN, PAGE
+from digs_warp.study.engine.store import RESULTS, Store
+
+TARGET = Path(__file__).resolve().parent.parent / "docs" / "study"
+
+INDEX = """# Studies
+
+What accuracy costs in time, measured by `make studies`, which runs `digs-warp study run NAME --budget TIME`
+for each of these and writes the pages; `results.jsonl` beside a page holds every case with its settings,
+versions, machine, times, memory and quality, `tables/` the tables as CSV. On your own machine:
+
+```sh
+digs-warp study list
+digs-warp study run tradeoff --budget 20min
+digs-warp study report tradeoff
+digs-warp recommend --budget 60s
+```
+
+A study that was interrupted, or has used up its budget, goes on where it stopped.
+
+| study | what it asks | cases |
+|---|---|---|
+{rows}
+"""
+
+
+def main(names: Sequence[str]) -> None:
+    """Publish the named studies, then write the index of all that are published."""
+    for study in [find_study(name) for name in names] or STUDIES:
+        if (study.folder / RESULTS).is_file():
+            publish(study, TARGET / study.name)
+    write_index()
+
+
+def publish(study: Study, folder: Path) -> None:
+    """Write results, report, tables and plots of a study into ``folder``."""
+    lines = [json.dumps(portable(record)) for record in Store(study.folder).records.values()]
+    write_atomically(folder / RESULTS, ("\n".join(lines) + "\n").encode())
+    write_report(study, folder)
+    # The documentation shows the Markdown page; the HTML page holds the same pictures once more.
+    (folder / PAGE).unlink()
+
+
+def portable(record: dict[str, Any]) -> dict[str, Any]:
+    """Return the record with the names of input files instead of where they lay."""
+    recording = record["recording"]
+    files = {key: Path(recording[key]).name for key in ("mesh", "environment") if key in recording}
+    return record | {"recording": recording | files}
+
+
+def write_index() -> None:
+    """Write index.md."""
+    rows = []
+    for study in STUDIES:
+        folder = TARGET / study.name
+        if (folder / RESULTS).is_file():
+            count = len(Store(folder).records)
+            link = f"[{study.title}]({study.name}/{MARKDOWN})"
+            rows.append(f"| {link} | {study.summary} | {count} |")
+    write_atomically(TARGET / "index.md", INDEX.format(rows="\n".join(rows)).encode())
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
