@@ -1,16 +1,18 @@
 """Every constant of the splat engine, with its reason, and how its hot kernels are compiled."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.image_planes import ALIGNMENT
 from digs_warp.sh import MAX_DEGREE
 
-# Tiles are 16x16 pixels: one row is one 512-bit vector of float32, or two of 256 bits.
+# Tiles are 16x16 pixels. The rasterizer evaluates a splat in blocks of 2 rows by 8 columns: one vector of
+# float32 of 512 bits, or two of 256.
 TILE_SIZE = ALIGNMENT
 TILE_PIXELS = TILE_SIZE * TILE_SIZE
+BLOCK_WIDTH = 8
+BLOCK_HEIGHT = 2
 
 # Pixel slack on the half extents of a splat, so that rounding never cuts off a pixel above the cut.
 EXTENT_SLACK = 0.01
@@ -98,16 +100,3 @@ class RasterOptions:
 
 
 DEFAULT_OPTIONS = RasterOptions()
-
-
-def vector_lanes() -> int:
-    """Return how many float32 values a vector of this CPU holds, as far as the tiles use them: 16 or 8.
-
-    The rasterizer walks the columns of a splat in groups of one vector: with AVX-512 a whole row of a tile,
-    elsewhere half a row, so that the half that a small splat does not touch is skipped.
-    """
-    try:
-        flags = Path("/proc/cpuinfo").read_text(encoding="utf-8")
-    except OSError:
-        flags = ""
-    return TILE_SIZE if "avx512f" in flags else TILE_SIZE // 2

@@ -23,8 +23,9 @@ No division by a vanishing transmittance, and no reversed list. Each (tile, spla
 partial gradients: threads never share an address, so the result is the same for any number of them.
 
 What keeps the inner loops fast: no libm calls, no branches (`wp.where`), no variable name used in two
-loops, and all pixel state of a tile, copies of its gradient planes included, in few local arrays (with five
-of them LLVM gives up; a read from a Warp array, whose stride is known only at run time, becomes a gather).
+loops, and all pixel state of a tile, copies of its gradient planes included, in one array whose stride LLVM
+knows (a read from a Warp array, whose stride is known only at run time, becomes a gather). How that state
+lies in memory, and why, stands in `digs_warp.splat.tile`.
 The options are constants of the kernel, and what a view does not ask for is not in it: there is one kernel
 per set of options.
 A test compiles both passes with LLVM's vectorization remarks on and fails when a loop falls out.
@@ -35,7 +36,7 @@ from functools import cache
 import warp as wp
 
 from digs_warp.kernel_options import vector_module_options
-from digs_warp.splat.config import TILE_PIXELS, RasterOptions
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -51,26 +52,51 @@ from digs_warp.splat.records import (
     SPLAT_V,
 )
 from digs_warp.splat.tile import (
+    BLOCK,
+    BLOCK_COLUMNS,
+    BLOCK_ROW_MASK,
+    BLOCK_ROWS,
+    BLOCK_SHIFT,
     CHECK_EVERY,
+    COLUMN_MASK,
     CROWDED,
-    GROUP_MASK,
-    LANES,
+    HALF_PIXELS,
+    NOT_NEGATIVE,
     PIXELS,
-    ROW_MASK,
+    PLANE_FLOATS,
     TILE,
+    cache_line_at,
     exp_in_range,
+    planes_memory,
 )
 
 wp.set_module_options({"enable_backward": False})
 
-# Offsets of the channels in a tile's local array of the forward pass.
-_GREEN = wp.constant(TILE_PIXELS)
-_BLUE = wp.constant(2 * TILE_PIXELS)
-_DEPTH = wp.constant(3 * TILE_PIXELS)
-_MEDIAN = wp.constant(4 * TILE_PIXELS)
-_NORMAL_X = wp.constant(5 * TILE_PIXELS)
-_NORMAL_Y = wp.constant(6 * TILE_PIXELS)
-_NORMAL_Z = wp.constant(7 * TILE_PIXELS)
+# Planes of a tile. A saturated pixel has working = 0 for good; final = 1 - sum of weights keeps its
+# transmittance. (Selecting the old value instead would cost the vectorization of the loop.)
+_FINAL = wp.constant(PLANE_FLOATS)
+_RED = wp.constant(2 * PLANE_FLOATS)
+_GREEN = wp.constant(3 * PLANE_FLOATS)
+_BLUE = wp.constant(4 * PLANE_FLOATS)
+_DEPTH = wp.constant(5 * PLANE_FLOATS)
+_MEDIAN = wp.constant(6 * PLANE_FLOATS)
+_NORMAL_X = wp.constant(7 * PLANE_FLOATS)
+_NORMAL_Y = wp.constant(8 * PLANE_FLOATS)
+_NORMAL_Z = wp.constant(9 * PLANE_FLOATS)
+_PLANE = wp.constant(PLANE_FLOATS)
+
+
+@wp.func
+def fill_tile(
+    start: int, width: int, height: int, pitch: int, value: float, plane: wp.array[float]
+):
+    """Set the pixels of a tile, of which ``width`` x ``height`` lie inside the image."""
+    # Warp's arrays have strides that are known only at run time; those of a view made here are known.
+    pixels = wp.array(ptr=plane.ptr, shape=(plane.shape[0],), dtype=float)
+    for y in range(height):
+        row = (start + y * pitch) & NOT_NEGATIVE
+        for x in range(width):
+            pixels[row + x] = value
 
 
 @cache
@@ -79,7 +105,7 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
     with_depth, with_normals = options.has_depth, options.has_normals
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
-    channels = 8 if with_normals else 5 if with_depth else 3
+    planes = 10 if with_normals else 7 if with_depth else 5
     name = "forward_normals" if with_normals else "forward_depth" if with_depth else "forward_color"
 
     @wp.kernel(name=name, module="unique", module_options=vector_module_options())
@@ -115,39 +141,64 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         height = views[0].height
         tile_x = tile_column * TILE
         tile_y = tile_row * TILE
-        # A saturated pixel has working = 0 for good; final = 1 - sum of weights keeps its transmittance.
-        # (Selecting the old value instead would cost the vectorization of the loop.)
-        working = wp.zeros(shape=(PIXELS,), dtype=float)
-        final = wp.zeros(shape=(PIXELS,), dtype=float)
-        color = wp.zeros(shape=(wp.static(channels * TILE_PIXELS),), dtype=float)
-        for p in range(PIXELS):
-            working[p] = 1.0
-            final[p] = 1.0
         begin = tile_starts[tile]
         end = tile_starts[tile + 1]
+        start = origin + tile_y * pitch + tile_x
+        inner_width = wp.min(TILE, width - tile_x)
+        inner_height = wp.min(TILE, height - tile_y)
+        if begin == end:
+            tile_ends[tile] = end
+            for channel in range(3):
+                at = start + channel * plane
+                fill_tile(at, inner_width, inner_height, pitch, background[channel], image)
+            fill_tile(start, inner_width, inner_height, pitch, 1.0, transmittance)
+            if wp.static(with_depth):
+                for of_depth in range(2):
+                    at_depth = start + of_depth * plane
+                    fill_tile(at_depth, inner_width, inner_height, pitch, 0.0, depth_planes)
+            if wp.static(with_normals):
+                for of_normal in range(3):
+                    at_normal = start + of_normal * plane
+                    fill_tile(at_normal, inner_width, inner_height, pitch, 0.0, normal_planes)
+            return
+        memory = wp.zeros(shape=(wp.static(planes_memory(planes)),), dtype=float)
+        state = wp.array(
+            ptr=cache_line_at(memory.ptr), shape=(wp.static(planes * PLANE_FLOATS),), dtype=float
+        )
+        for p in range(PIXELS):
+            state[p] = 1.0
+            state[_FINAL + p] = 1.0
         stop = end
         low = int(0)  # rows above low and below high are saturated
         high = int(15)
+        # A record that is not in the cache takes as long as several blocks: its first and its last line are
+        # asked for one splat ahead.
+        g = tile_splats[begin]
+        u = splats[g, SPLAT_U]
+        half_height = splats[g, SPLAT_HALF_HEIGHT]
         for k in range(begin, end):
+            g_next = tile_splats[wp.min(k + 1, end - 1)]
+            u_next = splats[g_next, SPLAT_U]
+            half_height_next = splats[g_next, SPLAT_HALF_HEIGHT]
             if (k - begin) % CHECK_EVERY == CHECK_EVERY - 1:
                 alive = float(0.0)
                 for r in range(PIXELS):
-                    alive += working[r]
+                    alive += state[r]
                 if alive == 0.0:
                     stop = k
                     break
                 if alive < CROWDED:
                     low = int(TILE)
                     high = int(-1)
-                    for r_row in range(TILE):
+                    for r_row in range(BLOCK_ROWS):
                         alive_row = float(0.0)
-                        for r_x in range(TILE):
-                            alive_row += working[r_row * TILE + r_x]
+                        for r_x in range(BLOCK):
+                            q = r_row * BLOCK + r_x
+                            alive_row += state[q] + state[HALF_PIXELS + q]
                         if alive_row > 0.0:
-                            low = wp.min(low, r_row)
-                            high = r_row
-            g = tile_splats[k]
-            mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
+                            low = wp.min(low, 2 * r_row)
+                            high = 2 * r_row + 1
+            mean_x = u - float(tile_x) - 0.5
             mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
             a = splats[g, SPLAT_A]
             b = splats[g, SPLAT_B]
@@ -156,7 +207,6 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
             color_r = splats[g, SPLAT_RED]
             color_g = splats[g, SPLAT_GREEN]
             color_b = splats[g, SPLAT_BLUE]
-            half_height = splats[g, SPLAT_HALF_HEIGHT]
             z = float(0.0)
             normal = wp.vec3(0.0, 0.0, 0.0)
             if wp.static(with_depth):
@@ -167,63 +217,83 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
             y_first = int(wp.max(wp.ceil(mean_y - half_height), float(low)))
             y_last = int(wp.min(wp.floor(mean_y + half_height), float(high)))
             half_width = splats[g, SPLAT_HALF_WIDTH]
-            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // LANES
-            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // LANES
-            for group in range(x_first, x_last + 1):
-                left = float(group * LANES) - mean_x
-                column = (group & GROUP_MASK) * LANES
-                for y in range(y_first, y_last + 1):
-                    dy = float(y) - mean_y
-                    e0 = -0.5 * c * dy * dy
-                    e1 = -b * dy
-                    row = (y & ROW_MASK) * TILE + column
-                    for x in range(LANES):
-                        dx = float(x) + left
-                        power = wp.min(e0 + dx * (e1 - 0.5 * a * dx), 0.0)
+            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // BLOCK_COLUMNS
+            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // BLOCK_COLUMNS
+            a_half = -0.5 * a
+            c_half = -0.5 * c
+            for half in range(x_first, x_last + 1):
+                left = float(half * BLOCK_COLUMNS) - mean_x
+                column = (half & 1) * HALF_PIXELS
+                for y in range(y_first // 2, y_last // 2 + 1):
+                    top = float(2 * y) - mean_y
+                    block = (y & BLOCK_ROW_MASK) * BLOCK + column
+                    for i in range(BLOCK):
+                        dx = float(i & COLUMN_MASK) + left
+                        dy = float(i >> BLOCK_SHIFT) + top
+                        power = wp.min(dx * (a_half * dx) + dy * (c_half * dy - b * dx), 0.0)
                         alpha = wp.min(opacity * exp_in_range(power), wp.static(max_alpha))
                         alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
-                        before = working[row + x]
+                        before = state[block + i]
                         after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
-                        working[row + x] = wp.where(after >= wp.static(least), after, 0.0)
+                        state[block + i] = wp.where(after >= wp.static(least), after, 0.0)
                         if wp.static(with_depth):
-                            color[_DEPTH + row + x] = color[_DEPTH + row + x] + weight * z
-                            passed = wp.where(final[row + x] > 0.5, z, 0.0)
-                            passed = wp.where(final[row + x] - weight <= 0.5, passed, 0.0)
-                            color[_MEDIAN + row + x] = color[_MEDIAN + row + x] + passed
+                            state[_DEPTH + block + i] = state[_DEPTH + block + i] + weight * z
+                            passed = wp.where(state[_FINAL + block + i] > 0.5, z, 0.0)
+                            passed = wp.where(
+                                state[_FINAL + block + i] - weight <= 0.5, passed, 0.0
+                            )
+                            state[_MEDIAN + block + i] = state[_MEDIAN + block + i] + passed
                         if wp.static(with_normals):
-                            color[_NORMAL_X + row + x] = (
-                                color[_NORMAL_X + row + x] + weight * normal[0]
+                            state[_NORMAL_X + block + i] = (
+                                state[_NORMAL_X + block + i] + weight * normal[0]
                             )
-                            color[_NORMAL_Y + row + x] = (
-                                color[_NORMAL_Y + row + x] + weight * normal[1]
+                            state[_NORMAL_Y + block + i] = (
+                                state[_NORMAL_Y + block + i] + weight * normal[1]
                             )
-                            color[_NORMAL_Z + row + x] = (
-                                color[_NORMAL_Z + row + x] + weight * normal[2]
+                            state[_NORMAL_Z + block + i] = (
+                                state[_NORMAL_Z + block + i] + weight * normal[2]
                             )
-                        final[row + x] = final[row + x] - weight
-                        color[row + x] = color[row + x] + weight * color_r
-                        color[_GREEN + row + x] = color[_GREEN + row + x] + weight * color_g
-                        color[_BLUE + row + x] = color[_BLUE + row + x] + weight * color_b
+                        state[_FINAL + block + i] = state[_FINAL + block + i] - weight
+                        state[_RED + block + i] = state[_RED + block + i] + weight * color_r
+                        state[_GREEN + block + i] = state[_GREEN + block + i] + weight * color_g
+                        state[_BLUE + block + i] = state[_BLUE + block + i] + weight * color_b
+            g = g_next
+            u = u_next
+            half_height = half_height_next
         tile_ends[tile] = stop
         back_r = background[0]
         back_g = background[1]
         back_b = background[2]
-        for yy in range(wp.min(TILE, height - tile_y)):
-            start = origin + (tile_y + yy) * pitch + tile_x
-            for xx in range(wp.min(TILE, width - tile_x)):
-                q = yy * TILE + xx
-                image[start + xx] = color[q] + final[q] * back_r
-                image[start + plane + xx] = color[_GREEN + q] + final[q] * back_g
-                image[start + 2 * plane + xx] = color[_BLUE + q] + final[q] * back_b
-                transmittance[start + xx] = final[q]
+        # Warp's arrays have strides that are known only at run time; those of views made here are known.
+        pixels = wp.array(ptr=image.ptr, shape=(image.shape[0],), dtype=float)
+        through = wp.array(ptr=transmittance.ptr, shape=(transmittance.shape[0],), dtype=float)
+        for f in range(PIXELS):
+            state[_RED + f] = state[_RED + f] + state[_FINAL + f] * back_r
+            state[_GREEN + f] = state[_GREEN + f] + state[_FINAL + f] * back_g
+            state[_BLUE + f] = state[_BLUE + f] + state[_FINAL + f] * back_b
+        for yy in range(inner_height):
+            for side in range(2):
+                to = (start + yy * pitch + side * BLOCK_COLUMNS) & NOT_NEGATIVE
+                taken = (yy & 15) * BLOCK_COLUMNS + (side & 1) * HALF_PIXELS
+                count = wp.min(BLOCK_COLUMNS, inner_width - side * BLOCK_COLUMNS)
+                for channel_out in range(3):
+                    there = (to + channel_out * plane) & NOT_NEGATIVE
+                    here = (_RED + channel_out * _PLANE + taken) & NOT_NEGATIVE
+                    for xx in range(count):
+                        pixels[there + xx] = state[here + xx]
+                for xt in range(count):
+                    through[to + xt] = state[_FINAL + taken + xt]
                 if wp.static(with_depth):
-                    drawn = 1.0 - final[q]
-                    depth_planes[start + xx] = wp.where(drawn > 0.0, color[_DEPTH + q] / drawn, 0.0)
-                    depth_planes[start + plane + xx] = color[_MEDIAN + q]
+                    for xd in range(count):
+                        drawn = 1.0 - state[_FINAL + taken + xd]
+                        total = state[_DEPTH + taken + xd]
+                        depth_planes[to + xd] = wp.where(drawn > 0.0, total / drawn, 0.0)
+                        depth_planes[to + plane + xd] = state[_MEDIAN + taken + xd]
                 if wp.static(with_normals):
-                    normal_planes[start + xx] = color[_NORMAL_X + q]
-                    normal_planes[start + plane + xx] = color[_NORMAL_Y + q]
-                    normal_planes[start + 2 * plane + xx] = color[_NORMAL_Z + q]
+                    for xn in range(count):
+                        normal_planes[to + xn] = state[_NORMAL_X + taken + xn]
+                        normal_planes[to + plane + xn] = state[_NORMAL_Y + taken + xn]
+                        normal_planes[to + 2 * plane + xn] = state[_NORMAL_Z + taken + xn]
 
     return forward

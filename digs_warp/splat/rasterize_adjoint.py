@@ -7,7 +7,7 @@ from functools import cache
 import warp as wp
 
 from digs_warp.kernel_options import vector_module_options
-from digs_warp.splat.config import TILE_PIXELS, TILE_SIZE, RasterOptions
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -24,41 +24,49 @@ from digs_warp.splat.records import (
     GradientLayout,
 )
 from digs_warp.splat.tile import (
+    BLOCK,
+    BLOCK_COLUMNS,
+    BLOCK_ROW_MASK,
+    BLOCK_ROWS,
+    BLOCK_SHIFT,
     CHECK_EVERY,
+    COLUMN_MASK,
     CROWDED,
-    GROUP_MASK,
-    LANES,
+    HALF_PIXELS,
     PIXELS,
-    ROW_MASK,
+    PLANE_FLOATS,
     TILE,
+    cache_line_at,
     exp_in_range,
+    planes_memory,
 )
 
 wp.set_module_options({"enable_backward": False})
 
-# The backward pass sums a splat's gradient by pixel column first: one vector addition a row, where a
-# scalar sum a row would cost a horizontal reduction. Offsets of d_power * dy, * dy^2, red, green, blue,
-# depth, normal, and the absolute values of the gradient in u and v.
-_LANE_Y = wp.constant(TILE_SIZE)
-_LANE_YY = wp.constant(2 * TILE_SIZE)
-_LANE_R = wp.constant(3 * TILE_SIZE)
-_LANE_G = wp.constant(4 * TILE_SIZE)
-_LANE_B = wp.constant(5 * TILE_SIZE)
-_LANE_DEPTH = wp.constant(6 * TILE_SIZE)
-_LANE_NX = wp.constant(7 * TILE_SIZE)
-_LANE_NY = wp.constant(8 * TILE_SIZE)
-_LANE_NZ = wp.constant(9 * TILE_SIZE)
-_LANE_AU = wp.constant(10 * TILE_SIZE)
-_LANE_AV = wp.constant(11 * TILE_SIZE)
-# Offsets in a tile's local array of the backward pass: transmittance so far, S, and the v of each channel.
-_AHEAD = wp.constant(TILE_PIXELS)
-_ADJ_R = wp.constant(2 * TILE_PIXELS)
-_ADJ_G = wp.constant(3 * TILE_PIXELS)
-_ADJ_B = wp.constant(4 * TILE_PIXELS)
-_ADJ_DEPTH = wp.constant(5 * TILE_PIXELS)
-_ADJ_NX = wp.constant(6 * TILE_PIXELS)
-_ADJ_NY = wp.constant(7 * TILE_PIXELS)
-_ADJ_NZ = wp.constant(8 * TILE_PIXELS)
+# The backward pass sums a splat's gradient by the place of a pixel in its block first: one vector addition a
+# block, where a scalar sum would cost a horizontal reduction. Offsets of d_power * dy, * dy^2, red, green,
+# blue, depth, normal, and the absolute values of the gradient in u and v.
+_LANES = 16
+_LANE_Y = wp.constant(_LANES)
+_LANE_YY = wp.constant(2 * _LANES)
+_LANE_R = wp.constant(3 * _LANES)
+_LANE_G = wp.constant(4 * _LANES)
+_LANE_B = wp.constant(5 * _LANES)
+_LANE_DEPTH = wp.constant(6 * _LANES)
+_LANE_NX = wp.constant(7 * _LANES)
+_LANE_NY = wp.constant(8 * _LANES)
+_LANE_NZ = wp.constant(9 * _LANES)
+_LANE_AU = wp.constant(10 * _LANES)
+_LANE_AV = wp.constant(11 * _LANES)
+# Planes of a tile: transmittance so far, S, and the v of each channel.
+_AHEAD = wp.constant(PLANE_FLOATS)
+_ADJ_R = wp.constant(2 * PLANE_FLOATS)
+_ADJ_G = wp.constant(3 * PLANE_FLOATS)
+_ADJ_B = wp.constant(4 * PLANE_FLOATS)
+_ADJ_DEPTH = wp.constant(5 * PLANE_FLOATS)
+_ADJ_NX = wp.constant(6 * PLANE_FLOATS)
+_ADJ_NY = wp.constant(7 * PLANE_FLOATS)
+_ADJ_NZ = wp.constant(8 * PLANE_FLOATS)
 
 
 @cache
@@ -117,13 +125,19 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
         if begin == end:
             return
         # Transmittance so far, then S of the module docstring, then v.
-        state = wp.zeros(shape=(wp.static(planes * TILE_PIXELS),), dtype=float)
-        lanes = wp.zeros(shape=(wp.static(lane_count * TILE_SIZE),), dtype=float)
+        memory = wp.zeros(shape=(wp.static(planes_memory(planes + 1)),), dtype=float)
+        state = wp.array(
+            ptr=cache_line_at(memory.ptr),
+            shape=(wp.static((planes + 1) * PLANE_FLOATS),),
+            dtype=float,
+        )
+        lanes = wp.static(planes * PLANE_FLOATS)
         for yy in range(TILE):
             base = start + yy * pitch
             for xx in range(TILE):
                 p = base + xx
-                q = yy * TILE + xx
+                side = (xx >> BLOCK_SHIFT) * HALF_PIXELS
+                q = side + yy * BLOCK_COLUMNS + (xx & COLUMN_MASK)
                 adj_r = adj_image[p]
                 adj_g = adj_image[plane + p]
                 adj_b = adj_image[2 * plane + p]
@@ -152,7 +166,15 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
         stop = tile_ends[tile]
         low = int(0)
         high = int(15)
+        # A record that is not in the cache takes as long as several blocks: its first and its last line are
+        # asked for one splat ahead.
+        g = tile_splats[begin]
+        u = splats[g, SPLAT_U]
+        half_height = splats[g, SPLAT_HALF_HEIGHT]
         for k in range(begin, stop):
+            g_next = tile_splats[wp.min(k + 1, end - 1)]
+            u_next = splats[g_next, SPLAT_U]
+            half_height_next = splats[g_next, SPLAT_HALF_HEIGHT]
             if (k - begin) % CHECK_EVERY == CHECK_EVERY - 1:
                 alive = float(0.0)
                 for r in range(PIXELS):
@@ -160,15 +182,15 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                 if alive < CROWDED:
                     low = int(TILE)
                     high = int(-1)
-                    for r_row in range(TILE):
+                    for r_row in range(BLOCK_ROWS):
                         alive_row = float(0.0)
-                        for r_x in range(TILE):
-                            alive_row += state[r_row * TILE + r_x]
+                        for r_x in range(BLOCK):
+                            at_row = r_row * BLOCK + r_x
+                            alive_row += state[at_row] + state[HALF_PIXELS + at_row]
                         if alive_row > 0.0:
-                            low = wp.min(low, r_row)
-                            high = r_row
-            g = tile_splats[k]
-            mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
+                            low = wp.min(low, 2 * r_row)
+                            high = 2 * r_row + 1
+            mean_x = u - float(tile_x) - 0.5
             mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
             a = splats[g, SPLAT_A]
             b = splats[g, SPLAT_B]
@@ -177,7 +199,6 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
             color_r = splats[g, SPLAT_RED]
             color_g = splats[g, SPLAT_GREEN]
             color_b = splats[g, SPLAT_BLUE]
-            half_height = splats[g, SPLAT_HALF_HEIGHT]
             z = float(0.0)
             normal = wp.vec3(0.0, 0.0, 0.0)
             if wp.static(with_depth):
@@ -187,71 +208,10 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
             y_first = int(wp.max(wp.ceil(mean_y - half_height), float(low)))
             y_last = int(wp.min(wp.floor(mean_y + half_height), float(high)))
             half_width = splats[g, SPLAT_HALF_WIDTH]
-            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // LANES
-            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // LANES
-            for lane_z in range(wp.static(lane_count * TILE_SIZE)):
-                lanes[lane_z] = 0.0
-            for group in range(x_first, x_last + 1):
-                left = float(group * LANES) - mean_x
-                column = (group & GROUP_MASK) * LANES
-                for y in range(y_first, y_last + 1):
-                    dy = float(y) - mean_y
-                    e0 = -0.5 * c * dy * dy
-                    e1 = -b * dy
-                    row = (y & ROW_MASK) * TILE + column
-                    for x in range(LANES):
-                        dx = float(x) + left
-                        power = wp.min(e0 + dx * (e1 - 0.5 * a * dx), 0.0)
-                        raw = opacity * exp_in_range(power)
-                        alpha = wp.min(raw, wp.static(max_alpha))
-                        alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
-                        before = state[row + x]
-                        after = before - before * alpha
-                        weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
-                        state[row + x] = wp.where(after >= wp.static(least), after, 0.0)
-                        v_r = state[_ADJ_R + row + x]
-                        v_g = state[_ADJ_G + row + x]
-                        v_b = state[_ADJ_B + row + x]
-                        shine = color_r * v_r + color_g * v_g + color_b * v_b
-                        if wp.static(with_depth):
-                            v_d = state[_ADJ_DEPTH + row + x]
-                            shine = shine + z * v_d
-                            lanes[_LANE_DEPTH + column + x] = (
-                                lanes[_LANE_DEPTH + column + x] + weight * v_d
-                            )
-                        if wp.static(with_normals):
-                            v_x = state[_ADJ_NX + row + x]
-                            v_y = state[_ADJ_NY + row + x]
-                            v_z = state[_ADJ_NZ + row + x]
-                            shine = shine + normal[0] * v_x + normal[1] * v_y + normal[2] * v_z
-                            lanes[_LANE_NX + column + x] = (
-                                lanes[_LANE_NX + column + x] + weight * v_x
-                            )
-                            lanes[_LANE_NY + column + x] = (
-                                lanes[_LANE_NY + column + x] + weight * v_y
-                            )
-                            lanes[_LANE_NZ + column + x] = (
-                                lanes[_LANE_NZ + column + x] + weight * v_z
-                            )
-                        rest = state[_AHEAD + row + x] - weight * shine
-                        state[_AHEAD + row + x] = rest
-                        d_alpha = before * shine - rest / (1.0 - alpha)
-                        # d_alpha * alpha = dL/dpower; zero where capped, cut, or stopped
-                        moving = wp.where(raw <= wp.static(max_alpha), alpha, 0.0)
-                        d_power = wp.where(after >= wp.static(least), d_alpha * moving, 0.0)
-                        if wp.static(with_absolute):
-                            d_u = wp.abs(d_power * (a * dx + b * dy))
-                            d_v = wp.abs(d_power * (b * dx + c * dy))
-                            lanes[_LANE_AU + column + x] = lanes[_LANE_AU + column + x] + d_u
-                            lanes[_LANE_AV + column + x] = lanes[_LANE_AV + column + x] + d_v
-                        lanes[column + x] = lanes[column + x] + d_power
-                        lanes[_LANE_Y + column + x] = lanes[_LANE_Y + column + x] + d_power * dy
-                        lanes[_LANE_YY + column + x] = (
-                            lanes[_LANE_YY + column + x] + d_power * dy * dy
-                        )
-                        lanes[_LANE_R + column + x] = lanes[_LANE_R + column + x] + weight * v_r
-                        lanes[_LANE_G + column + x] = lanes[_LANE_G + column + x] + weight * v_g
-                        lanes[_LANE_B + column + x] = lanes[_LANE_B + column + x] + weight * v_b
+            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // BLOCK_COLUMNS
+            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // BLOCK_COLUMNS
+            a_half = -0.5 * a
+            c_half = -0.5 * c
             sum_0 = float(0.0)
             sum_x = float(0.0)
             sum_y = float(0.0)
@@ -261,17 +221,88 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
             sum_r = float(0.0)
             sum_g = float(0.0)
             sum_b = float(0.0)
-            for lane in range(TILE):
-                offset = float(lane) - mean_x
-                sum_0 += lanes[lane]
-                sum_x += lanes[lane] * offset
-                sum_xx += lanes[lane] * offset * offset
-                sum_y += lanes[_LANE_Y + lane]
-                sum_xy += lanes[_LANE_Y + lane] * offset
-                sum_yy += lanes[_LANE_YY + lane]
-                sum_r += lanes[_LANE_R + lane]
-                sum_g += lanes[_LANE_G + lane]
-                sum_b += lanes[_LANE_B + lane]
+            sum_depth = float(0.0)
+            sum_nx = float(0.0)
+            sum_ny = float(0.0)
+            sum_nz = float(0.0)
+            sum_au = float(0.0)
+            sum_av = float(0.0)
+            for half in range(x_first, x_last + 1):
+                left = float(half * BLOCK_COLUMNS) - mean_x
+                column = (half & 1) * HALF_PIXELS
+                for lane_z in range(wp.static(lane_count * _LANES)):
+                    state[lanes + lane_z] = 0.0
+                for y in range(y_first // 2, y_last // 2 + 1):
+                    top = float(2 * y) - mean_y
+                    block = (y & BLOCK_ROW_MASK) * BLOCK + column
+                    for i in range(BLOCK):
+                        dx = float(i & COLUMN_MASK) + left
+                        dy = float(i >> BLOCK_SHIFT) + top
+                        power = wp.min(dx * (a_half * dx) + dy * (c_half * dy - b * dx), 0.0)
+                        raw = opacity * exp_in_range(power)
+                        alpha = wp.min(raw, wp.static(max_alpha))
+                        alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
+                        before = state[block + i]
+                        after = before - before * alpha
+                        weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
+                        state[block + i] = wp.where(after >= wp.static(least), after, 0.0)
+                        v_r = state[_ADJ_R + block + i]
+                        v_g = state[_ADJ_G + block + i]
+                        v_b = state[_ADJ_B + block + i]
+                        shine = color_r * v_r + color_g * v_g + color_b * v_b
+                        if wp.static(with_depth):
+                            v_d = state[_ADJ_DEPTH + block + i]
+                            shine = shine + z * v_d
+                            state[lanes + _LANE_DEPTH + i] = (
+                                state[lanes + _LANE_DEPTH + i] + weight * v_d
+                            )
+                        if wp.static(with_normals):
+                            v_x = state[_ADJ_NX + block + i]
+                            v_y = state[_ADJ_NY + block + i]
+                            v_z = state[_ADJ_NZ + block + i]
+                            shine = shine + normal[0] * v_x + normal[1] * v_y + normal[2] * v_z
+                            state[lanes + _LANE_NX + i] = state[lanes + _LANE_NX + i] + weight * v_x
+                            state[lanes + _LANE_NY + i] = state[lanes + _LANE_NY + i] + weight * v_y
+                            state[lanes + _LANE_NZ + i] = state[lanes + _LANE_NZ + i] + weight * v_z
+                        rest = state[_AHEAD + block + i] - weight * shine
+                        state[_AHEAD + block + i] = rest
+                        d_alpha = before * shine - rest / (1.0 - alpha)
+                        # d_alpha * alpha = dL/dpower; zero where capped, cut, or stopped
+                        moving = wp.where(raw <= wp.static(max_alpha), alpha, 0.0)
+                        d_power = wp.where(after >= wp.static(least), d_alpha * moving, 0.0)
+                        if wp.static(with_absolute):
+                            d_u = wp.abs(d_power * (a * dx + b * dy))
+                            d_v = wp.abs(d_power * (b * dx + c * dy))
+                            state[lanes + _LANE_AU + i] = state[lanes + _LANE_AU + i] + d_u
+                            state[lanes + _LANE_AV + i] = state[lanes + _LANE_AV + i] + d_v
+                        state[lanes + i] = state[lanes + i] + d_power
+                        state[lanes + _LANE_Y + i] = state[lanes + _LANE_Y + i] + d_power * dy
+                        state[lanes + _LANE_YY + i] = (
+                            state[lanes + _LANE_YY + i] + d_power * dy * dy
+                        )
+                        state[lanes + _LANE_R + i] = state[lanes + _LANE_R + i] + weight * v_r
+                        state[lanes + _LANE_G + i] = state[lanes + _LANE_G + i] + weight * v_g
+                        state[lanes + _LANE_B + i] = state[lanes + _LANE_B + i] + weight * v_b
+                for lane in range(BLOCK):
+                    offset = float(lane & COLUMN_MASK) + left
+                    sum_0 += state[lanes + lane]
+                    sum_x += state[lanes + lane] * offset
+                    sum_xx += state[lanes + lane] * offset * offset
+                    sum_y += state[lanes + _LANE_Y + lane]
+                    sum_xy += state[lanes + _LANE_Y + lane] * offset
+                    sum_yy += state[lanes + _LANE_YY + lane]
+                    sum_r += state[lanes + _LANE_R + lane]
+                    sum_g += state[lanes + _LANE_G + lane]
+                    sum_b += state[lanes + _LANE_B + lane]
+                    if wp.static(with_depth):
+                        sum_depth += state[lanes + _LANE_DEPTH + lane]
+                    if wp.static(with_normals):
+                        sum_nx += state[lanes + _LANE_NX + lane]
+                        sum_ny += state[lanes + _LANE_NY + lane]
+                        sum_nz += state[lanes + _LANE_NZ + lane]
+                    if wp.static(with_absolute):
+                        sum_au += state[lanes + _LANE_AU + lane]
+                        sum_av += state[lanes + _LANE_AV + lane]
             pair_gradients[k, 0] = a * sum_x + b * sum_y
             pair_gradients[k, 1] = b * sum_x + c * sum_y
             pair_gradients[k, 2] = -0.5 * sum_xx
@@ -282,29 +313,17 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
             pair_gradients[k, 7] = sum_g
             pair_gradients[k, 8] = sum_b
             if wp.static(with_depth):
-                sum_depth = float(0.0)
-                for lane_d in range(TILE):
-                    sum_depth += lanes[_LANE_DEPTH + lane_d]
                 pair_gradients[k, wp.static(layout.depth)] = sum_depth
             if wp.static(with_normals):
-                sum_nx = float(0.0)
-                sum_ny = float(0.0)
-                sum_nz = float(0.0)
-                for lane_n in range(TILE):
-                    sum_nx += lanes[_LANE_NX + lane_n]
-                    sum_ny += lanes[_LANE_NY + lane_n]
-                    sum_nz += lanes[_LANE_NZ + lane_n]
                 pair_gradients[k, wp.static(layout.normal)] = sum_nx
                 pair_gradients[k, wp.static(layout.normal + 1)] = sum_ny
                 pair_gradients[k, wp.static(layout.normal + 2)] = sum_nz
             if wp.static(with_absolute):
-                sum_au = float(0.0)
-                sum_av = float(0.0)
-                for lane_a in range(TILE):
-                    sum_au += lanes[_LANE_AU + lane_a]
-                    sum_av += lanes[_LANE_AV + lane_a]
                 pair_gradients[k, wp.static(layout.absolute)] = sum_au
                 pair_gradients[k, wp.static(layout.absolute + 1)] = sum_av
+            g = g_next
+            u = u_next
+            half_height = half_height_next
         for rest_k in range(stop, end):
             for field in range(wp.static(layout.fields)):
                 pair_gradients[rest_k, field] = 0.0

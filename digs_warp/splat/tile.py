@@ -1,44 +1,71 @@
 # type: ignore
 # (device code, which Warp's stubs do not type)
-"""What the forward and the backward pass over a tile share: its shape, its checks, and the exponential."""
+"""What both passes over a tile share: its shape in memory, its checks, and the exponential.
+
+The pixels of a tile lie in blocks of 2 rows by 8 columns, first those of the left half from top to bottom,
+then those of the right half. A splat is evaluated block by block: 16 values are one vector of AVX-512, or two
+of AVX2 that hide each other's latency, and a small splat touches few blocks.
+
+A plane holds one value of every pixel. The planes of a tile lie one after the other in memory of the thread,
+on a boundary of 64 bytes: vectors across two cache lines would be slow to read back. They are a cache line
+longer than the tile, because reads 4096 bytes behind a fresh store have to wait for it.
+"""
 
 import warp as wp
 
-from digs_warp.splat.config import TILE_PIXELS, TILE_SIZE, vector_lanes
+from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_PIXELS, TILE_SIZE
 
 wp.set_module_options({"enable_backward": False})
 
+_CACHE_LINE = 16  # floats
+PLANE_FLOATS = TILE_PIXELS + _CACHE_LINE
+
 TILE = wp.constant(TILE_SIZE)
 PIXELS = wp.constant(TILE_PIXELS)
-# Columns are walked in groups of one vector.
-LANES = wp.constant(vector_lanes())
-GROUP_MASK = wp.constant(TILE_SIZE // vector_lanes() - 1)
-# y & 15 is y, and tells LLVM that it is no negative index, which Warp would have to wrap: without it a
+BLOCK = wp.constant(BLOCK_HEIGHT * BLOCK_WIDTH)
+BLOCK_COLUMNS = wp.constant(BLOCK_WIDTH)
+BLOCK_SHIFT = wp.constant(BLOCK_WIDTH.bit_length() - 1)  # i >> shift is the row of pixel i
+COLUMN_MASK = wp.constant(BLOCK_WIDTH - 1)
+# Rows of blocks, and the pixels of the left half of a tile.
+BLOCK_ROWS = wp.constant(TILE_SIZE // BLOCK_HEIGHT)
+HALF_PIXELS = wp.constant(TILE_PIXELS // 2)
+# i & mask is i, and tells LLVM that it is no negative index, which Warp would have to wrap: without it a
 # third of the time of a row goes into index checks.
-ROW_MASK = wp.constant(TILE_SIZE - 1)
+BLOCK_ROW_MASK = wp.constant(TILE_SIZE // BLOCK_HEIGHT - 1)
+NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 # Whether a tile is saturated is looked up once every so many splats: a sum over its 256 pixels.
 CHECK_EVERY = wp.constant(8)
 # Saturated rows are looked for when the transmittances of a tile sum to less than this: of its 256 pixels.
 CROWDED = wp.constant(TILE_PIXELS / 4.0)
 
 # Coefficients of the polynomial for exp(x / 8): the powers of 1/8 are part of them.
-_EXP_1 = wp.constant(0.999999642 / 8.0)
-_EXP_2 = wp.constant(0.499992251 / 8.0**2)
-_EXP_3 = wp.constant(0.166607097 / 8.0**3)
-_EXP_4 = wp.constant(0.0414446555 / 8.0**4)
-_EXP_5 = wp.constant(0.0078991186 / 8.0**5)
-_EXP_6 = wp.constant(0.000950381975 / 8.0**6)
+_EXP_1 = wp.constant(0.999992658478104 / 8.0)
+_EXP_2 = wp.constant(0.4998693944493127 / 8.0**2)
+_EXP_3 = wp.constant(0.16589201244500917 / 8.0**3)
+_EXP_4 = wp.constant(0.03960754759989449 / 8.0**4)
+_EXP_5 = wp.constant(0.005739180249832998 / 8.0**5)
+
+
+def planes_memory(planes: int) -> int:
+    """Return how many floats hold so many planes, wherever they begin."""
+    return planes * PLANE_FLOATS + _CACHE_LINE
+
+
+@wp.func
+def cache_line_at(address: wp.uint64) -> wp.uint64:
+    """The first boundary of 64 bytes from an address on."""
+    return (address + wp.uint64(63)) & ~wp.uint64(63)
 
 
 @wp.func
 def exp_in_range(x: float) -> float:
-    """exp(x) for -5.55 <= x <= 0 (where alpha can reach 1/255), relative error below 2e-6.
+    """exp(x) for -5.55 <= x <= 0 (where alpha can reach 1/255), relative error below 3e-6.
 
-    (p(x/8))^8 with a minimax polynomial of degree 6; below the range it stays under 1/255.
+    (p(x/8))^8 with a minimax polynomial of degree 5; below the range it stays under 1/255.
     """
     y = wp.max(x, -6.0)
-    p = _EXP_4 + y * (_EXP_5 + y * _EXP_6)
-    p = 1.0 + y * (_EXP_1 + y * (_EXP_2 + y * (_EXP_3 + y * p)))
+    p = _EXP_3 + y * (_EXP_4 + y * _EXP_5)
+    p = 1.0 + y * (_EXP_1 + y * (_EXP_2 + y * p))
     p = p * p
     p = p * p
     return p * p

@@ -19,7 +19,7 @@ from digs_warp.gaussians import Gaussians
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.sh import sh_from_rgb
-from digs_warp.splat.config import TILE_SIZE, vector_lanes
+from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_SIZE
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V
 from digs_warp.splat.render import SplatRenderer
@@ -137,7 +137,7 @@ class Work:
 
     Attributes:
         rows: (tile, splat, row) triples.
-        pixels: pixels evaluated: the vectors of these rows that the splat touches, times their width.
+        pixels: pixels evaluated: the blocks that the splat touches, times their pixels.
     """
 
     rows: int
@@ -157,9 +157,9 @@ def count_work(renderer: SplatRenderer) -> Work:
     first = np.maximum(np.ceil(centers - halves), 0)
     last = np.minimum(np.floor(centers + halves), TILE_SIZE - 1)
     rows = np.maximum(last[:, 1] - first[:, 1] + 1, 0)
-    lanes = vector_lanes()
-    vectors = np.maximum(last[:, 0] // lanes - first[:, 0] // lanes + 1, 0)
-    return Work(int(rows.sum()), int((rows * vectors).sum()) * lanes)
+    size = np.array([BLOCK_WIDTH, BLOCK_HEIGHT])
+    blocks = np.maximum(last // size - first // size + 1, 0).prod(axis=1)
+    return Work(int(rows.sum()), int(blocks.sum()) * BLOCK_WIDTH * BLOCK_HEIGHT)
 
 
 def _rates(

@@ -22,7 +22,7 @@ rasterize.vector_module_options = rasterize_adjoint.vector_module_options = with
 wp.load_module({kernel}.module, device="cpu")
 """
 
-HOT_LOOP = "for x in range(LANES):"
+HOT_LOOP = "for i in range(BLOCK):"
 
 KERNELS = {
     "colour, forward": "rasterize.forward_kernel(RasterOptions())",
@@ -35,7 +35,7 @@ KERNELS = {
 
 
 @pytest.mark.parametrize("name", KERNELS)
-def test_the_loop_over_a_tile_row_is_vectorized(name: str, tmp_path: Path) -> None:
+def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path) -> None:
     code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS[name])
     command = [sys.executable, "-c", code]
     compiled = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.splat.config import vector_lanes
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.bench_raster import NEAR, count_work, measure_matrix_product
@@ -26,7 +25,7 @@ SMALL = replace(BASE, width=64, height=48, splats=40)
 def test_the_work_is_that_of_a_count_by_hand() -> None:
     renderer = SplatRenderer(DeviceGaussians.from_numpy(SMALL.gaussians()), 64, 48)
     renderer.forward(SMALL.camera(), near=NEAR)
-    lists, lanes = renderer.binner.lists, vector_lanes()
+    lists = renderer.binner.lists
     starts, members, splats = (
         array.numpy() for array in (lists.tile_starts, lists.tile_splats, lists.splats)
     )
@@ -36,10 +35,10 @@ def test_the_work_is_that_of_a_count_by_hand() -> None:
             u, v, half_width, half_height = splats[g, [0, 1, 9, 10]]
             x = 16 * (tile % 4) + np.arange(16) + 0.5
             y = 16 * (tile // 4) + np.arange(16) + 0.5
-            drawn_rows = (np.abs(y - v) <= half_height).sum()
+            drawn_rows = np.flatnonzero(np.abs(y - v) <= half_height)
             columns = np.flatnonzero(np.abs(x - u) <= half_width)
-            rows += drawn_rows
-            pixels += drawn_rows * lanes * len(np.unique(columns // lanes))
+            rows += len(drawn_rows)
+            pixels += 16 * len(np.unique(drawn_rows // 2)) * len(np.unique(columns // 8))
     work = count_work(renderer)
     assert work.rows == rows > 100
     assert work.pixels == pixels
