@@ -14,6 +14,7 @@ CRATE_MAGIC = b"PXR-USDC"
 HEADER = struct.Struct("<8s8Bq")
 HEADER_SIZE = 88  # with the reserved words
 SECTION = struct.Struct("<16sqq")
+OLDEST_VERSION = (0, 4, 0)
 COUNT = struct.Struct("<Q")
 # Six kinds of sections exist; a count beyond this is not one of them.
 _MAX_SECTIONS = 64
@@ -38,13 +39,19 @@ def read_sections(data: Bytes, what: str, start: int, size: int) -> list[Section
     """Return the sections of the crate in ``data[start : start + size]``.
 
     Raises:
-        ValueError: header, table or sections do not lie inside the crate; says which, of ``what``.
+        ValueError: header, table or sections do not lie inside the crate, or its version is older than
+            0.4.0 (OpenUSD 17.11), with other tables; says which, of ``what``.
     """
     if size < HEADER_SIZE:
         raise ValueError(f"{what} has {size} bytes, fewer than the header of a crate")
-    magic, *_, table = HEADER.unpack(data[start : start + HEADER.size])
+    magic, *version, table = HEADER.unpack(data[start : start + HEADER.size])
     if magic != CRATE_MAGIC:
         raise ValueError(f"{what} does not begin as a crate")
+    if tuple(version[:3]) < OLDEST_VERSION:
+        found = ".".join(map(str, version[:3]))
+        raise ValueError(
+            f"{what} has version {found}, expected 0.4.0 or later; save it anew with usdcat"
+        )
     if not HEADER_SIZE <= table <= size - COUNT.size:
         raise ValueError(f"the table of {what} is said to lie at {table} of {size} bytes")
     first = table + COUNT.size

@@ -32,11 +32,11 @@ def opened_stage(path: Path) -> Iterator["Usd.Stage"]:
 
     try:
         size = require_file(path, "USD scene", HINT).stat().st_size
-        check_structure(path)
     except DigsError as error:
         raise UsdError(str(error)) from None
     try:
         with limited_memory(size):
+            check_structure(path)
             layers = open_layers(path)
             stage = Usd.Stage.Open(os.path.abspath(path))
             del layers

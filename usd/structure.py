@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from digs_warp.checks import UsdError
 from usd.crate import CRATE_MAGIC, read_sections
+from usd.crate_paths import check_paths
 from usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def check_structure(path: Path) -> None:
                 for member in read_members(data):
                     _check_member(data, member)
             elif suffix == ".usdc" or (suffix == ".usd" and data[:8] == CRATE_MAGIC):
-                read_sections(data, "the file", 0, len(data))
+                _check_crate(data, "the file", 0, len(data))
     except ValueError as error:
         raise UsdError(
             f"USD scene '{path}': truncated or not a USD file ({error}). Copy or export it again."
@@ -95,4 +96,8 @@ def _check_member(data: mmap.mmap, member: Member) -> None:
         raise ValueError(f"member '{member.name}' is compressed or encrypted")
     is_crate = data[member.start : member.start + 8] == CRATE_MAGIC
     if is_crate or member.name.lower().endswith(".usdc"):
-        read_sections(data, member.name, member.start, member.size)
+        _check_crate(data, member.name, member.start, member.size)
+
+
+def _check_crate(data: mmap.mmap, what: str, start: int, size: int) -> None:
+    check_paths(data, what, start, read_sections(data, what, start, size))

@@ -101,11 +101,13 @@ _FAULTS = (
 
 
 def make_originals(folder: Path) -> list[Path]:
-    """Write one scene in every format and precision, and a capture package."""
+    """Write one scene in every format and precision, one by the library alone, and a capture package."""
     from reference.capture_scenes import full_scene, splats
 
+    from usd.asset_splats import WriteOptions, asset_arrays
+    from usd.author import author_field, begin_asset
     from usd.capture_scene import write_capture_scene
-    from usd.writer import WriteOptions, write_gaussians
+    from usd.writer import write_gaussians
 
     paths = []
     for suffix in ("usda", "usdc", "usdz"):
@@ -113,8 +115,12 @@ def make_originals(folder: Path) -> list[Path]:
             path = folder / f"{precision}.{suffix}"
             write_gaussians(path, splats(8), {"a": [1, 2]}, WriteOptions(precision=precision))
             paths.append(path)
+    stage = begin_asset({"a": [1, 2]})
+    field = stage.DefinePrim("/Asset/Gaussians", "ParticleField3DGaussianSplat")
+    author_field(field, asset_arrays(splats(8), WriteOptions()))
+    stage.GetRootLayer().Export(str(folder / "library.usdc"))
     write_capture_scene(folder / "capture.usdz", full_scene(8))
-    return [*paths, folder / "capture.usdz"]
+    return [*paths, folder / "library.usdc", folder / "capture.usdz"]
 
 
 def work(folder: Path, first: int, count: int) -> None:
