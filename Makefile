@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo docs figures sensor sensor-cost performance pages test lint format constraints clean
+.PHONY: help setup demo docs figures sensor sensor-cost performance studies pages test lint format constraints clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -53,6 +53,14 @@ docs: setup ## The documentation as a site in build/site; fails when a link lead
 
 performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py
+
+studies: setup ## Run the studies within their budgets and write docs/study; an hour and a half, quiet
+	$(BIN)/digs-warp study run initialization --budget 20min
+	$(BIN)/digs-warp study run tradeoff --budget 20min
+	$(BIN)/digs-warp study run robustness --budget 12min
+	$(BIN)/digs-warp study run segmentation --budget 10min
+	$(BIN)/digs-warp study run scaling --budget 10min
+	$(BIN)/python scripts/study_pages.py
 
 pages: setup ## Measure everything else and write the figures into its pages; an hour on a quiet machine
 	$(BIN)/python scripts/training_page.py

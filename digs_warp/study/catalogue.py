@@ -78,4 +78,11 @@ STUDIES = (
         objects=1,
         iterations=1000,
     ),
+    Study(
+        "scaling",
+        "How the work grows",
+        "seconds and memory against frames, pixels, splats and threads, fitted laws, and plans from them",
+        objects=1,
+        iterations=200,
+    ),
 )

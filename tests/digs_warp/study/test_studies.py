@@ -26,6 +26,10 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
     return {
         "key": case.key,
         "labels": dict(case.labels),
+        "recording": plain(case.recording),
+        "reconstruction": plain(case.reconstruction),
+        "threads": case.threads or 2,
+        "memory_mb": 900.0,
         "metrics": {"psnr": psnr, "ssim": 0.9},
         "course": [
             {"iteration": i, "seconds": i / 50, "psnr": psnr - 500 / i, "ssim": 0.9}
@@ -127,6 +131,26 @@ def test_a_knob_is_compared_on_the_objects_that_both_settings_have() -> None:
     assert best is not None and best.quality.mean == pytest.approx(29.0)
 
 
+def test_laws_find_the_costs_that_made_the_seconds() -> None:
+    from digs_warp.study.studies.scaling import LAWS, PLANS, fit, load_of, value_of
+
+    records = [record_of(case, 0) for case in BY_NAME["scaling"].cases(1, 1, 200)]
+    for number, record in enumerate(records):
+        record["results"]["gaussians"] = 20_000 + 7_000 * (number % 5)
+        counts = load_of(record).counts()
+        record["seconds"]["train"] = 1e-8 * counts["step pixels"] + 3e-7 * counts["step splats"]
+        record["memory_mb"] = 400.0 + 5e-6 * counts["frame pixels"]
+    train = fit(records, "train", LAWS["train"])
+    assert train.coefficients == pytest.approx(
+        {"steps": 0.0, "step pixels": 1e-8, "step splats": 3e-7}, rel=1e-6, abs=1e-9
+    )
+    largest = PLANS[-1]
+    expected = 12_000 * (1e-8 * 2208 * 1242 + 3e-7 * 1e6)
+    assert train.at(largest) == pytest.approx(expected, rel=1e-6)
+    memory = fit(records, "memory", LAWS["memory"])
+    assert memory.at(load_of(records[0])) == pytest.approx(value_of(records[0], "memory"), rel=1e-6)
+
+
 def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
     from sim.sensor.planner import EFFECT_NAMES
 
@@ -150,10 +174,7 @@ def test_settings_are_recommended_within_a_time(
     cases = BY_NAME["tradeoff"].cases(1, 1, 500)
     store = Store(tmp_path)
     for case in cases:
-        record = record_of(case, 0) | {
-            "recording": plain(case.recording),
-            "reconstruction": plain(case.reconstruction),
-        }
+        record = record_of(case, 0)
         if case.labels["value"] == 2000:
             record["seconds"]["train"] = 60.0
             record["yardstick"]["psnr"] = 35.0

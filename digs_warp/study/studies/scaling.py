@@ -1,0 +1,249 @@
+"""How seconds and memory of the chain grow with frames, pixels, splats and threads; plans from the laws."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.charts import Chart, Curve
+from digs_warp.study.engine.page import Section, Table
+from digs_warp.study.engine.records import Record
+from digs_warp.study.studies.scenes import objects
+
+BASE: dict[str, Any] = {"frames": 32, "width": 480, "voxel": 0.005}
+# One varies at a time; widths [px] at 16:9, voxels [m] set the number of splats.
+CURVES: dict[str, Sequence[Any]] = {
+    "frames": (16, 64),
+    "width": (320, 800),
+    "voxel": (0.01, 0.003, 0.002),
+}
+ONE_THREAD = "one thread"
+
+# What each stage's seconds, and the peak memory [MB], are a sum of; coefficients are fitted, none below zero.
+LAWS: dict[str, tuple[str, ...]] = {
+    "render": ("frames", "frame pixels"),
+    "structure from motion": ("frames", "frame pixels up to 960 wide"),
+    "initialize": ("frames", "frame pixels"),
+    "train": ("steps", "step pixels", "step splats"),
+    "memory": ("1", "frame pixels", "pixels", "splats"),
+}
+# The longest side in which features are sought (`SfmConfig.feature_size`).
+FEATURE_WIDTH = 960
+# Stages that work on one frame at a time.
+PER_FRAME = ("render", "initialize")
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a run of the chain has to do."""
+
+    name: str
+    frames: int
+    width: int
+    height: int
+    splats: int
+    steps: int
+
+    def counts(self) -> dict[str, float]:
+        """Return the terms of the laws."""
+        pixels = float(self.width * self.height)
+        small = pixels * min(1.0, FEATURE_WIDTH / self.width) ** 2
+        return {
+            "1": 1.0,
+            "frames": self.frames,
+            "pixels": pixels,
+            "splats": self.splats,
+            "steps": self.steps,
+            "frame pixels": self.frames * pixels,
+            "frame pixels up to 960 wide": self.frames * small,
+            "step pixels": self.steps * pixels,
+            "step splats": float(self.steps) * self.splats,
+        }
+
+
+PLANS = (
+    Load("a quick look", 60, 640, 360, 50_000, 1000),
+    Load("a finer look", 100, 1280, 720, 200_000, 3000),
+    Load("the paper's runs", 200, 1600, 900, 200_000, 12_000),
+    Load("all of a 2K recording", 200, 2208, 1242, 1_000_000, 12_000),
+)
+
+
+def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 200) -> list[Case]:
+    """Return the base case, the base case on one thread, and one size changed at a time."""
+    settings: list[tuple[str, dict[str, Any], int | None]] = [("base", BASE, None)]
+    settings.append((ONE_THREAD, BASE, 1))
+    settings += [(c, BASE | {c: value}, None) for c, values in CURVES.items() for value in values]
+    return [
+        Case(
+            labels={"object": name, "curve": curve, **sizes, "seed": seed},
+            recording={
+                **scene,
+                **{"frames": sizes["frames"], "width": sizes["width"], "seed": seed},
+                **{"height": sizes["width"] * 9 // 16, "samples_per_pixel": 4},
+            },
+            reconstruction={
+                **{"sfm.poses": "sfm", "sfm.pairing": "sequential"},
+                **{"init.voxel_size": sizes["voxel"], "train.seed": seed},
+                # No step on smaller images: the law counts pixels.
+                **{"train.iterations": iterations, "train.half_size_until": 0.0},
+            },
+            threads=threads,
+        )
+        for seed in range(seeds)
+        for name, scene in objects(objects_count).items()
+        for curve, sizes, threads in settings
+    ]
+
+
+def sections(records: Sequence[Record]) -> list[Section]:
+    """Return the measurements with the fitted laws, what threads bring, and plans."""
+    usual = [r for r in records if r["labels"]["curve"] != ONE_THREAD]
+    if not usual:
+        return [Section("Nothing to fit", "Only cases on one thread were measured.")]
+    laws = {stage: fit(usual, stage, terms) for stage, terms in LAWS.items()}
+    return [_laws(laws), _measured(usual, laws), _threads(records), _plans(laws)]
+
+
+@dataclass(frozen=True)
+class Law:
+    """value = sum of coefficient * count; ``miss`` is the median relative error over the measurements."""
+
+    coefficients: dict[str, float]
+    miss: float
+
+    def at(self, load: Load) -> float:
+        """Return seconds, or MB, of a load."""
+        counts = load.counts()
+        return sum(value * counts[term] for term, value in self.coefficients.items())
+
+
+def fit(records: Sequence[Record], stage: str, terms: Sequence[str]) -> Law:
+    """Fit a law to the records that have the stage; the error that is minimized is relative."""
+    from scipy.optimize import nnls
+
+    known = [(load_of(r), value) for r in records if (value := value_of(r, stage))]
+    if not known:
+        return Law(dict.fromkeys(terms, 0.0), float("nan"))
+    counts = np.array([[load.counts()[term] for term in terms] for load, _ in known], np.float64)
+    values = np.array([value for _, value in known])
+    # Columns of one size: pixels and ones differ by a factor of millions.
+    relative = counts / values[:, None]
+    size = np.linalg.norm(relative, axis=0)
+    found, _ = nnls(relative / size, np.ones(len(values)))
+    coefficients = found / size
+    miss = float(np.median(np.abs(counts @ coefficients / values - 1)))
+    return Law(dict(zip(terms, map(float, coefficients), strict=True)), miss)
+
+
+def load_of(record: Record) -> Load:
+    """Return what a case had to do."""
+    recording, results = record["recording"], record["results"]
+    return Load(
+        *("measured", recording["frames"], recording["width"], recording["height"]),
+        *(results["gaussians"], record["reconstruction"]["train.iterations"]),
+    )
+
+
+def value_of(record: Record, stage: str) -> float | None:
+    """Return the seconds of a stage, or for "memory" the peak [MB]."""
+    if stage == "memory":
+        return record["memory_mb"]
+    return record["recording_seconds"].get(stage, record["seconds"].get(stage))
+
+
+def _laws(laws: dict[str, Law]) -> Section:
+    rows = []
+    for stage, law in laws.items():
+        unit = "MB" if stage == "memory" else "s"
+        for term, value in law.coefficients.items():
+            per = "always" if term == "1" else f"per million {term}"
+            amount = value * (1 if term == "1" else 1e6)
+            rows.append([stage, per, f"{amount:.4g} {unit}", f"{100 * law.miss:.0f} %"])
+    text = (
+        "Each law is a sum of counts, fitted to the measurements with no coefficient below zero: a zero says "
+        "that the term does not show at these sizes. The last column is the median error of the law."
+    )
+    headings = ["stage", "term", "costs", "median error"]
+    return Section("Laws", text, [Table("laws", headings, rows)])
+
+
+def _measured(records: Sequence[Record], laws: dict[str, Law]) -> Section:
+    loads = [load_of(record) for record in records]
+    headings = ["frames", "image", "splats", *(f"{s} [s]" for s in LAWS if s != "memory")]
+    headings += ["memory [MB]"]
+    rows = []
+    for record, load in zip(records, loads, strict=True):
+        values = [value_of(record, stage) for stage in LAWS]
+        texts = [f"{v:.1f}" if v is not None else "" for v in values]
+        row = [str(load.frames), f"{load.width}x{load.height}", f"{load.splats:,}"]
+        rows.append([*row, *texts])
+    curves = []
+    for stage, law in laws.items():
+        known = [
+            (law.at(load), value)
+            for record, load in zip(records, loads, strict=True)
+            if stage != "memory" and (value := value_of(record, stage))
+        ]
+        if known:
+            curves.append(Curve(stage, [x for x, _ in known], [y for _, y in known], line=False))
+    ends = [v for curve in curves for v in (*curve.x, *curve.y) if v > 0]
+    if ends:
+        curves.append(Curve("law = measurement", [min(ends), max(ends)], [min(ends), max(ends)]))
+    chart = Chart(
+        *("laws", "Seconds by the law and measured, one point per case and stage", curves),
+        *("law [s]", "measured [s]"),
+        log_x=True,
+        log_y=True,
+    )
+    text = "One of frames, image width and splats varies at a time."
+    return Section("Measurements", text, [Table("measurements", headings, rows)], [chart])
+
+
+def _threads(records: Sequence[Record]) -> Section:
+    by_curve = {record["labels"]["curve"]: record for record in reversed(records)}
+    rows = []
+    if {"base", ONE_THREAD} <= set(by_curve):
+        base, single = by_curve["base"], by_curve[ONE_THREAD]
+        for stage in LAWS:
+            one, many = value_of(single, stage), value_of(base, stage)
+            if one and many and stage != "memory":
+                rows.append([stage, f"{one:.1f}", f"{many:.1f}", f"{one / many:.2f}"])
+        headings = ["stage", "1 thread [s]", f"{base['threads']} threads [s]", "times faster"]
+    else:
+        headings = ["stage", "1 thread [s]", "all threads [s]", "times faster"]
+    text = (
+        "The same case on one thread and on all of them. COLMAP takes its threads from the machine, so "
+        "structure from motion need not change."
+    )
+    return Section("Threads", text, [Table("threads", headings, rows)])
+
+
+def _plans(laws: dict[str, Law]) -> Section:
+    stages = [stage for stage in LAWS if stage != "memory"]
+    rows = []
+    for plan in PLANS:
+        seconds = {stage: laws[stage].at(plan) for stage in stages}
+        total = sum(seconds.values())
+        shared = sum(seconds[stage] for stage in PER_FRAME)
+        rows.append(
+            [
+                *(plan.name, str(plan.frames), f"{plan.width}x{plan.height}"),
+                *(f"{plan.splats:,}", f"{plan.steps:,}"),
+                *(f"{seconds[stage]:,.0f}" for stage in stages),
+                *(f"{total:,.0f}", f"{100 * shared / total:.0f} %" if total else ""),
+                f"{laws['memory'].at(plan) / 1e3:.1f}",
+            ]
+        )
+    headings = ["plan", "frames", "image", "splats", "steps", *(f"{stage} [s]" for stage in stages)]
+    headings += ["total [s]", "per frame", "memory [GB]"]
+    text = (
+        "What the laws say of larger work on this machine. One scene runs in one process on one machine; two "
+        "machines pay where there are two scenes, and then fully. The frames of one scene could be divided for "
+        "what the column 'per frame' counts, its rendering and back-projection; matching and training could "
+        "not. The plans lie outside of what was measured, by a factor of up to a few hundred: read them as "
+        "orders of magnitude. Photographs beyond --image-memory are read again instead of held."
+    )
+    return Section("Plans", text, [Table("plans", headings, rows)])
