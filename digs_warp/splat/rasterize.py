@@ -121,6 +121,9 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         tile_starts: wp.array[int],  # [tiles + 1]
         tile_splats: wp.array[int],  # [pairs]
         background: wp.array[float],  # [3]
+        filled: wp.array[
+            int
+        ],  # [4] tile columns first .. end, rows first .. end: where empty tiles matter
         # outputs
         image: wp.array[float],  # 3 padded planes
         transmittance: wp.array[float],  # 1 padded plane
@@ -148,6 +151,10 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         inner_height = wp.min(TILE, height - tile_y)
         if begin == end:
             tile_ends[tile] = end
+            if tile_column < filled[0] or tile_column >= filled[1]:
+                return
+            if tile_row < filled[2] or tile_row >= filled[3]:
+                return
             for channel in range(3):
                 at = start + channel * plane
                 fill_tile(at, inner_width, inner_height, pitch, background[channel], image)

@@ -16,7 +16,7 @@ from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.background import add_background_kernel
 from digs_warp.splat.bin_tiles import TileBinner
-from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, Window, view_params
 from digs_warp.splat.project import project_kernel
@@ -36,6 +36,10 @@ from digs_warp.splat.records import GradientLayout
 from digs_warp.splat.statistics import SplatStatistics
 
 WHITE = (1.0, 1.0, 1.0)
+
+# Tiles around content and splats that are filled with the background: a loss with windows looks there, too.
+# That of training reads one tile, the rest of a block of 64 px and 5 px more.
+FILLED_AROUND = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +118,7 @@ class SplatRenderer:
         self._all_planes += [self.adj_depth, self.adj_normals]
         self._views = wp.zeros(1, dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
         self._background = wp.zeros(3, dtype=float, device=device)
+        self._filled = wp.zeros(4, dtype=int, device=device)
         self._camera_gradient = camera_gradient
         self._statistics: SplatStatistics | None = None
         self.set_gaussians(gaussians)
@@ -161,6 +166,7 @@ class SplatRenderer:
         background: tuple[float, float, float] | np.ndarray | ImagePlanes = WHITE,
         sh_degree: int | None = None,
         window: Window | None = None,
+        content: Window | None = None,
     ) -> None:
         """Render one view into ``image``, ``transmittance`` and what else the options ask for.
 
@@ -171,6 +177,9 @@ class SplatRenderer:
             sh_degree: bands of the colour to use; default: all that the Gaussians have.
             window: only the tiles that touch these pixels are drawn; the others keep what they held, and
                 splats outside get no gradient. Default: the whole image.
+            content: pixels that are looked at although no splat may be there. Tiles without splats that lie
+                more than `FILLED_AROUND` tiles outside of the box of these and of all splats keep what they
+                held: most of the image, when a single object is trained. Default: the whole image.
 
         Raises:
             ValueError: the camera's or the background's image does not fit the renderer.
@@ -199,6 +208,7 @@ class SplatRenderer:
         if self.binner.generation != self._generation:
             self._record_rasterization()
         if self.vectorized:
+            self._filled.assign(self._filled_tiles(content))
             self._forward.run()
         else:
             self._forward_reference()
@@ -264,6 +274,19 @@ class SplatRenderer:
         self._degree = -1
         self._generation = -1
 
+    def _filled_tiles(self, content: Window | None) -> np.ndarray:
+        """Return the tile columns first .. end and rows first .. end that show the background, (4,)."""
+        columns, rows = self.binner.columns, self.binner.rows
+        if content is None:
+            return np.array([0, columns, 0, rows], dtype=np.int32)
+        boxes = np.array([self.binner.drawn_box(), content])
+        boxes = boxes[(boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3])]
+        if not len(boxes):
+            return np.zeros(4, dtype=np.int32)
+        x0, y0 = boxes[:, :2].min(axis=0) // TILE_SIZE - FILLED_AROUND
+        x1, y1 = -(-boxes[:, 2:].max(axis=0) // TILE_SIZE) + FILLED_AROUND
+        return np.array([x0, x1, y0, y1], dtype=np.int32)
+
     def _resize(self, width: int, height: int) -> None:
         for planes in self._all_planes:
             planes.resize(width, height)
@@ -300,7 +323,7 @@ class SplatRenderer:
         self._forward = self._launch(
             forward_kernel(self.options),
             self._max_tiles,
-            [*self._raster_inputs(), self._background, *self._raster_outputs()],
+            [*self._raster_inputs(), self._background, self._filled, *self._raster_outputs()],
         )
         self._backward = self._launch(
             backward_kernel(self.options, layout.absolute >= 0),

@@ -76,6 +76,7 @@ class Trainer:
             near=near_plane(view.camera, self._center),
             background=background,
             sh_degree=self._sh_degree(),
+            content=view.box,
         )
         self.objective.compare(view, background)
         self.renderer.backward()

@@ -145,6 +145,36 @@ def test_the_crop_changes_no_gradient(stray: bool) -> None:
         assert np.abs(one).max() > 0
 
 
+@pytest.mark.parametrize("left", [0, 63, 190, 310])
+@pytest.mark.parametrize("drawn", [True, False], ids=["splats", "no splats"])
+def test_the_loss_reads_nothing_that_is_not_drawn(left: int, drawn: bool) -> None:
+    """Tiles far from the object and from splats are left alone: whatever they hold, the loss is the same."""
+    width, height = 600, 260
+    mask = np.zeros((height, width), np.uint8)
+    mask[110:150, left : left + 40] = 255
+    view = packed_view(
+        "0", camera(0, width, height), np.full((height, width, 3), 90, np.uint8), mask
+    )
+    seeds = ball(50)
+    seeds = replace(seeds, means=0.1 * seeds.means + (0.0 if drawn else 100.0))
+    background = np.array([0.9, 0.2, 0.4])
+    results = []
+    for content in (None, view.box):
+        trainer = Trainer(seeds, store([view]), TrainConfig(coverage_weight=0.1))
+        renderer = trainer.renderer
+        renderer.image.assign(np.full((height, width, 3), np.nan))
+        renderer.transmittance.assign(np.full((height, width), np.nan))
+        renderer.forward(view.camera, near=0.01, background=background, content=content)
+        trainer.objective.compare(view, background)
+        renderer.backward()
+        results.append((trainer.loss_value(), renderer.gradients.to_numpy()))
+        assert np.isnan(renderer.image.to_numpy()).any() == (content is not None)
+    assert results[0][0] == results[1][0] > 0
+    for name in FIELDS:
+        whole, part = (getattr(gradients, name) for _, gradients in results)
+        np.testing.assert_array_equal(whole, part)
+
+
 def test_training_at_half_the_size_serves_the_whole() -> None:
     views = []
     for n in range(3):
