@@ -11,7 +11,7 @@ depend on the number of threads.
 
 import warp as wp
 
-from sim.render.lighting import Light, sample_panorama
+from sim.render.lighting import Light, Panorama, sample_panorama
 from sim.render.look import look_at_hit
 from sim.render.shading import coat, key_visibility, shade
 from sim.render.surface import (
@@ -20,6 +20,7 @@ from sim.render.surface import (
     Surface,
     is_see_through,
     opacity_at,
+    passes_by,
     texture_level,
     trace,
     transmission_at,
@@ -39,6 +40,9 @@ GOLDEN_RATIO = wp.constant(0.6180339887498949)
 # Brightest sample: the multiple of full white up to which a pixel may gather light.
 SAMPLE_LIMIT = wp.constant(4.0)
 
+# From the middle of a pixel to its corner [px], and a little more.
+HALF_DIAGONAL = wp.constant(0.75)
+
 # A ray that carries on less than this share of the light ends.
 FAINT = wp.constant(0.004)
 
@@ -55,10 +59,17 @@ def srgb_byte(linear: float) -> wp.uint8:
 
 
 @wp.func
-def surround_color(view: View, light: Light, level: float, direction: wp.vec3) -> wp.vec3:
-    """The panorama where a ray from the camera meets the surround."""
-    point = view.center + surround_distance(view, view.center, direction) * direction
-    return sample_panorama(light.panorama, point / view.surround_radius, level)
+def surround_place(view: View, center: wp.vec3, direction: wp.vec3) -> wp.vec3:
+    """Unit vector from the origin to where a ray from the camera meets the surround."""
+    return (center + surround_distance(view, center, direction) * direction) / view.surround_radius
+
+
+@wp.func
+def seen_surround(panorama: Panorama, place: wp.vec3, level: float, passing: wp.vec3) -> wp.vec3:
+    """The panorama at a place, by the number of samples that it comes through to."""
+    return wp.cw_mul(
+        passing, wp.min(sample_panorama(panorama, place, level), wp.vec3(SAMPLE_LIMIT))
+    )
 
 
 @wp.struct
@@ -149,6 +160,7 @@ def color_kernel(
     surface: Surface,
     light: Light,
     surround_level: float,  # pyramid level of the panorama that fits a pixel
+    surround_step: float,  # [rad] between the texels of that level
     samples: int,  # per moment
     seed: int,
     # outputs
@@ -170,36 +182,52 @@ def color_kernel(
     total = wp.vec3(0.0)
     covered = wp.float32(0.0)
     visible = wp.float32(-1.0)
+    band = track.bands[pixel // view.width]
+    middle_cam = ray_direction_cam(view, column + 0.5, row + 0.5)
+    middle = wp.normalize(track.middle_rotations[band] * middle_cam)
+    middle_center = track.middle_centers[band]
+    spread = HALF_DIAGONAL * view.pixel_cone * wp.sqrt(float(samples)) + track.swings[band]
+    is_empty = passes_by(surface.radius + track.shifts[band], middle_center, middle, spread)
+    # Between two texels the panorama is linear: the middle of a short way has the mean of the way.
+    room = view.surround_radius - wp.length(middle_center)
+    is_short = 2.0 * (track.swings[band] + track.shifts[band] / room) <= surround_step
+    open_way = wp.vec3(0.0)
     for moment in range(track.moments):
-        eye = view_at(view, track, pixel // view.width, moment)
-        passing = wp.vec3(0.0)
-        for s in range(samples):
-            # One sequence over all moments: together they cover the pixel evenly, too.
-            i = float(moment * samples + s)
-            dx = shift_x + R2_X * i
-            dy = shift_y + R2_Y * i
-            pick = shift_pick + GOLDEN_RATIO * i
-            x = column + dx - wp.floor(dx)
-            y = row + dy - wp.floor(dy)
-            direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
-            pick = pick - wp.floor(pick)
-            sample = Sample()
-            if surface.see_through == 0:
-                sample = solid_sample(eye, surface, light, direction, pick, visible)
-                # Two samples share a shadow ray, also from one moment to the next.
-                if sample.covered == 1.0:
-                    visible = wp.where(visible < 0.0, sample.visible, -1.0)
-            else:
-                sample = layered_sample(eye, surface, light, direction, pick)
-            # One glint of the sun must not outshine the other samples of its pixel.
-            total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
-            passing += sample.passing
-            covered += sample.covered
-        if wp.max(passing) > 0.0:
-            # The panorama is filtered: one look-up does for all samples of a moment.
-            middle = eye.world_from_cam * ray_direction_cam(eye, column + 0.5, row + 0.5)
-            behind = surround_color(eye, light, surround_level, middle)
-            total += wp.cw_mul(passing, wp.min(behind, wp.vec3(SAMPLE_LIMIT)))
+        passing = wp.vec3(float(samples))
+        if not is_empty:
+            passing = wp.vec3(0.0)
+            eye = view_at(view, track, pixel // view.width, moment)
+            for s in range(samples):
+                # One sequence over all moments: together they cover the pixel evenly, too.
+                i = float(moment * samples + s)
+                dx = shift_x + R2_X * i
+                dy = shift_y + R2_Y * i
+                pick = shift_pick + GOLDEN_RATIO * i
+                x = column + dx - wp.floor(dx)
+                y = row + dy - wp.floor(dy)
+                direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
+                pick = pick - wp.floor(pick)
+                sample = Sample()
+                if surface.see_through == 0:
+                    sample = solid_sample(eye, surface, light, direction, pick, visible)
+                    # Two samples share a shadow ray, also from one moment to the next.
+                    if sample.covered == 1.0:
+                        visible = wp.where(visible < 0.0, sample.visible, -1.0)
+                else:
+                    sample = layered_sample(eye, surface, light, direction, pick)
+                # One glint of the sun must not outshine the other samples of its pixel.
+                total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
+                passing += sample.passing
+                covered += sample.covered
+        open_way += passing
+        # The panorama is filtered: one look-up does for all samples of a moment.
+        if not is_short and wp.max(passing) > 0.0:
+            toward = track.rotations[band, moment] * middle_cam
+            place = surround_place(view, track.centers[band, moment], toward)
+            total += seen_surround(light.panorama, place, surround_level, passing)
+    if is_short and wp.max(open_way) > 0.0:
+        place = surround_place(view, middle_center, middle)
+        total += seen_surround(light.panorama, place, surround_level, open_way)
     count = float(samples * track.moments)
     mean = total / count
     image[pixel, 0] = srgb_byte(mean[0])

@@ -77,10 +77,11 @@ class RaycastRenderer:
         pixel_angle = 1.0 / min(k.fx, k.fy)
         texel_angle = np.pi / self._panorama_height
         surround_level = float(max(0.0, np.log2(pixel_angle / texel_angle)))
+        surround_step = float(max(pixel_angle, texel_angle))
         self._ensure_openness()
         image = wp.empty((k.height * k.width, 3), dtype=wp.uint8, device="cpu")
         mask = wp.empty(k.height * k.width, dtype=wp.uint8, device="cpu")
-        scalars = [surround_level, samples, _int32(seed)]
+        scalars = [surround_level, surround_step, samples, _int32(seed)]
         inputs = [view, way, self._surface, self._light.struct, *scalars, image, mask]
         self._launch(color_kernel, k.height * k.width, inputs)
         return image.numpy().reshape(k.height, k.width, 3), mask.numpy().reshape(k.height, k.width)

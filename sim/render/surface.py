@@ -19,6 +19,9 @@ MIN_COSINE = wp.constant(0.1)
 ANY_SURFACE = wp.constant(0.0)
 OPAQUE = wp.constant(OPAQUE_SHARE)
 
+# The sphere around the scene counts as larger by this share: more than float32 errs.
+SPHERE_MARGIN = wp.constant(1.0e-4)
+
 # Walls that a ray passes before it is given up; a bottle with water in it has eight.
 MAX_LAYERS = wp.constant(16)
 
@@ -64,6 +67,7 @@ class Surface:
     see_through: int  # 1: some material transmits or has an opacity below 1
     step: float  # [m] rays go on this far behind a surface that they pass
     lift: float  # [m] rays that leave a surface start this far off it
+    radius: float  # [m] sphere around the origin that holds every point
 
 
 @wp.func
@@ -179,6 +183,20 @@ def trace(
         if start >= reach:
             break
     return found
+
+
+@wp.func
+def passes_by(radius: float, origin: wp.vec3, direction: wp.vec3, spread: float) -> bool:
+    """Whether no ray within ``spread`` [rad] of a unit direction meets the sphere around the scene.
+
+    Rays from inside the sphere do not pass by.
+    """
+    along = wp.dot(origin, direction)
+    nearest = wp.length(origin - along * direction)
+    grown = radius * (1.0 + SPHERE_MARGIN)
+    # cos x >= 1 - x^2 / 2, sin x <= x: turning by the spread brings the ray no nearer than this.
+    clear = (1.0 - 0.5 * spread * spread) * nearest > grown + spread * wp.abs(along)
+    return clear and wp.length(origin) > grown
 
 
 @wp.func

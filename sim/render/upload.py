@@ -64,6 +64,7 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.see_through = int(any(is_see_through(material) for material in scene.materials))
     surface.step = STEP_SHARE * scene.radius
     surface.lift = LIFT_SHARE * scene.radius
+    surface.radius = scene.radius
     return DeviceScene(surface, mesh)
 
 

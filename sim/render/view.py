@@ -17,6 +17,10 @@ wp.set_module_options({"enable_backward": False})
 FAR = wp.constant(1.0e6)
 
 
+# The angle between two unit vectors exceeds their distance by less than this factor up to 100 degrees.
+SWING_MARGIN = 1.2
+
+
 @wp.struct
 class View:
     """A camera and its surround."""
@@ -40,6 +44,12 @@ class Track:
     centers: wp.array2d[wp.vec3]  # [bands, moments]
     bands: wp.array[int]  # [height] band of each row
     moments: int
+    middle_rotations: wp.array[
+        wp.mat33
+    ]  # [bands] mean over the moments; no rotation, but nearly one
+    middle_centers: wp.array[wp.vec3]  # [bands] mean over the moments
+    swings: wp.array[float]  # [bands] largest turn away from the middle [rad]
+    shifts: wp.array[float]  # [bands] largest way from the middle [m]
 
 
 @wp.func
@@ -103,6 +113,15 @@ def make_track(track: CameraTrack, surround_radius: float) -> Track:
     device.centers = wp.array(centers, dtype=wp.vec3, device="cpu")
     device.bands = wp.array(bands, dtype=int, device="cpu")
     device.moments = poses.shape[1]
+    middle = poses.mean(axis=1, keepdims=True)
+    # A unit vector moves by at most the norm of the difference, and nearly as many radians.
+    turns = np.linalg.norm((poses - middle)[..., :3, :3], ord=2, axis=(-2, -1)).max(axis=1)
+    ways = np.linalg.norm((poses - middle)[..., :3, 3], axis=-1).max(axis=1)
+    middle = np.ascontiguousarray(middle[:, 0], np.float32)
+    device.middle_rotations = wp.array(middle[:, :3, :3], dtype=wp.mat33, device="cpu")
+    device.middle_centers = wp.array(middle[:, :3, 3], dtype=wp.vec3, device="cpu")
+    device.swings = wp.array(SWING_MARGIN * turns, dtype=float, device="cpu")
+    device.shifts = wp.array(ways, dtype=float, device="cpu")
     return device
 
 

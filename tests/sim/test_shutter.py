@@ -120,6 +120,35 @@ def test_a_moving_camera_sees_the_mean_of_many_views(see_through: bool) -> None:
         assert found.mean() == pytest.approx(first.mean(), abs=0.2)
 
 
+def test_rays_that_are_spared_would_have_met_nothing() -> None:
+    """With a sphere around the scene that holds the camera, too, every ray is cast."""
+    grey = Material("grey", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 0), (0.3, 0, 0.1), (0, 0, 0.4), grey)
+    sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
+    renderer = RaycastRenderer(scene, Environment(sky, 20.0))
+    track = eye(renderer, Shutter(3, 4, READOUT, EXPOSURE)).track
+    spared = renderer.render_exposure(track, 2, seed=1)
+    renderer._surface.radius = 10.0
+    for found, expected in zip(spared, renderer.render_exposure(track, 2, seed=1), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("texels", [32, 1024])
+def test_the_surround_of_an_exposure_is_the_mean_of_its_moments(texels: int) -> None:
+    """On a way shorter than a texel one look-up stands for all; on a longer one each moment has its own."""
+    grey = Material("grey", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 50), (0.01, 0, 0), (0, 0, 0.01), grey)  # out of view
+    sky = np.random.default_rng(2).random((texels // 2, texels, 3)).astype(np.float32)
+    renderer = RaycastRenderer(scene, Environment(sky, 90.0))
+    track = eye(renderer, Shutter(1, 3, READOUT, EXPOSURE)).track
+    image, _ = renderer.render_exposure(track, 1, seed=1)
+    expected, _ = exposure_by_views(renderer, track, 1, seed=1)
+    error = np.abs(image.astype(float) - expected)
+    # White noise has a kink at every texel, which one look-up cannot follow.
+    assert np.quantile(error, 0.99) <= (4 if texels == 32 else 1)
+    assert error.mean() < 0.5
+
+
 def test_both_eyes_read_a_row_at_the_same_time(renderer: Renderer) -> None:
     """Right and left edge of a band lie one disparity apart, whenever the row was read."""
 
