@@ -5,6 +5,7 @@ everything heavy is imported when a command runs. `tests/test_import.py` keeps i
 """
 
 import logging
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ EXIT_OK = 0
 EXIT_BAD_INPUT = 1
 EXIT_WRONG_USAGE = 2  # tyro's own code
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+EXIT_NO_READER = 141  # 128 + SIGPIPE
 
 PROGRAM = "digs-warp"
 DESCRIPTION = """Simulate a handheld stereo depth camera, reconstruct what it recorded as
@@ -32,8 +34,20 @@ and ends by saying where the results are. Every command explains its flags with 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line (default: this process's) and return the exit code.
 
-    0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C.
+    0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C; 141: nobody
+    reads the output any more (``digs-warp bench --help | head``).
     """
+    try:
+        code = _run(argv)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The interpreter flushes once more at its end, and would complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_NO_READER
+    return code
+
+
+def _run(argv: Sequence[str] | None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         command = parse(arguments)
@@ -45,13 +59,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     _log_to_stderr()
     show_progress()
     try:
-        print(command.execute())
+        result = command.execute()
     except (DigsError, OSError) as error:
         _complain(str(error))
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         _complain("interrupted. " + _how_to_go_on(arguments, command))
         return EXIT_INTERRUPTED
+    print(result)
     return EXIT_OK
 
 

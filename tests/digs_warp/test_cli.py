@@ -1,5 +1,6 @@
 """The command line: exit codes, messages, and the rules that protect what lies in the output folder."""
 
+import os
 import re
 import subprocess
 import sys
@@ -387,3 +388,22 @@ def test_the_installed_command_prints_results_to_stdout_and_complaints_to_stderr
     assert good.stdout.startswith("kind")
     assert (bad.returncode, bad.stdout) == (EXIT_BAD_INPUT, "")
     assert bad.stderr.startswith("digs-warp: ")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["bench", "--help"], ["--version-of-nothing"]])
+def test_a_reader_that_goes_away_is_no_error_to_talk_about(arguments: list[str]):
+    program = "import sys; from digs_warp.cli import main; sys.exit(main())"
+    reading, writing = os.pipe()
+    os.close(reading)  # as `| head` does after its lines
+    with os.fdopen(writing, "wb") as stdout:
+        result = subprocess.run(
+            [sys.executable, "-c", program, *arguments],
+            stdout=stdout,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+    if "--help" in arguments:
+        assert (result.returncode, result.stderr) == (141, b"")
+    else:  # what goes to stderr still arrives
+        assert result.returncode == 2
+        assert b"--version-of-nothing" in result.stderr
