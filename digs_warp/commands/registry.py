@@ -8,6 +8,7 @@ from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
 from digs_warp.commands.mesh import Mesh
 from digs_warp.commands.plan import Plan
+from digs_warp.commands.preference import Preference
 from digs_warp.commands.recommend import Recommend
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.render import Render
@@ -41,4 +42,5 @@ COMMANDS: dict[str, type[Command]] = {
     "bench": Bench,
     "study": StudyCommand,
     "recommend": Recommend,
+    "preference": Preference,
 }

@@ -241,8 +241,8 @@ def _plans(laws: dict[str, Law]) -> Section:
     headings += ["total [s]", "per frame", "memory [GB]"]
     text = (
         "What the laws say of larger work on this machine. One scene runs in one process on one machine; two "
-        "machines pay where there are two scenes, and then fully. The frames of one scene could be divided for "
-        "what the column 'per frame' counts, its rendering and back-projection; matching and training could "
+        "machines pay where there are two scenes, and then fully. The frames of one scene could be divided "
+        "for what the column 'per frame' counts, rendering and back-projection; matching and training could "
         "not. The plans lie outside of what was measured, by a factor of up to a few hundred: read them as "
         "orders of magnitude. Photographs beyond --image-memory are read again instead of held."
     )

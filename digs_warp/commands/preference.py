@@ -1,0 +1,112 @@
+"""`digs-warp preference make|evaluate`: ask people which reconstruction they prefer."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.layout import find_gaussians
+from digs_warp.commands.output import OutputFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class MakeKit:
+    """Film four reconstructions side by side, in four versions, with answer sheets and a secret key."""
+
+    items: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="ITEM")]
+    """Folders, one per question. Each holds the same four folders, named after what is compared, for
+    example default, highdepth, fusion and random: reconstructions of one object."""
+
+    output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
+
+    seconds: float = 8.0
+    """Length of a turn around the object."""
+
+    fps: float = 24.0
+    """Frames per second."""
+
+    width: int = 480
+    """Width of each of the four pictures [px]."""
+
+    height: int = 360
+    """Height of each of the four pictures [px]."""
+
+    def __post_init__(self) -> None:
+        check_positive("--seconds", self.seconds)
+        check_positive("--fps", self.fps)
+        if min(self.width, self.height) < 16:
+            raise DigsError(f"preference: {self.width}x{self.height} px, expected at least 16x16")
+
+    def execute(self) -> str:
+        """Film, and say what to hand out."""
+        from digs_warp.gaussians import Gaussians
+        from digs_warp.study.preference.design import KEY, VERSIONS
+        from digs_warp.study.preference.kit import make_kit
+
+        found = {item.name: _reconstructions(item) for item in self.items}
+        if len(found) != len(self.items):
+            raise DigsError("preference: two items have the same folder name; rename one")
+        names = [set(paths) for paths in found.values()]
+        if any(each != names[0] for each in names):
+            raise DigsError(
+                f"preference: the items compare different things: {sorted(map(sorted, names))}; expected the "
+                "same four folder names in each"
+            )
+        folder = self.output.prepare(self.items)
+        items = {
+            item: {name: Gaussians.load(path) for name, path in paths.items()}
+            for item, paths in found.items()
+        }
+        size = (self.width, self.height)
+        make_kit(items, folder, size=size, seconds=self.seconds, frame_rate=self.fps)
+        return (
+            f"{folder}: {VERSIONS} versions of {len(items)} questions. Give the next participant the next "
+            f"version (sheet.html and its videos), fill in answers.csv, and keep {KEY} to yourself."
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateSheets:
+    """Count filled answer sheets and test whether the preference can be chance (chi-square)."""
+
+    sheets: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SHEET")]
+    """CSV files, one per participant or many in one: columns participant, version, question, choice."""
+
+    key: Path
+    """The key.json of the kit."""
+
+    def execute(self) -> str:
+        """Return counts, shares and p values."""
+        from digs_warp.study.preference.design import load_key
+        from digs_warp.study.preference.evaluate import evaluate, read_answers
+
+        key = load_key(self.key)
+        answers = [answer for sheet in self.sheets for answer in read_answers(sheet, key)]
+        strategies = sorted({name for places in key.values() for name in places.values()})
+        return evaluate(answers, strategies).text()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preference:
+    """Ask people which of four reconstructions they prefer, without telling them which is which."""
+
+    action: Annotated[
+        Annotated[MakeKit, tyro.conf.subcommand("make")]
+        | Annotated[EvaluateSheets, tyro.conf.subcommand("evaluate")],
+        tyro.conf.arg(name=""),
+    ]
+
+    can_resume: ClassVar[bool] = False
+
+    def execute(self) -> str:
+        """Do what was asked for."""
+        return self.action.execute()
+
+
+def _reconstructions(item: Path) -> dict[str, Path]:
+    if not item.is_dir():
+        raise DigsError(f"'{item}': no such folder; expected four reconstructions in it")
+    folders = sorted(path for path in item.iterdir() if path.is_dir())
+    return {folder.name: find_gaussians(folder) for folder in folders}

@@ -1,0 +1,1 @@
+"""Which reconstruction people prefer: videos side by side, answer sheets, and their evaluation."""

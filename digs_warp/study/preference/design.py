@@ -1,0 +1,78 @@
+"""Who sees what where: strategies in the order of a Latin square, and the key that undoes it.
+
+Over the four versions of a kit every strategy stands once in every place of every question, and has every
+other strategy once as the one before it (a Williams square): neither place nor neighbour can favour it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from digs_warp.checks import DigsError
+from digs_warp.log import read_json, to_json, write_atomically
+
+LETTERS = ("A", "B", "C", "D")  # top left, top right, bottom left, bottom right
+SQUARE = ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))
+VERSIONS = len(SQUARE)
+KEY = "key.json"
+
+
+@dataclass(frozen=True)
+class Question:
+    """One video: ``places`` maps the letters to strategies."""
+
+    version: int
+    number: int
+    item: str
+    places: dict[str, str]
+
+
+def design(items: Sequence[str], strategies: Sequence[str]) -> list[Question]:
+    """Return all questions of all versions; versions and questions count from 1.
+
+    Raises:
+        DigsError: not four different strategies, or no items.
+    """
+    if len(set(strategies)) != len(LETTERS):
+        raise DigsError(
+            f"preference: strategies {list(strategies)}, expected {len(LETTERS)} different ones"
+        )
+    if not items:
+        raise DigsError("preference: no items, expected at least one")
+    return [
+        Question(
+            version + 1,
+            number + 1,
+            item,
+            {
+                letter: strategies[SQUARE[(version + number) % VERSIONS][place]]
+                for place, letter in enumerate(LETTERS)
+            },
+        )
+        for version in range(VERSIONS)
+        for number, item in enumerate(items)
+    ]
+
+
+def save_key(questions: Sequence[Question], path: Path) -> None:
+    """Write what the letters stand for; participants must not see it."""
+    rows = [vars(question) for question in questions]
+    write_atomically(path, to_json({"questions": rows}).encode())
+
+
+def load_key(path: Path) -> dict[tuple[int, int], dict[str, str]]:
+    """Return strategies by letter for each (version, question).
+
+    Raises:
+        DigsError: the file is missing or no key.
+    """
+    content = read_json(path, "key of a preference kit")
+    try:
+        rows: list[dict[str, Any]] = content["questions"]
+        return {(int(r["version"]), int(r["number"])): dict(r["places"]) for r in rows}
+    except (KeyError, TypeError, ValueError) as error:
+        raise DigsError(
+            f"'{path}': not the key of a preference kit ({error!r}); name the {KEY} that "
+            "'digs-warp preference make' wrote"
+        ) from error

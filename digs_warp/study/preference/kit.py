@@ -1,0 +1,144 @@
+"""Make the kit: one synchronized 2x2 video per question, answer sheets to print or fill, and the key."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.gaussians import Gaussians
+from digs_warp.log import progress, write_atomically
+from digs_warp.study.preference.design import KEY, LETTERS, VERSIONS, Question, design, save_key
+
+FOV_DEG = 45.0
+GAP = 6  # [px] between the pictures
+SHEET_COLUMNS = ("participant", "version", "question", "choice")
+
+STYLE = (
+    "body{font:16px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}"
+    "video{width:100%}section{break-inside:avoid;margin:2rem 0}"
+    "label{font-size:1.4rem;margin-right:2rem}"
+)
+
+
+def make_kit(
+    items: Mapping[str, Mapping[str, Gaussians]],
+    folder: Path,
+    *,
+    size: tuple[int, int],
+    seconds: float,
+    frame_rate: float,
+) -> list[Question]:
+    """Write the kit and return its questions.
+
+    In ``folder``: version-1 to version-4, each with question-N.mp4, sheet.html and answers.csv, and key.json.
+
+    Args:
+        items: item -> strategy -> Gaussians; the same four strategies for every item.
+        folder: new or empty.
+        size: width and height of one of the four pictures [px].
+        seconds: of a turn around the object.
+        frame_rate: frames per second.
+
+    Raises:
+        DigsError: not four strategies, or a video that cannot be written.
+    """
+    from digs_warp.film.video import write_video
+
+    strategies = list(next(iter(items.values()), {}))
+    questions = design(list(items), strategies)
+    count = max(1, round(seconds * frame_rate))
+    with progress(len(items), "Filming", "item") as bar:
+        for item, results in items.items():
+            films = _films(results, size, count)
+            for question in (q for q in questions if q.item == item):
+                path = _version(folder, question.version) / f"question-{question.number}.mp4"
+                write_video(path, _arranged(films, question), frame_rate)
+            bar.update()
+    for version in range(1, VERSIONS + 1):
+        mine = [question for question in questions if question.version == version]
+        write_atomically(_version(folder, version) / "sheet.html", _sheet(mine).encode())
+        write_atomically(_version(folder, version) / "answers.csv", _answers(mine).encode())
+    save_key(questions, folder / KEY)
+    return questions
+
+
+def _version(folder: Path, version: int) -> Path:
+    return folder / f"version-{version}"
+
+
+def _films(
+    results: Mapping[str, Gaussians], size: tuple[int, int], count: int
+) -> dict[str, list[np.ndarray]]:
+    """Return the frames of every strategy, all seen by the same cameras."""
+    from digs_warp.film.shoot import shoot
+
+    cameras, center = _cameras(results, size, count)
+    return {
+        name: list(shoot(gaussians, cameras, center_world=center))
+        for name, gaussians in results.items()
+    }
+
+
+def _cameras(
+    results: Mapping[str, Gaussians], size: tuple[int, int], count: int
+) -> tuple[list[Camera], np.ndarray]:
+    from digs_warp.film.camera_path import find_subject, orbit
+
+    # A result with strays far out would make the object small: the tightest one says where it is.
+    subject = min(map(find_subject, results.values()), key=lambda subject: subject.radius)
+    return orbit(subject, Intrinsics.from_fov(*size, FOV_DEG), count), subject.center_world
+
+
+def _arranged(
+    films: Mapping[str, Sequence[np.ndarray]], question: Question
+) -> Iterator[np.ndarray]:
+    """Yield the frames of a question's video: four pictures with their letters."""
+    pictures = [films[question.places[letter]] for letter in LETTERS]
+    for quarter in zip(*pictures, strict=True):
+        a, b, c, d = map(_lettered, quarter, LETTERS)
+        height, width = a.shape[:2]
+        grid = np.full((2 * height + GAP, 2 * width + GAP, 3), 128, np.uint8)
+        grid[:height, :width], grid[:height, -width:] = a, b
+        grid[-height:, :width], grid[-height:, -width:] = c, d
+        yield grid
+
+
+def _lettered(frame: np.ndarray, letter: str) -> np.ndarray:
+    import cv2
+
+    size = max(0.5, frame.shape[0] / 300)
+    place = (round(12 * size), round(30 * size))
+    marked = np.ascontiguousarray(frame)
+    cv2.putText(
+        marked, letter, place, cv2.FONT_HERSHEY_SIMPLEX, size, (60, 60, 60), round(2 * size)
+    )
+    return marked
+
+
+def _answers(questions: Sequence[Question]) -> str:
+    """Return the sheet as CSV, choices still empty."""
+    lines = [",".join(SHEET_COLUMNS)]
+    lines += [f",{question.version},{question.number}," for question in questions]
+    return "\n".join(lines) + "\n"
+
+
+def _sheet(questions: Sequence[Question]) -> str:
+    """Return the page that a participant sees; it names no strategy."""
+    parts = [
+        f"<section><h2>Question {question.number}</h2>"
+        f'<video src="question-{question.number}.mp4" controls loop muted></video>'
+        "<p>Which of the four looks best?</p><p>"
+        + "".join(f"<label>&#9744; {letter}</label>" for letter in LETTERS)
+        + "</p></section>"
+        for question in questions
+    ]
+    version = questions[0].version
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f"<title>Answer sheet, version {version}</title><style>{escape(STYLE)}</style></head><body>"
+        f"<h1>Answer sheet, version {version}</h1><p>Participant: ____________________</p>"
+        "<p>Each video shows the same object four times. Watch it as often as you like, then mark one "
+        f"letter per question.</p>{''.join(parts)}</body></html>\n"
+    )
