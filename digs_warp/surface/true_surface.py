@@ -15,14 +15,14 @@ RUN_RECORD = "run.json"  # of the capture
 def read_true_surface(capture: Path) -> "TriangleMesh | None":
     """Return the object of a capture that 'digs-warp simulate' wrote; None for any other recording.
 
-    The mesh file is loaded again and brought to size and place as the simulator did.
+    The mesh file is loaded again and brought to size and place as the simulator did. Its colours are those of
+    its materials and textures at the vertices.
 
     Raises:
         DigsError: the record names a mesh file that is no longer there or cannot be read.
     """
-    import numpy as np
-
     from digs_warp.triangle_mesh import TriangleMesh
+    from sim.vertex_colors import srgb_vertex_colors
 
     record = capture / RUN_RECORD
     if not record.is_file():
@@ -44,5 +44,4 @@ def read_true_surface(capture: Path) -> "TriangleMesh | None":
         if not path.is_file():
             raise DigsError(f"'{record}': the mesh '{path}' of the recording is no longer there")
         scene = load_scene(path, settings.get("object_size"), settings.get("up", "auto"))
-    grey = np.full_like(scene.vertices, 0.5)
-    return TriangleMesh(scene.vertices, scene.faces, grey)
+    return TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))
