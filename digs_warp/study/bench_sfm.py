@@ -1,53 +1,48 @@
 """`digs-warp bench sfm`: what each choice of structure from motion costs, and how exact the poses get.
 
 Photographs of the built-in object in its room, from the walk that the simulator takes, without image noise
-and rolling shutter: the errors are those of structure from motion alone. Every case starts from an empty
-workspace.
+and rolling shutter: the errors are those of structure from motion alone (`sfm-sensor` measures those of the
+sensor). Every case starts from an empty workspace.
 """
 
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera
 from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.images import write_image
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.estimate import structure_from_motion
 from digs_warp.sfm.evaluate import pose_errors
 from digs_warp.study.results import Result
+from digs_warp.study.sfm_photographs import Photographs, photograph_walk
 
 MM_PER_METRE = 1000.0
 
 
-@dataclass(frozen=True)
-class Photographs:
-    """How many photographs of which size [px], over three orbits at about 0.9 m."""
-
-    count: int
-    width: int
-    height: int
-
-
 SMALL = Photographs(48, 800, 450)
 FULL = Photographs(200, 1600, 900)  # the recording of the paper, at its training size
+
+# Photographs of the paper's size take minutes to render: they stay for the next time.
+KEPT = Path(tempfile.gettempdir()) / "digs-warp-photographs"
 
 # One choice changed at a time.
 DEFAULT = SfmConfig(pairing="sequential")
 CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("default", {}),
     ("exhaustive pairs", {"pairing": "exhaustive"}),
-    ("half the overlap", {"overlap": 5}),
+    ("half the overlap", {"overlap": 3}),
+    ("twice the overlap", {"overlap": 12}),
     ("no loops", {"loop_images": 0}),
-    ("1500 features", {"features": 1500}),
+    ("1000 features", {"features": 1000}),
+    ("4000 features", {"features": 4000}),
     ("features at 400 px", {"feature_size": 400}),
     ("not enlarged", {"double_size": False}),
     ("global mapper", {"mapper": "global"}),
@@ -56,51 +51,33 @@ CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
 
 def bench_sfm() -> list[Result]:
     """Return times [s], memory [MB] and errors of all choices on a small recording."""
-    return measure(SMALL, [(name, replace(DEFAULT, **change)) for name, change in CHOICES])
+    with tempfile.TemporaryDirectory() as folder:
+        frames = photograph_walk(SMALL.session(), Path(folder))
+        cases = [(name, replace(DEFAULT, **change)) for name, change in CHOICES]
+        return measure(frames, cases, {"images": str(SMALL)})
 
 
 def bench_sfm_full() -> list[Result]:
     """Return the same for the default settings on a recording of the paper's size."""
-    return measure(FULL, [("default", DEFAULT)])
+    frames = photograph_walk(FULL.session(), KEPT / str(FULL).replace(" ", "-"))
+    return measure(frames, [("default", DEFAULT)], {"images": str(FULL)})
 
 
-def measure(photographs: Photographs, cases: Sequence[tuple[str, SfmConfig]]) -> list[Result]:
-    """Photograph once, then run every case."""
+def measure(
+    frames: Sequence[Frame], cases: Sequence[tuple[str, SfmConfig]], settings: dict[str, Any]
+) -> list[Result]:
+    """Run every case on the photographs; ``settings`` join those of every result."""
+    shared = settings | {"threads": default_threads()}
     results: list[Result] = []
-    size = f"{photographs.count} of {photographs.width}x{photographs.height}"
-    shared = {"images": size, "threads": default_threads()}
-    with tempfile.TemporaryDirectory() as folder:
-        frames = photograph_walk(photographs, Path(folder))
-        with progress(len(cases), "Measuring", "case") as bar:
-            for number, (name, config) in enumerate(cases):
-                numbers = run_case(frames, config, Path(folder) / f"workspace{number}")
-                results += [
-                    Result(key, value, unit, {"choice": name} | shared)
-                    for (key, unit), value in numbers.items()
-                ]
-                bar.update()
-    return results
-
-
-def photograph_walk(photographs: Photographs, folder: Path) -> list[Frame]:
-    """Render the left eye's photographs along the walk; the frames carry the true cameras."""
-    from sim.config import SimulateConfig
-    from sim.session import load_inputs, prepare_session
-
-    config = SimulateConfig(
-        frames=photographs.count, width=photographs.width, height=photographs.height
-    )
-    session = prepare_session(config, load_inputs(config))
-    frames = []
-    with progress(photographs.count, "Photographing", "image") as bar:
-        for number, moment in enumerate(session.moments):
-            camera = Camera(session.rig.intrinsics, session.walk.pose(moment))
-            image, _ = session.renderer.render_image(camera, samples_per_pixel=2, seed=number)
-            path = folder / "images" / f"{number:04d}.png"
-            write_image(path, image)
-            frames.append(Frame(path.stem, camera, moment, {"file_path": path}))
+    with tempfile.TemporaryDirectory() as folder, progress(len(cases), "Measuring", "case") as bar:
+        for number, (name, config) in enumerate(cases):
+            numbers = run_case(frames, config, Path(folder) / f"workspace{number}")
+            results += [
+                Result(key, value, unit, {"choice": name} | shared)
+                for (key, unit), value in numbers.items()
+            ]
             bar.update()
-    return frames
+    return results
 
 
 def run_case(

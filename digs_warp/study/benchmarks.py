@@ -91,6 +91,12 @@ BENCHMARKS = (
         wide=True,
     ),
     Benchmark(
+        "sfm-sensor",
+        "digs_warp.study.bench_sfm_sensor:bench_sfm_sensor",
+        "which imperfection of the camera costs structure from motion its exactness",
+        wide=True,
+    ),
+    Benchmark(
         "masks",
         "digs_warp.study.bench_masks:bench_masks",
         "object masks without a network against the true ones",

@@ -1,0 +1,94 @@
+"""Photographs of a walk round the built-in object, on which the studies of structure from motion measure.
+
+Left eyes only, seen through the sensor's colour path, or through an ideal camera. The folder is a capture
+without depth: complete ones are read again, and a run that was cut off goes on.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.capture import INDEX_NAME, CaptureWriter, Frame, FrameImages, read_capture
+from digs_warp.log import progress
+from sim.config import SimulateConfig
+from sim.sensor.color.encoding import decode, encode
+from sim.sensor.color.protocol import EyeImages
+from sim.sensor.planner import override
+from sim.sensor.tiers import effect_rng
+from sim.sensor_plan import SensorPlan, make_plan
+from sim.session import Session, load_inputs, prepare_session
+from sim.shutter import ShutteredEye
+
+SAMPLES_PER_PIXEL = 2
+LAYERS = ("file_path",)
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """How many photographs of which size [px], over three orbits at about 0.9 m."""
+
+    count: int
+    width: int
+    height: int
+
+    def __str__(self) -> str:
+        return f"{self.count} of {self.width}x{self.height}"
+
+    def session(self) -> Session:
+        """Return the walk, ready to be photographed."""
+        config = SimulateConfig(frames=self.count, width=self.width, height=self.height)
+        return prepare_session(config, load_inputs(config))
+
+
+IDEAL = SensorPlan()
+
+
+def planned_sensor(session: Session) -> SensorPlan:
+    """Return the effects on the images that the scene calls for; none on depth, which is not recorded."""
+    plan = make_plan(session)
+    return SensorPlan(color=plan.color, facts=plan.facts)
+
+
+def only(plan: SensorPlan, effects: frozenset[str]) -> SensorPlan:
+    """Return the plan with these effects on and all others off."""
+    return SensorPlan(color=override(plan.color, effects), facts=plan.facts)
+
+
+def photograph_walk(session: Session, folder: Path, plan: SensorPlan = IDEAL) -> list[Frame]:
+    """Return the photographs in ``folder``, taken now where it has none; frames carry the true cameras."""
+    if not (folder / INDEX_NAME).is_file():
+        _photograph(session, folder, plan)
+    return list(read_capture(folder).frames)
+
+
+def _photograph(session: Session, folder: Path, plan: SensorPlan) -> None:
+    writer = CaptureWriter(folder, session.rig.intrinsics)
+    moments = session.moments
+    with progress(len(moments), "Photographing", "image") as bar:
+        for number, moment in enumerate(moments):
+            if not writer.has_frame(number, LAYERS):
+                writer.write_frame(number, FrameImages(_left_image(session, plan, number)))
+            writer.add_pose(number, session.walk.pose(moment), moment)
+            bar.update()
+    writer.finish()
+
+
+def _left_image(session: Session, plan: SensorPlan, number: int) -> np.ndarray:
+    """Return what the left eye records, sRGB, (height, width, 3), uint8."""
+    moment, k = session.moments[number], session.rig.intrinsics
+    eye = ShutteredEye(
+        session.renderer,
+        plan.shutter(session.rig),
+        k,
+        lambda after: session.walk.pose(moment + after),
+    )
+    image, _ = eye.image(SAMPLES_PER_PIXEL, np.random.SeedSequence(number))
+    if not plan.pixel_effects:
+        return image
+    linear = decode(image)
+    eyes = EyeImages(k, linear, linear)
+    for effect in plan.pixel_effects:
+        rng = effect_rng(session.config.seed, number, effect.name)
+        eyes = effect.apply(eyes, session.rig, rng)
+    return encode(eyes.left)
