@@ -1,4 +1,6 @@
-"""Random fields over a whole image, smooth over a given distance, of mean 0 and variance 1."""
+"""Random fields over a whole image, white or smooth over a given distance, of mean 0 and variance 1."""
+
+from functools import cache
 
 import numpy as np
 
@@ -16,6 +18,33 @@ PATCH_POINTS = 3.0
 
 # A Gaussian ends here, in its standard deviations; what is cut off holds 0.3 % of its sum.
 KERNEL_REACH = 3.0
+
+
+def white_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Return independent normal numbers, float32: 2^16 quantiles of the distribution, drawn evenly.
+
+    A fifth of the time of ``rng.standard_normal``. None is larger than 4.3: enough for what ends up in
+    8-bit steps.
+    """
+    drawn = random_bytes(rng, 2 * int(np.prod(shape))).view(np.uint16)
+    return np.take(_normal_quantiles(), drawn).reshape(shape)
+
+
+@cache
+def _normal_quantiles() -> np.ndarray:
+    """Return the values below which (i + 0.5) / 2^16 of a normal distribution lie, of variance 1."""
+    from scipy.special import ndtri
+
+    quantiles = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16))
+    return (quantiles / quantiles.std()).astype(np.float32)
+
+
+def random_bytes(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return bytes, shape (count,), uint8, straight from the generator's words of 64 bits.
+
+    Several times as fast as ``rng.bytes``.
+    """
+    return rng.bit_generator.random_raw(-(-count // 8)).view(np.uint8)[:count]
 
 
 def smooth_normal(
@@ -47,7 +76,7 @@ def smooth_normal(
     left, top = len(across) // 2, len(down) // 2
     # A frame wide enough that every pixel averages the same number of bytes.
     height, width = shape[0] + 2 * top, shape[1] + 2 * left
-    noise = np.frombuffer(rng.bytes(height * width), np.uint8).reshape(height, width)
+    noise = random_bytes(rng, height * width).reshape(height, width)
     across /= BYTE_SIGMA
     field = separable(noise, across, down, -BYTE_MEAN * float(across.sum() * down.sum()))
     return field[top : top + shape[0], left : left + shape[1]]

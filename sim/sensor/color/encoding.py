@@ -12,7 +12,7 @@ LINEAR_STEPS = 65535
 
 def decode(image: np.ndarray) -> np.ndarray:
     """Return linear light, float32, 0 to 1, of sRGB pixels, uint8."""
-    return _decoding()[image]
+    return np.take(_decoding(), image)
 
 
 def encode(linear: np.ndarray) -> np.ndarray:
@@ -20,7 +20,7 @@ def encode(linear: np.ndarray) -> np.ndarray:
     steps = np.clip(linear, 0.0, 1.0)
     steps *= LINEAR_STEPS
     steps += 0.5
-    return _encoding()[steps.astype(np.uint16)]
+    return np.take(_encoding(), steps.astype(np.uint16))
 
 
 @cache

@@ -10,6 +10,7 @@ from sim.sensor.color.noise_law import STEPS_PER_LINEAR, read_sigma
 from sim.sensor.color.protocol import EyeImages
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
+from sim.sensor.noise_field import white_normal
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class ReadNoise:
 
 
 def _noisy(linear: np.ndarray, sigma: np.float32, rng: np.random.Generator) -> np.ndarray:
-    noise = rng.standard_normal(linear.shape, dtype=np.float32)
+    noise = white_normal(rng, linear.shape)
     noise *= sigma
     noise += linear
     return noise

@@ -10,6 +10,7 @@ from sim.sensor.color.noise_law import shot_factor
 from sim.sensor.color.protocol import EyeImages
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
+from sim.sensor.noise_field import white_normal
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class ShotNoise:
 
 
 def _noisy(linear: np.ndarray, factor: np.float32, rng: np.random.Generator) -> np.ndarray:
-    noise = rng.standard_normal(linear.shape, dtype=np.float32)
+    noise = white_normal(rng, linear.shape)
     noise *= factor * np.sqrt(np.maximum(linear, 0))
     noise += linear
     return noise

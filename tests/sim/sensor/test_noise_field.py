@@ -1,0 +1,38 @@
+"""White noise from quantiles: its distribution, its independence, and that it repeats."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sim.sensor.noise_field import random_bytes, white_normal
+
+
+def generator(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.SFC64(seed))
+
+
+def test_white_noise_is_normal_and_independent() -> None:
+    values = white_normal(generator(1), (400, 500, 3))
+    assert values.dtype == np.float32 and values.shape == (400, 500, 3)
+    assert values.mean() == pytest.approx(0, abs=0.005)
+    assert values.std() == pytest.approx(1, abs=0.004)
+    assert stats.kurtosis(values, axis=None) == pytest.approx(0, abs=0.03)
+    # Kolmogorov-Smirnov: the largest distance from the normal distribution function.
+    assert stats.kstest(values.ravel(), "norm").pvalue > 0.01
+    for first, second in (
+        (values[:-1], values[1:]),
+        (values[:, :-1], values[:, 1:]),
+        (values[..., :-1], values[..., 1:]),
+    ):
+        assert np.mean(first * second) == pytest.approx(0, abs=0.01)
+
+
+def test_the_same_seed_gives_the_same_noise() -> None:
+    np.testing.assert_array_equal(*(white_normal(generator(5), (7, 9)) for _ in range(2)))
+    assert (white_normal(generator(5), (7, 9)) != white_normal(generator(6), (7, 9))).any()
+
+
+@pytest.mark.parametrize("count", [0, 1, 8, 1001])
+def test_random_bytes_are_those_of_the_generator(count: int) -> None:
+    expected = np.frombuffer(generator(3).bytes(count), np.uint8)
+    np.testing.assert_array_equal(random_bytes(generator(3), count), expected)
