@@ -1,10 +1,11 @@
 """What every reader of other programs' folders returns, and how that becomes a capture."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from digs_warp.log import progress
 logger = logging.getLogger(__name__)
 
 WORKERS = 4
+
+# Where a format has no times: the cameras that write such folders take 30 frames per second.
+FRAME_RATE = 30.0
 
 # Written with few digits, a rotation is off by this much at most; more is no rotation.
 ROTATION_TOLERANCE = 1e-2
@@ -47,6 +51,27 @@ class RecordedFrame:
     depth_units_per_metre: float = 1.0
     mask: Path | None = None
     right: Path | None = None
+
+
+def numbered_frames(
+    images: Mapping[int, Path], intrinsics: Intrinsics, **layers: Mapping[int, Any]
+) -> tuple[RecordedFrame, ...]:
+    """Return a frame per image of a format without times; its number tells the time.
+
+    Args:
+        images: colour images by number, ascending.
+        intrinsics: the camera that they share.
+        **layers: other fields of `RecordedFrame`, by number; they may lack some.
+    """
+    return tuple(
+        RecordedFrame(
+            image=image,
+            intrinsics=intrinsics,
+            time=number / FRAME_RATE,
+            **{name: layer[number] for name, layer in layers.items() if number in layer},
+        )
+        for number, image in images.items()
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,9 @@ from digs_warp.interchange.recordings.files import (
     read_numbers,
     require_files,
 )
-from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
+from digs_warp.interchange.recordings.recording import Recording, numbered_frames
 from digs_warp.interchange.redwood import DEPTH_UNITS_PER_METRE
 from digs_warp.log import read_json
-
-FRAME_RATE = 30.0  # the format has no times; its cameras take 30 frames per second
 
 
 def read_redwood(folder: Path) -> Recording:
@@ -37,21 +35,15 @@ def read_redwood(folder: Path) -> Recording:
             f"({error!r})"
         ) from None
     k = intrinsics_of_matrix(matrix, size, integer_centers=True)
-    poses = _read_log(folder / "trajectory.log")
-    return Recording(
-        folder,
-        tuple(
-            RecordedFrame(
-                image=image,
-                intrinsics=k,
-                time=number / FRAME_RATE,
-                world_from_cam=poses.get(order),
-                depth=depths.get(number),
-                depth_units_per_metre=DEPTH_UNITS_PER_METRE,
-            )
-            for order, (number, image) in enumerate(images.items())
-        ),
+    log = _read_log(folder / "trajectory.log")
+    frames = numbered_frames(
+        images,
+        k,
+        world_from_cam={number: log[i] for i, number in enumerate(images) if i in log},
+        depth=depths,
+        depth_units_per_metre=dict.fromkeys(images, DEPTH_UNITS_PER_METRE),
     )
+    return Recording(folder, frames)
 
 
 def _read_log(path: Path) -> dict[int, np.ndarray]:

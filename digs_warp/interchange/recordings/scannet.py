@@ -20,10 +20,9 @@ from digs_warp.interchange.recordings.files import (
     read_numbers,
     require_files,
 )
-from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
+from digs_warp.interchange.recordings.recording import Recording, numbered_frames
 
 DEPTH_UNITS_PER_METRE = 1000.0
-FRAME_RATE = 30.0
 
 
 def read_scannet(folder: Path) -> Recording:
@@ -42,21 +41,14 @@ def read_scannet(folder: Path) -> Recording:
         depth_k = read_numbers(folder / "intrinsic/intrinsic_depth.txt", (4, 4), "depth camera")
         size = image_size(next(iter(depths.values())))
         depth_camera = intrinsics_of_matrix(depth_k, size, integer_centers=True)
-    return Recording(
-        folder,
-        tuple(
-            RecordedFrame(
-                image=image,
-                intrinsics=k,
-                time=number / FRAME_RATE,
-                world_from_cam=_read_pose(poses[number]) if number in poses else None,
-                depth=depths.get(number),
-                depth_units_per_metre=DEPTH_UNITS_PER_METRE,
-            )
-            for number, image in images.items()
-        ),
-        depth_camera=depth_camera,
+    frames = numbered_frames(
+        images,
+        k,
+        world_from_cam={number: _read_pose(path) for number, path in poses.items()},
+        depth=depths,
+        depth_units_per_metre=dict.fromkeys(images, DEPTH_UNITS_PER_METRE),
     )
+    return Recording(folder, frames, depth_camera=depth_camera)
 
 
 def _read_pose(path: Path) -> np.ndarray | None:

@@ -17,13 +17,12 @@ from digs_warp.interchange.recordings.files import (
     numbered_files,
     require_files,
 )
-from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
+from digs_warp.interchange.recordings.recording import Recording, numbered_frames
 from digs_warp.log import read_json
 
 MM_PER_METRE = 1000.0
 FLOAT_SUFFIXES = (".exr", ".npy")
 CALIBRATION = "calibration.json"
-FRAME_RATE = 30.0
 
 
 def read_zed(folder: Path) -> Recording:
@@ -44,22 +43,15 @@ def read_zed(folder: Path) -> Recording:
             f"'{folder / CALIBRATION}': expected numbers fx, fy, cx, cy [px] and baseline [m] ({error!r})"
         ) from None
     k = Intrinsics(*image_size(next(iter(lefts.values()))), fx, fy, cx, cy)
-    return Recording(
-        folder,
-        tuple(
-            RecordedFrame(
-                image=left,
-                intrinsics=k,
-                time=number / FRAME_RATE,
-                depth=depths.get(number),
-                depth_units_per_metre=_units(depths.get(number)),
-                right=rights.get(number) if baseline is not None else None,
-            )
-            for number, left in lefts.items()
-        ),
-        baseline=baseline,
+    frames = numbered_frames(
+        lefts,
+        k,
+        depth=depths,
+        depth_units_per_metre={number: _units(path) for number, path in depths.items()},
+        right=rights if baseline is not None else {},
     )
+    return Recording(folder, frames, baseline=baseline)
 
 
-def _units(depth: Path | None) -> float:
-    return 1.0 if depth is None or depth.suffix in FLOAT_SUFFIXES else MM_PER_METRE
+def _units(depth: Path) -> float:
+    return 1.0 if depth.suffix in FLOAT_SUFFIXES else MM_PER_METRE
