@@ -2,6 +2,8 @@
 
 Speed: random splats with spherical harmonics of degree 3, written to a new ``.usdc`` file, read back to raw
 Gaussians, and validated with our rules and those of OpenUSD; best of several, the file is in the page cache.
+Beside it, as the floor of this machine, what NumPy takes to save and load as many bytes as they are. Memory
+is the peak beyond what the process held before, such as the Gaussians to be written; mapped files count.
 Loss: a smaller scene is written, read and rendered; its pictures against those of the original.
 """
 
@@ -18,6 +20,7 @@ from digs_warp.geometry import look_at
 from digs_warp.log import progress
 from digs_warp.splat.render import render
 from digs_warp.study.bench_raster import best_time
+from digs_warp.study.memory import peak_growth
 from digs_warp.study.results import Result
 from usd.convert import Precision
 from usd.reader import read_gaussians
@@ -79,6 +82,11 @@ def _measure(
     # A new file each time: replacing one also costs the deletion of the old.
     seconds = {"write": best_time(write, REPEATS, lambda: path.unlink(missing_ok=True))}
     seconds["read"] = best_time(lambda: read_gaussians(path), REPEATS)
+    seconds |= _floor(path.with_name("floor.npy"), path.stat().st_size)
+    peaks = {
+        "write memory": peak_growth(write),
+        "read memory": peak_growth(lambda: read_gaussians(path)),
+    }
     # NVIDIA's rule, where installed, takes seconds in Python loops and would hide ours.
     if importlib.util.find_spec("usd_validation_nvidia") is None:
         seconds["validate"] = best_time(lambda: validate(path), REPEATS)
@@ -87,9 +95,27 @@ def _measure(
     per_splat = sum(b // 2 if name in halves else b for name, b in _FLOAT_BYTES.items())
     return [
         *(Result(name, value / 1e3, "s", case) for name, value in seconds.items()),
+        *(
+            Result(name, value / 1e6, "MB", case)
+            for name, value in peaks.items()
+            if value is not None
+        ),
         Result("size", size / 1e6, "MB", case),
         Result("beyond arrays", size - per_splat * len(gaussians), "bytes", case),
     ]
+
+
+def _floor(path: Path, size: int) -> dict[str, float]:
+    """Return how long NumPy takes to save and load ``size`` bytes [ms]."""
+    content = np.ones(size, dtype=np.uint8)
+    seconds = {
+        "np.save": best_time(
+            lambda: np.save(path, content), REPEATS, lambda: path.unlink(missing_ok=True)
+        ),
+        "np.load": best_time(lambda: np.load(path), REPEATS),
+    }
+    path.unlink()
+    return seconds
 
 
 def random_splats(count: int) -> Gaussians:

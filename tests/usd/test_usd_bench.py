@@ -10,6 +10,8 @@ def test_every_precision_is_measured_and_files_are_the_arrays_and_little_else():
         for suffix in ("usdc", "usdz"):
             assert 0 < found[precision, suffix, "beyond arrays"] < 4096
             size = found[precision, suffix, "size"] * 1e6
+            assert found[precision, suffix, "np.save"] > 0
+            assert found[precision, suffix, "np.load"] > 0
             assert np.isclose(size, 2000 * raw + found[precision, suffix, "beyond arrays"])
     # What is rounded more differs more; floats come back as they were.
     psnr = [found[precision, "usdc", "PSNR"] for precision in ("float", "mixed", "half")]
