@@ -4,18 +4,37 @@
 
 import warp as wp
 
+from digs_warp.contiguous import bytes_from, floats_from
+
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Tells LLVM that an index is no negative one, so that loops over a row are vectorized.
-_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+# Only loops of fixed length become vector code: a row is walked in pieces of so many pixels, then one by one.
+_PIECE = wp.constant(32)
 
 
 @wp.func
 def fill(plane: wp.array[float], start: int, count: int, value: float):
     """Set ``count`` floats."""
-    begin = start & _NOT_NEGATIVE
-    for x in range(count):
-        plane[begin + x] = value
+    whole = count // _PIECE
+    for piece in range(whole):
+        part = floats_from(plane, start + piece * _PIECE, _PIECE)
+        for x in range(_PIECE):
+            part[x] = value
+    tail = floats_from(plane, start + whole * _PIECE, count - whole * _PIECE)
+    for t in range(count - whole * _PIECE):
+        tail[t] = value
+
+
+@wp.func
+def unit(value: wp.uint8) -> float:
+    """An 8-bit value as 0..1."""
+    return float(value) * (1.0 / 255.0)
+
+
+@wp.func
+def blend(color: float, back: float, share: float, keeps_color: int) -> float:
+    """The colour over the background."""
+    return back + wp.where(keeps_color != 0, 1.0, share) * (color - back)
 
 
 @wp.kernel
@@ -43,21 +62,35 @@ def compose_kernel(
     if y >= box[1] and y < box[3]:
         first = wp.clamp(box[0], region[0], region[2])
         last = wp.clamp(box[2], first, region[2])
-    start = (origin + y * pitch) & _NOT_NEGATIVE
+    start = origin + y * pitch
     fill(mask, start + region[0], first - region[0], 0.0)
     fill(mask, start + last, region[2] - last, 0.0)
+    width = last - first
     size = (box[2] - box[0]) * (box[3] - box[1])
-    source = ((y - box[1]) * (box[2] - box[0]) + first - box[0]) & _NOT_NEGATIVE
-    there = (start + first) & _NOT_NEGATIVE
-    for xi in range(last - first):
-        mask[there + xi] = float(pixels[source + 3 * size + xi]) * (1.0 / 255.0)
-    for channel in range(3):
-        back = background[channel]
-        fill(target, start + channel * plane + region[0], first - region[0], back)
-        fill(target, start + channel * plane + last, region[2] - last, back)
-        at = (there + channel * plane) & _NOT_NEGATIVE
-        taken = (source + channel * size) & _NOT_NEGATIVE
-        for xb in range(last - first):
-            share = wp.where(keeps_color != 0, 1.0, mask[there + xb])
-            value = float(pixels[taken + xb]) * (1.0 / 255.0)
-            target[at + xb] = back + share * (value - back)
+    source = (y - box[1]) * (box[2] - box[0]) + first - box[0]
+    whole = width // _PIECE
+    for piece in range(whole + 1):
+        at = start + first + piece * _PIECE
+        taken = source + piece * _PIECE
+        count = wp.min(_PIECE, width - piece * _PIECE)
+        shares = floats_from(mask, at, count)
+        packed = bytes_from(pixels, taken + 3 * size, count)
+        if count == _PIECE:
+            for xm in range(_PIECE):
+                shares[xm] = unit(packed[xm])
+        else:
+            for tm in range(count):
+                shares[tm] = unit(packed[tm])
+        for channel in range(3):
+            back = background[channel]
+            goal = floats_from(target, at + channel * plane, count)
+            photo = bytes_from(pixels, taken + channel * size, count)
+            if count == _PIECE:
+                for xc in range(_PIECE):
+                    goal[xc] = blend(unit(photo[xc]), back, shares[xc], keeps_color)
+            else:
+                for tc in range(count):
+                    goal[tc] = blend(unit(photo[tc]), back, shares[tc], keeps_color)
+    for side in range(3):
+        fill(target, start + side * plane + region[0], first - region[0], background[side])
+        fill(target, start + side * plane + last, region[2] - last, background[side])

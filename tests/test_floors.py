@@ -15,6 +15,7 @@ FLOORS = {
     ),
     **dict.fromkeys(("digs_warp.imports", "digs_warp.log", "digs_warp.durations"), 0),
     "digs_warp.threads": 0,
+    "digs_warp.contiguous": 0,
     **dict.fromkeys(("digs_warp.capture", "digs_warp.images", "digs_warp.point_cloud"), 1),
     **dict.fromkeys(("digs_warp.gaussians", "digs_warp.sfm_model", "digs_warp.ssim"), 1),
     **dict.fromkeys(("digs_warp.parallel", "digs_warp.warp_start", "digs_warp.kernel_options"), 1),

@@ -35,6 +35,7 @@ from functools import cache
 
 import warp as wp
 
+from digs_warp.contiguous import floats_from
 from digs_warp.kernel_options import vector_module_options
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
@@ -61,7 +62,6 @@ from digs_warp.splat.tile import (
     COLUMN_MASK,
     CROWDED,
     HALF_PIXELS,
-    NOT_NEGATIVE,
     PIXELS,
     PLANE_FLOATS,
     TILE,
@@ -91,12 +91,27 @@ def fill_tile(
     start: int, width: int, height: int, pitch: int, value: float, plane: wp.array[float]
 ):
     """Set the pixels of a tile, of which ``width`` x ``height`` lie inside the image."""
-    # Warp's arrays have strides that are known only at run time; those of a view made here are known.
-    pixels = wp.array(ptr=plane.ptr, shape=(plane.shape[0],), dtype=float)
     for y in range(height):
-        row = (start + y * pitch) & NOT_NEGATIVE
-        for x in range(width):
-            pixels[row + x] = value
+        row = floats_from(plane, start + y * pitch, width)
+        if width == TILE:
+            for x in range(TILE):
+                row[x] = value
+        else:
+            for t in range(width):
+                row[t] = value
+
+
+@wp.func
+def write_row(count: int, source: wp.array[float], first: int, start: int, plane: wp.array[float]):
+    """Write ``count`` pixels of one row of a block."""
+    taken = floats_from(source, first, count)
+    row = floats_from(plane, start, count)
+    if count == BLOCK_COLUMNS:
+        for x in range(BLOCK_COLUMNS):
+            row[x] = taken[x]
+    else:
+        for t in range(count):
+            row[t] = taken[t]
 
 
 @cache
@@ -272,25 +287,19 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         back_r = background[0]
         back_g = background[1]
         back_b = background[2]
-        # Warp's arrays have strides that are known only at run time; those of views made here are known.
-        pixels = wp.array(ptr=image.ptr, shape=(image.shape[0],), dtype=float)
-        through = wp.array(ptr=transmittance.ptr, shape=(transmittance.shape[0],), dtype=float)
         for f in range(PIXELS):
             state[_RED + f] = state[_RED + f] + state[_FINAL + f] * back_r
             state[_GREEN + f] = state[_GREEN + f] + state[_FINAL + f] * back_g
             state[_BLUE + f] = state[_BLUE + f] + state[_FINAL + f] * back_b
         for yy in range(inner_height):
             for side in range(2):
-                to = (start + yy * pitch + side * BLOCK_COLUMNS) & NOT_NEGATIVE
+                to = start + yy * pitch + side * BLOCK_COLUMNS
                 taken = (yy & 15) * BLOCK_COLUMNS + (side & 1) * HALF_PIXELS
                 count = wp.min(BLOCK_COLUMNS, inner_width - side * BLOCK_COLUMNS)
                 for channel_out in range(3):
-                    there = (to + channel_out * plane) & NOT_NEGATIVE
-                    here = (_RED + channel_out * _PLANE + taken) & NOT_NEGATIVE
-                    for xx in range(count):
-                        pixels[there + xx] = state[here + xx]
-                for xt in range(count):
-                    through[to + xt] = state[_FINAL + taken + xt]
+                    here = _RED + channel_out * _PLANE + taken
+                    write_row(count, state, here, to + channel_out * plane, image)
+                write_row(count, state, _FINAL + taken, to, transmittance)
                 if wp.static(with_depth):
                     for xd in range(count):
                         drawn = 1.0 - state[_FINAL + taken + xd]

@@ -5,6 +5,7 @@
 import numpy as np
 import warp as wp
 
+from digs_warp.contiguous import floats_from
 from digs_warp.parallel import ParallelLaunch, run_together
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
@@ -31,7 +32,26 @@ _REST_1 = wp.constant(1.0 - BETA_1)
 _REST_2 = wp.constant(1.0 - BETA_2)
 _EPSILON = wp.constant(EPSILON)
 _BLOCK = wp.constant(BLOCK)
-_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+
+
+@wp.func
+def adam_step(
+    i: int,
+    rate: float,
+    correction: float,
+    share: wp.array[float],
+    gradient: wp.array[float],
+    value: wp.array[float],
+    moment_1: wp.array[float],
+    moment_2: wp.array[float],
+):
+    """Update one value."""
+    g = gradient[i]
+    m = _BETA_1 * moment_1[i] + _REST_1 * g
+    v = _BETA_2 * moment_2[i] + _REST_2 * g * g
+    moment_1[i] = m
+    moment_2[i] = v
+    value[i] = value[i] - rate * share[i] * m / (wp.sqrt(v) * correction + _EPSILON)
 
 
 @wp.kernel
@@ -50,19 +70,22 @@ def adam_kernel(
     moments_2: wp.array[float],
 ):
     """Update one block of values."""
-    # The mask tells LLVM that no index is negative: the loop is vectorized.
-    begin = ((first + wp.tid()) * _BLOCK) & _NOT_NEGATIVE
-    phase = (begin % period) & _NOT_NEGATIVE
+    begin = (first + wp.tid()) * _BLOCK
+    size = wp.min(_BLOCK, count - begin)
+    share = floats_from(shares, begin % period, size)
+    gradient = floats_from(gradients, begin, size)
+    value = floats_from(values, begin, size)
+    moment_1 = floats_from(moments_1, begin, size)
+    moment_2 = floats_from(moments_2, begin, size)
     rate = rates[0]
     correction = rates[1]
-    for i in range(wp.min(_BLOCK, count - begin)):
-        g = gradients[begin + i]
-        m = _BETA_1 * moments_1[begin + i] + _REST_1 * g
-        v = _BETA_2 * moments_2[begin + i] + _REST_2 * g * g
-        moments_1[begin + i] = m
-        moments_2[begin + i] = v
-        step = rate * shares[phase + i] * m / (wp.sqrt(v) * correction + _EPSILON)
-        values[begin + i] = values[begin + i] - step
+    # Only a loop of fixed length becomes vector code.
+    if size == _BLOCK:
+        for i in range(_BLOCK):
+            adam_step(i, rate, correction, share, gradient, value, moment_1, moment_2)
+    else:
+        for j in range(size):
+            adam_step(j, rate, correction, share, gradient, value, moment_1, moment_2)
 
 
 def _flat(array: wp.array) -> wp.array:
