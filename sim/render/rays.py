@@ -40,22 +40,28 @@ def right_visibility_kernel(
     x = float(pixel % view.width) + 0.5
     y = float(pixel // view.width) + 0.5
     direction = view.world_from_cam * ray_direction_cam(view, x, y)
-    distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
-    met = distance >= 0.0
+    distance = wp.float32(0.0)
+    start = wp.float32(0.0)
+    if surface.see_through == 1:
+        distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
+        start = wp.max(distance * (1.0 - SAME_POINT), 0.0)
+    hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
+    met = hit.result and distance >= 0.0
+    distance = start + hit.t
     if not met:
         distance = surround_distance(view, view.center, direction)
-    point = view.center + distance * direction
-    toward = point - right_center
+    toward = view.center + distance * direction - right_center
     reach = wp.length(toward)
     toward = toward / reach
-    seen = trace(surface, right_center, toward, reach * (1.0 - SAME_POINT), view.pixel_cone, OPAQUE)
-    clear = seen < 0.0
+    reach *= 1.0 - SAME_POINT
+    clear = wp.bool(True)
+    if surface.see_through == 1:
+        clear = trace(surface, right_center, toward, reach, view.pixel_cone, OPAQUE) < 0.0
+    else:
+        clear = not wp.mesh_query_ray_anyhit(surface.mesh, right_center, toward, reach)
     if met and clear:
         # A thin sheet may turn its other side to the right eye.
-        start = wp.max(distance * (1.0 - SAME_POINT), 0.0)
-        hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
-        if hit.result:
-            clear = wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
+        clear = wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
     visible[index] = wp.uint8(wp.where(clear, 1, 0))
 
 
