@@ -1,0 +1,109 @@
+"""nerfstudio folders, ours and as others write them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
+
+from digs_warp.capture import Capture
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.images import encode_jpeg, write_image
+from digs_warp.interchange.recordings.read import read_recording
+from digs_warp.log import to_json
+
+
+def test_our_own_folder_is_a_nerfstudio_recording(capture: Capture, tmp_path: Path) -> None:
+    check_same(converted("nerfstudio", capture.folder, tmp_path), capture, 1e-12)
+
+
+# nerfstudio as others write it
+
+
+def write_nerfstudio(capture: Capture, folder: Path, **changes: Any) -> dict[str, Any]:
+    """JPEG images, no depth, poses as 3D scanners export them: few digits."""
+    (folder / "images").mkdir(parents=True)
+    frames = []
+    for number, frame in enumerate(capture.frames):
+        path = folder / "images" / f"frame_{number + 1:05d}.jpg"
+        path.write_bytes(encode_jpeg(frame.load_image(), quality=100))
+        matrix = np.round(frame.camera.world_from_cam @ OPENCV_FROM_OPENGL, 6)
+        frames.append({"file_path": f"images/{path.name}", "transform_matrix": matrix.tolist()})
+    index = {
+        "camera_model": "OPENCV",
+        **{"w": WIDTH, "h": HEIGHT, "fl_x": 19.0, "fl_y": 23.0, "cx": 9.25, "cy": 7.75},
+        **{"k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0},
+        "applied_transform": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]],
+        "frames": frames,
+    } | changes
+    (folder / "transforms.json").write_text(to_json(index))
+    return index
+
+
+def test_nerfstudio_without_depth_is_a_capture_of_images(capture: Capture, tmp_path: Path) -> None:
+    write_nerfstudio(capture, tmp_path / "ns")
+    found = converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
+    for frame, true in zip(found.frames, capture.frames, strict=True):
+        assert frame.camera.intrinsics == CAMERA and not frame.has("depth_file_path")
+        np.testing.assert_allclose(
+            frame.camera.world_from_cam, true.camera.world_from_cam, atol=1e-5
+        )
+        assert np.abs(frame.load_image().astype(int) - true.load_image()).mean() < 4
+
+
+def test_the_scale_that_nerfstudio_applied_is_taken_back(capture: Capture, tmp_path: Path) -> None:
+    index = write_nerfstudio(capture, tmp_path / "ns")
+    for frame in index["frames"]:
+        for row in frame["transform_matrix"][:3]:
+            row[3] *= 0.25
+    (tmp_path / "ns/transforms.json").write_text(to_json(index | {"applied_scale": 0.25}))
+    found = converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
+    centers = [frame.camera.center_world for frame in found.frames]
+    expected = [frame.camera.center_world for frame in capture.frames]
+    np.testing.assert_allclose(centers, expected, atol=1e-5)
+
+
+def test_synthetic_scenes_have_a_field_of_view_and_no_suffixes(
+    capture: Capture, tmp_path: Path
+) -> None:
+    folder = tmp_path / "synthetic"
+    entries = []
+    for number, frame in enumerate(capture.frames):
+        write_image(
+            folder / f"train/r_{number}.png", np.dstack([frame.load_image(), frame.load_mask()])
+        )
+        matrix = (frame.camera.world_from_cam @ OPENCV_FROM_OPENGL).tolist()
+        entries.append({"file_path": f"./train/r_{number}", "transform_matrix": matrix})
+    (folder / "transforms.json").write_text(to_json({"camera_angle_x": 0.7, "frames": entries}))
+    found = converted("nerfstudio", folder, tmp_path / "capture")
+    k = found.frames[0].camera.intrinsics
+    assert k.fx == pytest.approx(0.5 * WIDTH / np.tan(0.35)) and (k.cx, k.cy) == (10.5, 7.0)
+    np.testing.assert_array_equal(found.frames[0].load_image(), capture.frames[0].load_image())
+    np.testing.assert_array_equal(found.frames[0].load_mask(), capture.frames[0].load_mask())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"camera_model": "OPENCV_FISHEYE"}, "OPENCV_FISHEYE"),
+        ({"frames": []}, "lists no frames"),
+        ({"w": 640, "h": 480}, r"21x14 pixels, expected 640x480"),
+        ({"fl_x": -3.0}, "focal lengths above 0"),
+        ({"fl_x": "wide"}, "frame 0"),
+    ],
+)
+def test_nerfstudio_folders_that_cannot_be_used(
+    capture: Capture, tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    write_nerfstudio(capture, tmp_path / "ns", **changes)
+    with pytest.raises(DigsError, match=message):
+        converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
+
+
+def test_a_missing_image_is_named(capture: Capture, tmp_path: Path) -> None:
+    write_nerfstudio(capture, tmp_path / "ns")
+    (tmp_path / "ns/images/frame_00002.jpg").unlink()
+    with pytest.raises(CaptureError, match=r"frame 1 .*frame_00002\.jpg' does not exist"):
+        read_recording(tmp_path / "ns", "nerfstudio")

@@ -1,0 +1,53 @@
+"""A small capture that other programs' formats have to bring back, and how that is checked."""
+
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics, pixel_centers
+from digs_warp.capture import Capture, CaptureWriter, FrameImages
+from digs_warp.geometry import look_at
+from digs_warp.interchange.recordings.read import read_recording
+from digs_warp.interchange.recordings.recording import write_capture
+
+WIDTH, HEIGHT = 21, 14
+CAMERA = Intrinsics(WIDTH, HEIGHT, fx=19.0, fy=23.0, cx=9.25, cy=7.75)
+TIMES = (0.0, 0.25, 1.5)
+
+
+def small_capture(folder: Path) -> Capture:
+    """Three noisy frames with a round object and holes in the depth; nothing is symmetric."""
+    rng = np.random.default_rng(0)
+    writer = CaptureWriter(folder, CAMERA)
+    u, v = np.moveaxis(pixel_centers(WIDTH, HEIGHT), -1, 0)
+    for number, time in enumerate(TIMES):
+        depth = rng.uniform(0.6, 6.0, (HEIGHT, WIDTH)).astype(np.float32)
+        depth[rng.random(depth.shape) < 0.2] = np.nan
+        mask = np.where(np.hypot(u - 8, v - 6) < 5, 255, 0).astype(np.uint8)
+        image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        writer.write_frame(number, FrameImages(image=image, depth=depth, mask=mask))
+        eye = np.array([1.0 + number, 0.3 - number, 0.7])
+        writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.1, 0.2, 1.0])), time)
+    return writer.finish()
+
+
+def points(capture: Capture, number: int) -> np.ndarray:
+    """World points of all pixels, NaN where depth is unknown."""
+    frame = capture.frames[number]
+    centers = pixel_centers(WIDTH, HEIGHT)
+    return frame.camera.unproject(centers, frame.load_depth().astype(np.float64))
+
+
+def converted(form: str, source: Path, target: Path) -> Capture:
+    return write_capture(read_recording(source, form), form, target)
+
+
+def check_same(found: Capture, expected: Capture, tolerance: float) -> None:
+    """The same photographs, the same points, the same holes."""
+    assert len(found) == len(expected)
+    for number, (frame, true) in enumerate(zip(found.frames, expected.frames, strict=True)):
+        np.testing.assert_array_equal(frame.load_image(), true.load_image())
+        np.testing.assert_allclose(points(found, number), points(expected, number), atol=tolerance)
+
+
+# What the exporters write comes back
