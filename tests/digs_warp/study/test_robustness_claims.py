@@ -1,0 +1,111 @@
+"""What the robustness study claims, at a size for the suite: errors of depth may blur, but break nothing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.capture import CaptureWriter, Frame, FrameImages, Rig
+from digs_warp.checks import DigsError
+from digs_warp.gaussians import FIELDS
+from digs_warp.images import to_uint8, write_image
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.train import evaluate
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+from sim.config import SimulateConfig
+from sim.sensor.effects import EFFECTS
+from sim.sensor.frame import FrameTruth
+from sim.sensor.tiers import depth_of, sense_effects
+from sim.session import load_inputs, prepare_session
+from sim.shutter import Shutter
+
+NAMES = tuple(effect.name for effect in EFFECTS)
+# The most that an effect may cost at four times its real strength [dB]; stray points cost most.
+WORST = dict.fromkeys(NAMES, 1.0) | {"flying-pixels": 7.0}
+# Four times nearer, its far end lies before the object: nothing is left.
+TOO_MUCH = "depth-range"
+FRAMES, STEPS = 8, 30
+INIT = InitConfig(voxel_size=0.015)
+TRAIN = TrainConfig(iterations=STEPS, sh_degree=0)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Views with perfect photographs and depth; every fourth is held out."""
+
+    truths: list[FrameTruth]
+    frames: tuple[Frame, ...]
+    held_out: list[evaluate.TestView]
+
+    def quality(self, folder: Path, effects: Sequence[str], strength: float) -> float:
+        """The PSNR [dB] of held-out views after a short training from depth with errors."""
+        frames = []
+        for number, (frame, truth) in enumerate(zip(self.frames, self.truths, strict=True)):
+            if number % 4:
+                depth = depth_of(sense_effects(truth, effects, strength=strength), truth)
+                path = folder / f"{frame.name}.exr"
+                write_image(path, depth)
+                frames.append(replace(frame, files={**frame.files, "depth_file_path": path}))
+        points = initial_points(frames, INIT)
+        seeds = seed_gaussians(points, TRAIN.sh_degree, INIT.seed_opacity, INIT.seed_width)
+        trainer = Trainer(seeds, open_views(frames, TRAIN), TRAIN)
+        for _ in range(STEPS):
+            trainer.step()
+        trained = trainer.gaussians.to_numpy()
+        assert all(np.isfinite(getattr(trained, name)).all() for name in FIELDS)
+        images = evaluate.render_views(trainer.gaussians, self.held_out)
+        psnr = evaluate.mean_score(evaluate.score_views(images, self.held_out))["psnr"]
+        assert psnr is not None
+        return psnr
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
+    config = SimulateConfig(frames=FRAMES, width=192, height=108, samples_per_pixel=1)
+    session = prepare_session(config, load_inputs(config))
+    writer = CaptureWriter(
+        tmp_path_factory.mktemp("truth"), session.rig.intrinsics, Rig(session.rig.baseline)
+    )
+    truths = []
+    for number in range(FRAMES):
+        truth, mask = session.truth(number, Shutter())
+        writer.write_frame(number, FrameImages(to_uint8(truth.image), truth.depth, mask))
+        writer.add_pose(number, truth.camera.world_from_cam, float(number))
+        truths.append(truth)
+    frames = writer.finish().frames
+    return Walk(truths, frames, evaluate.load_test_views(frames[::4]))
+
+
+@pytest.fixture(scope="module")
+def clean(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> float:
+    return walk.quality(tmp_path_factory.mktemp("clean"), [], 1.0)
+
+
+def test_the_short_training_is_worth_something(clean: float) -> None:
+    assert clean > 24.0
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != TOO_MUCH])
+def test_four_times_an_effect_costs_no_more_than_its_bound(
+    walk: Walk, clean: float, tmp_path: Path, name: str
+) -> None:
+    assert walk.quality(tmp_path, [name], 4.0) > clean - WORST[name]
+
+
+@pytest.mark.parametrize(("strength", "bound"), [(1.0, 1.5), (4.0, 11.0)])
+def test_all_effects_together_cost_no_more_than_their_bound(
+    walk: Walk, clean: float, tmp_path: Path, strength: float, bound: float
+) -> None:
+    usable = [name for name in NAMES if name != TOO_MUCH]
+    assert walk.quality(tmp_path, usable, strength) > clean - bound
+
+
+def test_depth_of_which_nothing_is_left_is_told(walk: Walk, tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match="no points in"):
+        walk.quality(tmp_path, [TOO_MUCH], 4.0)
