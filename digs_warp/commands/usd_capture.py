@@ -33,7 +33,8 @@ def write_capture_package(
 
     Args:
         capture_folder: the recording.
-        reconstructions: folders of 'digs-warp reconstruct'; the first is shown by default.
+        reconstructions: folders of 'digs-warp reconstruct'; the first is shown by default, and the course of
+            its training goes along where it was kept.
         path: the ``.usdz`` file.
         options: precision and degree.
         surface: also extract a mesh from the first reconstruction, for the scene.
@@ -41,6 +42,7 @@ def write_capture_package(
     Raises:
         DigsError: a folder is not finished, there is no surface to extract, or the scene cannot be written.
     """
+    from digs_warp.train.snapshots import load_snapshots
     from usd.capture_scene import CaptureScene, write_capture_scene
 
     capture = read_capture(capture_folder)
@@ -53,6 +55,7 @@ def write_capture_package(
         cameras=_camera_path(capture, reconstructions[0]),
         source_mesh=_source_mesh(capture_folder),
         surface=_surface(each[0], reconstructions[0], capture_folder) if surface else None,
+        course=load_snapshots(reconstructions[0]),
         metadata=scene_metadata(reconstructions[0]) | _data_hash(capture_folder),
     )
     write_capture_scene(path, scene, options)

@@ -9,6 +9,7 @@ from typing import Any
 
 from digs_warp.log import write_atomically
 from digs_warp.train.evaluate import TestView, mean_score, render_views, score_views
+from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
 from digs_warp.train.trainer import Trainer
 
 # A line every so many iterations.
@@ -35,16 +36,19 @@ class Course:
         self._trainer = trainer
         self._test_views = test_views
         self._lines = self._lines_before(trainer.optimizer.step)
+        drop_snapshots_after(path.parent, trainer.optimizer.step)
 
     def record(self, measure: bool) -> str:
         """Add a line; return a few words for the progress bar.
 
         Args:
-            measure: also render and score the held-out views.
+            measure: also render and score the held-out views, and keep the Gaussians where asked to.
         """
         start = time.perf_counter()
         trainer = self._trainer
         step = trainer.optimizer.step
+        if measure and trainer.config.keep_course:
+            save_snapshot(self._path.parent, step, trainer.gaussians.to_numpy())
         line: dict[str, Any] = {
             "iteration": step,
             "seconds": round(trainer.seconds, 4),

@@ -21,6 +21,7 @@ from digs_warp.log import RunLog
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import load_test_views
 from digs_warp.train.session import CHECKPOINT, GAUSSIANS, TRAINING, train_gaussians
+from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
 
 
@@ -62,6 +63,19 @@ def test_a_target_quality_ends_the_run(capture: Capture, tmp_path: Path) -> None
 def test_a_run_without_budgets_ends_with_its_iterations(capture: Capture, tmp_path: Path) -> None:
     _, log = run(capture, tmp_path, TrainConfig(iterations=3))
     assert (log.results["stopped by"], log.results["iterations"]) == ("iterations", 3)
+
+
+def test_the_course_is_kept_where_views_are_measured(capture: Capture, tmp_path: Path) -> None:
+    save_snapshot(tmp_path, 77, ball(3))  # of a run before
+    config = TrainConfig(iterations=4, evaluate_at=(2,), keep_course=True)
+    gaussians, _ = run(capture, tmp_path, config)
+    kept = load_snapshots(tmp_path)
+    assert [iteration for iteration, _ in kept] == [0, 2, 4]
+    np.testing.assert_allclose(kept[0][1].means, ball(300).means, atol=1e-6)
+    assert {each.sh_degree for _, each in kept} == {0}
+    np.testing.assert_array_equal(kept[-1][1].means, gaussians.means)
+    run(capture, tmp_path, TrainConfig(iterations=2))
+    assert load_snapshots(tmp_path) == ()
 
 
 def test_times() -> None:
