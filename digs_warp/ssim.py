@@ -30,6 +30,8 @@ import math
 
 import warp as wp
 
+from digs_warp.contiguous import floats_from
+
 # Products and sums are not contracted: fused, the variance of two equal constants would not cancel, and SSIM
 # would miss 1 by 1e-4.
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
@@ -60,8 +62,8 @@ _REACH = wp.constant(REACH)
 _HALO_ROWS = wp.constant(BLOCK_ROWS + 2 * REACH)
 # One image line with its halo, and the block's lines after the horizontal pass, one after the other.
 _LINE = wp.constant(BLOCK_COLUMNS + 2 * REACH)
-_LINES_2 = wp.constant(2 * (BLOCK_COLUMNS + 2 * REACH))
 _LINES_5 = wp.constant(5 * (BLOCK_COLUMNS + 2 * REACH))
+_LINES_10 = wp.constant(10 * (BLOCK_COLUMNS + 2 * REACH))
 _LINES_4 = wp.constant(4 * (BLOCK_COLUMNS + 2 * REACH))
 # index & _NOT_NEGATIVE is the index, and tells LLVM that it is no negative one, which Warp would have to
 # wrap: only then are the reads of image lines vectorized.
@@ -105,70 +107,38 @@ def similarity_kernel(
     sums[block, 1] = 0.0
     if active[block % (blocks_x * blocks_y)] == 0:
         return
-    line = wp.zeros(shape=(_LINES_5,), dtype=float)
+    line = wp.zeros(shape=(_LINES_10,), dtype=float)
     blur = wp.zeros(shape=(_MAPS_5,), dtype=float)
     base = origin + channel * plane + top * pitch + left
+    columns = wp.min(_COLUMNS, width - left)
     # A row is blurred one turn after it was copied, from the other half of the lines: reads that straddle
     # two vectors which were just written would have to wait for both to reach the cache.
     for turn in range(_HALO_ROWS + 1):
-        half = (turn & 1) * _LINES_2
-        source = (base + (turn - _REACH) * pitch - _REACH) & _NOT_NEGATIVE
+        half = (turn & 1) * _LINES_5
+        source = base + (turn - _REACH) * pitch - _REACH
+        image_line = floats_from(image, source, _LINE)
+        target_line = floats_from(target, source, _LINE)
         for i in range(_LINE):
-            line[half + i] = image[source + i]
-            line[half + _LINE + i] = target[source + i]
+            x = image_line[i]
+            y = target_line[i]
+            line[half + i] = x
+            line[half + _LINE + i] = y
+            line[half + 2 * _LINE + i] = x * x
+            line[half + 3 * _LINE + i] = y * y
+            line[half + 4 * _LINE + i] = x * y
         if turn > 0:
-            o = _LINES_2 - half
-            q = o + _LINE
-            b = (turn - 1) * _COLUMNS
-            for c in range(_COLUMNS):
-                x0 = line[o + c]
-                x1 = line[o + c + 1]
-                x2 = line[o + c + 2]
-                x3 = line[o + c + 3]
-                x4 = line[o + c + 4]
-                x5 = line[o + c + 5]
-                x6 = line[o + c + 6]
-                x7 = line[o + c + 7]
-                x8 = line[o + c + 8]
-                x9 = line[o + c + 9]
-                xa = line[o + c + 10]
-                y0 = line[q + c]
-                y1 = line[q + c + 1]
-                y2 = line[q + c + 2]
-                y3 = line[q + c + 3]
-                y4 = line[q + c + 4]
-                y5 = line[q + c + 5]
-                y6 = line[q + c + 6]
-                y7 = line[q + c + 7]
-                y8 = line[q + c + 8]
-                y9 = line[q + c + 9]
-                ya = line[q + c + 10]
-                blur[b + c] = window_sum(x0 + xa, x1 + x9, x2 + x8, x3 + x7, x4 + x6, x5)
-                blur[_MAP + b + c] = window_sum(y0 + ya, y1 + y9, y2 + y8, y3 + y7, y4 + y6, y5)
-                blur[2 * _MAP + b + c] = window_sum(
-                    x0 * x0 + xa * xa,
-                    x1 * x1 + x9 * x9,
-                    x2 * x2 + x8 * x8,
-                    x3 * x3 + x7 * x7,
-                    x4 * x4 + x6 * x6,
-                    x5 * x5,
-                )
-                blur[3 * _MAP + b + c] = window_sum(
-                    y0 * y0 + ya * ya,
-                    y1 * y1 + y9 * y9,
-                    y2 * y2 + y8 * y8,
-                    y3 * y3 + y7 * y7,
-                    y4 * y4 + y6 * y6,
-                    y5 * y5,
-                )
-                blur[4 * _MAP + b + c] = window_sum(
-                    x0 * y0 + xa * ya,
-                    x1 * y1 + x9 * y9,
-                    x2 * y2 + x8 * y8,
-                    x3 * y3 + x7 * y7,
-                    x4 * y4 + x6 * y6,
-                    x5 * y5,
-                )
+            for moment in range(5):
+                o = _LINES_5 - half + moment * _LINE
+                b = moment * _MAP + (turn - 1) * _COLUMNS
+                for c in range(_COLUMNS):
+                    blur[b + c] = window_sum(
+                        line[o + c] + line[o + c + 10],
+                        line[o + c + 1] + line[o + c + 9],
+                        line[o + c + 2] + line[o + c + 8],
+                        line[o + c + 3] + line[o + c + 7],
+                        line[o + c + 4] + line[o + c + 6],
+                        line[o + c + 5],
+                    )
     total_l1 = float(0.0)
     total_dssim = float(0.0)
     for row in range(wp.min(_ROWS, height - top)):
@@ -205,23 +175,36 @@ def similarity_kernel(
             line[_LINE + col] = g_xx
             line[2 * _LINE + col] = g_xy
             line[3 * _LINE + col] = 1.0 - ssim
-        pixel = (base + row * pitch) & _NOT_NEGATIVE
         # The fifth line is free now: it takes the weights of the row.
         for one in range(_COLUMNS):
             line[4 * _LINE + one] = 1.0
         if weighted != 0:
             weight_row = (origin + (top + row) * pitch + left) & _NOT_NEGATIVE
-            for w in range(wp.min(_COLUMNS, width - left)):
+            for w in range(columns):
                 line[4 * _LINE + w] = weights[weight_row + w]
+        pixel = base + row * pitch
+        image_row = floats_from(image, pixel, _COLUMNS)
+        target_row = floats_from(target, pixel, _COLUMNS)
+        for col_w in range(_COLUMNS):
+            weight = line[4 * _LINE + col_w]
+            line[col_w] = weight * line[col_w]
+            line[_LINE + col_w] = weight * line[_LINE + col_w]
+            line[2 * _LINE + col_w] = weight * line[2 * _LINE + col_w]
+            line[3 * _LINE + col_w] = weight * line[3 * _LINE + col_w]
+            line[4 * _LINE + col_w] = weight * wp.abs(image_row[col_w] - target_row[col_w])
+        for map_out in range(3):
+            out_row = floats_from(maps, pixel + 3 * map_out * plane, columns)
+            if columns == _COLUMNS:
+                for out in range(_COLUMNS):
+                    out_row[out] = line[map_out * _LINE + out]
+            else:
+                for out_t in range(columns):
+                    out_row[out_t] = line[map_out * _LINE + out_t]
         row_l1 = float(0.0)
         row_dssim = float(0.0)
-        for out in range(wp.min(_COLUMNS, width - left)):
-            weight = line[4 * _LINE + out]
-            maps[pixel + out] = weight * line[out]
-            maps[pixel + 3 * plane + out] = weight * line[_LINE + out]
-            maps[pixel + 6 * plane + out] = weight * line[2 * _LINE + out]
-            row_dssim += weight * line[3 * _LINE + out]
-            row_l1 += weight * wp.abs(image[pixel + out] - target[pixel + out])
+        for summed in range(columns):
+            row_dssim += line[3 * _LINE + summed]
+            row_l1 += line[4 * _LINE + summed]
         total_l1 += row_l1
         total_dssim += row_dssim
     sums[block, 0] = total_l1
@@ -261,13 +244,14 @@ def similarity_gradient_kernel(
     for one in range(_COLUMNS):
         line[3 * _LINE + one] = 1.0
     base = origin + channel * plane + top * pitch + left
+    columns = wp.min(_COLUMNS, width - left)
     # All maps of a row are copied before the first is blurred, for the reason given above.
     for halo_row in range(_HALO_ROWS):
-        source = (base + (halo_row - _REACH) * pitch - _REACH) & _NOT_NEGATIVE
+        source = base + (halo_row - _REACH) * pitch - _REACH
         for copied in range(3):
-            origin_of_map = (source + 3 * copied * plane) & _NOT_NEGATIVE
+            map_line = floats_from(maps, source + 3 * copied * plane, _LINE)
             for i in range(_LINE):
-                line[copied * _LINE + i] = maps[origin_of_map + i]
+                line[copied * _LINE + i] = map_line[i]
         for moment in range(3):
             o = moment * _LINE
             blurred = moment * _MAP + halo_row * _COLUMNS
@@ -293,16 +277,23 @@ def similarity_gradient_kernel(
                     blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
                     blur[p + 5 * _COLUMNS + cv],
                 )
-        pixel = (base + row * pitch) & _NOT_NEGATIVE
         if weighted != 0:
             weight_row = (origin + (top + row) * pitch + left) & _NOT_NEGATIVE
-            for w in range(wp.min(_COLUMNS, width - left)):
+            for w in range(columns):
                 line[3 * _LINE + w] = weights[weight_row + w]
+        pixel = base + row * pitch
+        image_row = floats_from(image, pixel, _COLUMNS)
+        target_row = floats_from(target, pixel, _COLUMNS)
         for col in range(_COLUMNS):
-            x = image[pixel + col]
-            y = target[pixel + col]
+            x = image_row[col]
+            y = target_row[col]
             d_ssim = line[col] + 2.0 * x * line[_LINE + col] + y * line[2 * _LINE + col]
             sign = wp.where(x > y, 1.0, wp.where(x < y, -1.0, 0.0))
             line[col] = l1_weight * line[3 * _LINE + col] * sign - dssim_weight * d_ssim
-        for out in range(wp.min(_COLUMNS, width - left)):
-            adj_image[pixel + out] = line[out]
+        out_row = floats_from(adj_image, pixel, columns)
+        if columns == _COLUMNS:
+            for out in range(_COLUMNS):
+                out_row[out] = line[out]
+        else:
+            for out_t in range(columns):
+                out_row[out_t] = line[out_t]
