@@ -3,13 +3,14 @@
 """The binary format: what we read of it is what the USD library wrote; broken tables are refused."""
 
 import random
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from usd.crate import COUNT, decompressed, read_sections, stored
+from usd.crate import COUNT, SECTION, decompressed, read_sections, stored
 from usd.crate_paths import _integers, check_paths
 from usd.crate_splice import splice
 from usd.reader import read_gaussians
@@ -134,6 +135,28 @@ def test_paths_that_are_no_tree_are_refused(
 
     with pytest.raises(ValueError, match=message):
         checked(crate, change)
+
+
+def test_a_file_whose_paths_are_no_tree_is_refused_before_the_library_follows_them(
+    tmp_path: Path, random_gaussians
+):
+    path = tmp_path / "scene.usdc"
+    write_gaussians(path, random_gaussians(3))
+    crate = path.read_bytes()
+
+    def change(column: int, values: np.ndarray) -> np.ndarray:
+        # Every place leads to its child and, again, to it as a sibling: paths without end.
+        return np.where(values == -1, 1, values) if column == 2 else values
+
+    body = with_paths(crate, change)
+    (table,) = struct.unpack_from("<q", crate, 16)
+    sections = read_sections(crate, "it", 0, len(crate))
+    number = [section.name for section in sections].index("PATHS")
+    broken = bytearray(crate + body)
+    SECTION.pack_into(broken, table + 8 + number * SECTION.size, b"PATHS", len(crate), len(body))
+    path.write_bytes(broken)
+    with pytest.raises(UsdError, match="is no tree"):
+        read_gaussians(path)
 
 
 def test_versions_with_other_tables_are_refused(tmp_path: Path, random_gaussians):

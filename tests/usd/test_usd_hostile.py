@@ -24,10 +24,8 @@ from usd.writer import write_gaussians
 def test_mutated_files_are_read_or_refused_but_never_hang_or_take_the_memory():
     # `python tests/reference/usd_mutator.py --count 10000` does the same at length.
     outcomes, bad = usd_mutator.run(250)
-    # About one in two thousand files has a table of paths on which the USD library itself ends the process.
-    assert all(": died" in line for line in bad), bad
-    assert len(bad) <= 1
-    assert outcomes["read"] + outcomes["refused"] >= 249
+    assert bad == []
+    assert outcomes["read"] + outcomes["refused"] == 250
     assert outcomes["read"] > 15
     assert outcomes["refused"] > 150
 
