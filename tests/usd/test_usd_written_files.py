@@ -1,0 +1,140 @@
+# pxr comes without type stubs:
+# pyright: reportAttributeAccessIssue=false
+"""The files that the writer leaves: their bytes and members, and what happens to those that are there."""
+
+import hashlib
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import UsdError
+from usd.package import MAX_PACKAGE
+from usd.package_writer import check_package_size
+from usd.writer import write_gaussians
+
+SUFFIXES = (".usda", ".usdc", ".usdz")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_same_input_gives_the_same_bytes_in_another_process(
+    tmp_path: Path, random_gaussians, suffix: str
+):
+    gaussians = random_gaussians(300)
+    gaussians.save(tmp_path / "gaussians.npz")
+    here = tmp_path / f"here{suffix}"
+    write_gaussians(here, gaussians, {"b": 1, "a": {"d": [1.5], "c": "text"}})
+    there = tmp_path / f"there{suffix}"
+    program = (
+        "from pathlib import Path; from digs_warp.gaussians import Gaussians\n"
+        "from usd.writer import WriteOptions, write_gaussians\n"
+        f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
+        f"write_gaussians(Path({str(there)!r}), gaussians,"
+        " {'b': 1, 'a': {'d': [1.5], 'c': 'text'}})\n"
+    )
+    # Another time zone: packages must not carry local times.
+    subprocess.run(
+        [sys.executable, "-c", program], check=True, env=os.environ | {"TZ": "Asia/Tokyo"}
+    )
+    assert_same_bytes(here, there)
+
+
+def test_packages_written_at_different_times_have_the_same_bytes(tmp_path: Path, random_gaussians):
+    with_times = tmp_path / "first.usdz", tmp_path / "second.usdz"
+    for path in with_times:
+        write_gaussians(path, random_gaussians(10))
+    with zipfile.ZipFile(with_times[0]) as package:
+        assert package.infolist()[0].date_time == (1980, 1, 1, 0, 0, 0)
+    assert_same_bytes(*with_times)
+
+
+def test_package_stores_one_aligned_member_named_default(tmp_path: Path, random_gaussians):
+    path = tmp_path / "scene.usdz"
+    write_gaussians(path, random_gaussians(100))
+    with zipfile.ZipFile(path) as package:
+        (member,) = package.infolist()
+    assert member.filename == "default.usdc"
+    assert member.compress_type == zipfile.ZIP_STORED
+    header = path.read_bytes()[member.header_offset :]
+    name_length, extra_length = np.frombuffer(header[26:30], dtype="<u2")
+    start = member.header_offset + 30 + int(name_length) + int(extra_length)
+    assert start % 64 == 0
+    assert path.read_bytes()[start : start + 8] == b"PXR-USDC"
+
+
+def test_files_of_the_same_name_and_other_suffixes_are_left_alone(tmp_path: Path, random_gaussians):
+    others = [tmp_path / name for name in ("scene.usda", "scene.usdc", "default.usdc", "scene")]
+    for path in others:
+        path.write_bytes(b"mine")
+    write_gaussians(tmp_path / "scene.usdz", random_gaussians(3))
+    assert all(path.read_bytes() == b"mine" for path in others)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "scene.usdz",
+        *(path.name for path in others),
+    }
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_write_that_runs_out_of_space_leaves_the_old_file(
+    tmp_path: Path, random_gaussians, suffix: str
+):
+    path = tmp_path / f"scene{suffix}"
+    write_gaussians(path, random_gaussians(3))
+    before = path.read_bytes()
+    random_gaussians(2000).save(tmp_path / "gaussians.npz")
+    # The system refuses files of more than 100 kB to this process.
+    program = (
+        "import resource, signal; from pathlib import Path\n"
+        "from digs_warp.checks import UsdError; from digs_warp.gaussians import Gaussians\n"
+        "from usd.writer import WriteOptions, write_gaussians\n"
+        f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "try:\n"
+        f"    write_gaussians(Path({str(path)!r}), gaussians)\n"
+        "except UsdError as error:\n"
+        "    print(error)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=False, capture_output=True, text=True
+    )
+    assert result.returncode == 0, result.stderr
+    assert f"scene{suffix}" in result.stdout
+    assert "too large" in result.stdout
+    assert path.read_bytes() == before
+    assert {entry.name for entry in tmp_path.iterdir()} == {path.name, "gaussians.npz"}
+
+
+def test_a_folder_in_the_place_of_the_file_is_an_error(tmp_path: Path, random_gaussians):
+    (tmp_path / "scene.usdc").mkdir()
+    with pytest.raises(UsdError, match=r"scene\.usdc.*cannot be written"):
+        write_gaussians(tmp_path / "scene.usdc", random_gaussians(1))
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.usdc"]
+
+
+def test_missing_folders_are_created(tmp_path: Path, random_gaussians):
+    path = tmp_path / "new" / "folder" / "scene.usdc"
+    write_gaussians(path, random_gaussians(1))
+    assert path.is_file()
+
+
+@pytest.mark.parametrize("name", ["scene.ply", "scene", "scene.usd"])
+def test_another_suffix_is_refused(tmp_path: Path, random_gaussians, name: str):
+    with pytest.raises(UsdError, match=r"expected one of \.usda, \.usdc, \.usdz"):
+        write_gaussians(tmp_path / name, random_gaussians(1))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_package_members_stay_below_4_gib(tmp_path: Path):
+    check_package_size(MAX_PACKAGE, tmp_path / "scene.usdz")
+    with pytest.raises(UsdError, match=r"write a \.usdc"):
+        check_package_size(2**32, tmp_path / "scene.usdz")
+
+
+def assert_same_bytes(first: Path, second: Path) -> None:
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in (first, second)]
+    assert digests[0] == digests[1]
