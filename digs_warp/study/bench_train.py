@@ -1,7 +1,8 @@
 """`digs-warp bench train`: what a training step costs, stage by stage, at three image sizes.
 
 The built-in object is recorded from a few views (not timed), initialized from its depth, and trained for
-some steps; then every stage of the last step runs again by itself, best of several.
+some steps; then the stages of the last step run again one after the other, as in a step, so that each finds
+the caches as the one before left them. Medians: the sum of the stages is comparable to a step.
 """
 
 import tempfile
@@ -9,13 +10,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from digs_warp.capture import Capture
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
-from digs_warp.study.bench_raster import best_time
 from digs_warp.study.results import Result
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
@@ -26,11 +28,10 @@ SIZES = ((640, 360, 0.005), (960, 540, 0.004), (1600, 900, 0.003))
 FRAMES = 6
 WARM_UP_STEPS = 5
 STEPS = 20
-REPEATS = 5
 
 
 def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Result]:
-    """Return the time [ms] of a whole step (mean) and of each of its stages (best).
+    """Return the time [ms] of a whole step and of each of its stages (medians).
 
     "outside raster" is the share of the stages that is spent outside the two passes of the rasterizer.
     """
@@ -39,7 +40,7 @@ def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Resul
         for width, height, voxel_size in sizes:
             capture = _record(width, height, Path(folder) / f"{width}x{height}")
             trainer = _prepare(capture, voxel_size)
-            step = _mean_step(trainer)
+            step = _median_step(trainer)
             stages = _stages(trainer)
             raster = stages["forward"] + stages["backward"]
             share = 100.0 * (1.0 - raster / sum(stages.values()))
@@ -77,18 +78,23 @@ def _prepare(capture: Capture, voxel_size: float) -> Trainer:
     return trainer
 
 
-def _mean_step(trainer: Trainer) -> float:
-    """Return the mean time of a step [ms]."""
-    start = time.perf_counter()
-    for _ in range(STEPS):
-        trainer.step()
-    return 1e3 * (time.perf_counter() - start) / STEPS
+def _median_step(trainer: Trainer) -> float:
+    """Return the median time of a step [ms]."""
+    return float(np.median([_time(trainer.step) for _ in range(STEPS)]))
 
 
 def _stages(trainer: Trainer) -> dict[str, float]:
-    """Return the best time [ms] of every stage of the last step."""
+    """Return the median time [ms] of every stage, run in the order of a step."""
     stages: dict[str, Callable[[], object]] = trainer.renderer.stages()
-    order = ("project", "bin", "forward", "loss", "backward", "gather and project back", "adam")
     stages["loss"] = trainer.compare_again
     stages["adam"] = trainer.optimizer.update
-    return {name: best_time(stages[name], REPEATS) for name in order}
+    order = ("project", "bin", "forward", "loss", "backward", "gather and project back", "adam")
+    rounds = [[_time(stages[name]) for name in order] for _ in range(STEPS)]
+    return dict(zip(order, np.median(rounds, axis=0).tolist(), strict=True))
+
+
+def _time(function: Callable[[], object]) -> float:
+    """Return how long a call takes [ms]."""
+    start = time.perf_counter()
+    function()
+    return 1e3 * (time.perf_counter() - start)

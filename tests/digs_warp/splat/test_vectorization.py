@@ -34,15 +34,38 @@ KERNELS = {
 }
 
 
-@pytest.mark.parametrize("name", KERNELS)
-def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path) -> None:
-    code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS[name])
+def assert_vectorized(code: str, loop: str, cache: Path) -> None:
+    """Run code that compiles one module with remarks, and look for the one about a line of the source."""
     command = [sys.executable, "-c", code]
     compiled = subprocess.run(command, capture_output=True, text=True, check=True)
     remarks = compiled.stdout + compiled.stderr
     vectorized = {int(n) for n in re.findall(r"\.cpp:(\d+):\d+: remark: vectorized loop", remarks)}
-    (source,) = tmp_path.rglob("*.cpp")
+    (source,) = cache.rglob("*.cpp")
     lines = source.read_text().splitlines()
-    (hot,) = [i for i, line in enumerate(lines, start=1) if HOT_LOOP in line]
+    (hot,) = [i for i, line in enumerate(lines, start=1) if loop in line]
     # The loop's own test stands within a few generated lines of its source line.
     assert vectorized.intersection(range(hot, hot + 6)), f"not vectorized: {lines[hot - 1].strip()}"
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path) -> None:
+    code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS[name])
+    assert_vectorized(code, HOT_LOOP, tmp_path)
+
+
+MODULES = {
+    "digs_warp.train.optimizer": "for i in range(_BLOCK):",
+    "digs_warp.compose": "for xc in range(_PIECE):",
+}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_the_loops_around_the_rasterizer_are_vectorized(module: str, tmp_path: Path) -> None:
+    code = f"""
+import importlib
+import warp as wp
+wp.config.kernel_cache_dir = {str(tmp_path)!r}
+wp.config.cpu_compiler_flags = "-Rpass=loop-vectorize"
+wp.load_module(importlib.import_module({module!r}), device="cpu")
+"""
+    assert_vectorized(code, MODULES[module], tmp_path)
