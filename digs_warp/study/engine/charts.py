@@ -87,7 +87,7 @@ class Chart:
             axes.legend(frameon=False, fontsize=8)
 
     def _scale(self, axes: Any) -> None:
-        from matplotlib.ticker import NullFormatter
+        from matplotlib.ticker import LogLocator, NullFormatter
 
         for wanted, set_scale, axis in (
             (self.log_x, axes.set_xscale, axes.xaxis),
@@ -95,5 +95,6 @@ class Chart:
         ):
             if wanted:
                 set_scale("log")
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
                 axis.set_major_formatter("{x:g}")
                 axis.set_minor_formatter(NullFormatter())

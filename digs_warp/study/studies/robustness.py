@@ -13,7 +13,7 @@ from digs_warp.study.studies.scenes import objects
 STRENGTHS = (4.0, 1.0, 2.0)
 STRATEGIES = ("highdepth", "depth", "fusion", "default", "random")
 MAIN = "highdepth"
-ITERATIONS = (100, 300, 1000)
+ITERATIONS = (100, 300)
 
 ALL, NONE = "all together", "none"
 

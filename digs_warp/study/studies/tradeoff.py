@@ -199,7 +199,7 @@ def _front(measured: Measured) -> Section:
     ]
     chart = Chart(
         *("front", "Quality against time of the whole chain", curves),
-        *("seconds", "PSNR on views of a perfect camera [dB]"),
+        *("seconds of the whole chain", "PSNR on views of a perfect camera [dB]"),
         log_x=True,
     )
     text = (
