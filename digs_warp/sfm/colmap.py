@@ -24,6 +24,19 @@ from digs_warp.sfm.interruptible import run_interruptible
 # A model of fewer images is no reconstruction; COLMAP's own limit of 10 would refuse small sets.
 SMALLEST_MODEL = 3
 
+# Longest side [px] up to which images are enlarged twice by default: small ones show too few features, and in
+# large ones those of the enlarged image take half of all the time.
+ENLARGED_UP_TO = 1000
+
+# Most matches of neighbouring photographs are right, and RANSAC's own confidence tells when it may stop.
+# COLMAP's least number of trials, 100, costs as much as the matching and finds the same inliers.
+FEWEST_TRIALS = 30
+
+# All images are adjusted together when their number, or that of the points, has grown by this factor.
+GLOBAL_ADJUSTMENT_GROWTH = 1.4
+# Share by which the error has to fall in a step of an adjustment for another step to follow.
+LEAST_GAIN = 1e-5
+
 # COLMAP reports no progress while it finds or matches features, and its database must not be looked into
 # meanwhile (a second SQLite in the process breaks its locks): it gets the work in portions of seconds.
 IMAGES_PER_CALL = 8
@@ -71,7 +84,7 @@ def extract_features(images: ImageSet, config: SfmConfig, threads: int, database
     options.num_threads = threads
     options.max_image_size = config.feature_size
     options.sift.max_num_features = config.features
-    options.sift.first_octave = -1 if config.double_size else 0
+    options.sift.first_octave = -1 if seeks_in_enlarged(images, config) else 0
     shared = len(set(images.intrinsics)) == 1
     mode = pycolmap.CameraMode.SINGLE if shared else pycolmap.CameraMode.PER_IMAGE
     with progress(len(images.names), "Finding features", "image") as bar:
@@ -90,6 +103,14 @@ def extract_features(images: ImageSet, config: SfmConfig, threads: int, database
     if not shared:
         _write_intrinsics(images, database)
     _check_all_images_were_read(images, database)
+
+
+def seeks_in_enlarged(images: ImageSet, config: SfmConfig) -> bool:
+    """Return whether features are also sought in the images enlarged twice: by default in small ones."""
+    if config.double_size is not None:
+        return config.double_size
+    longest = max(max(k.width, k.height) for k in images.intrinsics)
+    return min(longest, config.feature_size) <= ENLARGED_UP_TO
 
 
 def _reader_options(pycolmap: Any, shared: Intrinsics | None, database: Path) -> Any:
@@ -149,6 +170,7 @@ def match_pairs(
     options.num_threads = threads
     verification = pycolmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = config.sfm_seed
+    verification.ransac.min_num_trials = FEWEST_TRIALS
     pair_list = database.with_name("pairs.txt")
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = pair_list
@@ -243,6 +265,10 @@ def incremental_options(pycolmap: Any, config: SfmConfig, threads: int) -> Any:
     options.num_threads = threads
     options.random_seed = config.sfm_seed
     options.min_model_size = SMALLEST_MODEL
+    # Bundle adjustment of all images runs as often as COLMAP itself has it for videos, and stops where it no
+    # longer gains: on 14 photographs of 1600x900 that saves a quarter of the time at the same errors.
+    options.ba_global_frames_ratio = options.ba_global_points_ratio = GLOBAL_ADJUSTMENT_GROWTH
+    options.ba_global_function_tolerance = options.ba_local_function_tolerance = LEAST_GAIN
     # A capture's images are free of distortion.
     options.ba_refine_focal_length = config.refine_focal
     options.ba_refine_extra_params = False

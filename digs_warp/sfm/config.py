@@ -16,26 +16,26 @@ class SfmConfig:
     """Poses: 'sfm' estimates them from the images; 'capture' takes those of the recording and only
     triangulates points; 'perturbed' does the same after moving every camera by a random error."""
 
-    feature_size: int = 960
+    feature_size: int = 1600
     """Longest side [px] of the image in which features are sought; larger images are reduced to it.
     Smaller is faster, and poses get less exact."""
 
-    features: int = 3000
+    features: int = 2000
     """Most features per image, the largest ones first; more cost matching time."""
 
-    double_size: bool = True
+    double_size: bool | None = None
     """Also seek features in that image enlarged twice: finds more and smaller ones, for four times the
-    time. Without it, --feature-size may be nearly twice as large for the same time."""
+    time. Default: only where its longest side is at most 1000 px."""
 
     pairing: Literal["auto", "sequential", "exhaustive"] = "auto"
     """Which images are compared: 'sequential' with those before and after (a video) and with the ones
     that look most alike (loops); 'exhaustive' with all others, for unordered images. 'auto' is exhaustive
     up to 40 images."""
 
-    overlap: int = 10
+    overlap: int = 6
     """How many images before and after each one are compared; for sequential pairing."""
 
-    loop_images: int = 5
+    loop_images: int = 3
     """How many images that look most alike are compared on top; closes loops. 0: none."""
 
     mapper: Literal["incremental", "global"] = "incremental"
