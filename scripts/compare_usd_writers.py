@@ -5,7 +5,8 @@
 
 The other program pins its own NumPy and reads a PLY, so it runs in its own environment; its time contains its
 start and the reading of the PLY, and so does ours, started as a process of its own. Our reader then reads
-both files, and the greatest differences between them are printed.
+both files, and the greatest differences between them are printed. With --page the table also goes into
+docs/usd.md, between its two marks.
 """
 
 import argparse
@@ -17,8 +18,12 @@ from pathlib import Path
 
 from digs_warp.interchange.splats.files import write_splat_file
 from digs_warp.study.bench_usd import random_splats
-from digs_warp.study.results import Result, format_table
+from digs_warp.study.machine import processor
+from digs_warp.study.results import Result, format_number, format_table
 from usd.diff import differences
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "usd.md"
+BEGIN, END = "<!-- comparison -->\n", "<!-- end of comparison -->\n"
 
 
 def seconds(command: list[str]) -> float:
@@ -33,6 +38,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("converter", help="the program usd-convert-gsplat of its own environment")
     parser.add_argument("--splats", type=int, default=100_000)
+    parser.add_argument("--page", action="store_true", help="also write the table into docs/usd.md")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         ply, theirs, ours = (Path(folder) / name for name in ("a.ply", "theirs.usdc", "ours.usdc"))
@@ -54,6 +60,28 @@ def main() -> None:
         lines = [format_table(results), "", "differences of the two files:"]
         lines += [f"  {line}" for line in differences(ours, theirs)]
     sys.stdout.write("\n".join(lines) + "\n")
+    if arguments.page:
+        write_page(results, arguments.splats)
+
+
+def write_page(results: list[Result], splats: int) -> None:
+    """Write the Markdown table into the page."""
+    rows: dict[str, dict[str, str]] = {}
+    for result in results:
+        row = rows.setdefault(result.settings["program"], {})
+        row[result.name] = f"{format_number(result.value)} {result.unit}"
+    lines = [
+        f"A PLY of {splats:,} splats of degree 3 to `.usdc`, start of the program included, in one run on",
+        f"{processor()}:",
+        "",
+        "| program | time | size |",
+        "|---|---|---|",
+        *(f"| {name} | {row['PLY to USD']} | {row['size']} |" for name, row in rows.items()),
+        "",
+    ]
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+    _, _, after = rest.partition(END)
+    PAGE.write_text(before + BEGIN + "\n".join(lines) + END + after, encoding="utf-8")
 
 
 if __name__ == "__main__":
