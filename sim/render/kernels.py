@@ -253,7 +253,9 @@ def geometry_kernel(
     direction_cam = ray_direction_cam(view, x, y)
     direction = view.world_from_cam * direction_cam
     start = wp.float32(0.0)
-    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
+    # No reach: the query ends at once.
+    is_empty = passes_by(surface.radius, view.center, direction, 0.0)
+    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, wp.where(is_empty, 0.0, FAR))
     if hit.result and is_see_through(surface, hit):
         level = texture_level(surface, hit, direction, hit.t * view.pixel_cone)
         if opacity_at(surface, hit, level) == 0.0:

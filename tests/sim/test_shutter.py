@@ -127,9 +127,14 @@ def test_rays_that_are_spared_would_have_met_nothing() -> None:
     sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
     renderer = RaycastRenderer(scene, Environment(sky, 20.0))
     track = eye(renderer, Shutter(3, 4, READOUT, EXPOSURE)).track
-    spared = renderer.render_exposure(track, 2, seed=1)
+
+    def everything() -> tuple[np.ndarray, ...]:
+        camera = Camera(K, track.world_from_cam[0, 0])
+        return *renderer.render_exposure(track, 2, seed=1), *renderer.render_geometry(camera)
+
+    spared = everything()
     renderer._surface.radius = 10.0
-    for found, expected in zip(spared, renderer.render_exposure(track, 2, seed=1), strict=True):
+    for found, expected in zip(spared, everything(), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 
