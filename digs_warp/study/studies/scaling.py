@@ -29,6 +29,8 @@ LAWS: dict[str, tuple[str, ...]] = {
     "train": ("steps", "step pixels", "step splats"),
     "memory": ("1", "frame pixels", "pixels", "splats"),
 }
+# Terms that are not counted in millions.
+SINGLE = {"1": ("always", 1.0), "frames": ("per frame", 1.0), "steps": ("per step", 1.0)}
 # The longest side in which features are sought (`SfmConfig.feature_size`).
 FEATURE_WIDTH = 960
 # Stages that work on one frame at a time.
@@ -103,7 +105,11 @@ def sections(records: Sequence[Record]) -> list[Section]:
     usual = [r for r in records if r["labels"]["curve"] != ONE_THREAD]
     if not usual:
         return [Section("Nothing to fit", "Only cases on one thread were measured.")]
-    laws = {stage: fit(usual, stage, terms) for stage, terms in LAWS.items()}
+    laws = {
+        stage: fit(usual, stage, terms)
+        for stage, terms in LAWS.items()
+        if any(value_of(record, stage) for record in usual)
+    }
     return [_laws(laws), _measured(usual, laws), _threads(records), _plans(laws)]
 
 
@@ -121,12 +127,10 @@ class Law:
 
 
 def fit(records: Sequence[Record], stage: str, terms: Sequence[str]) -> Law:
-    """Fit a law to the records that have the stage; the error that is minimized is relative."""
+    """Fit a law to the records that have the stage, at least one; the error that is minimized is relative."""
     from scipy.optimize import nnls
 
     known = [(load_of(r), value) for r in records if (value := value_of(r, stage))]
-    if not known:
-        return Law(dict.fromkeys(terms, 0.0), float("nan"))
     counts = np.array([[load.counts()[term] for term in terms] for load, _ in known], np.float64)
     values = np.array([value for _, value in known])
     # Columns of one size: pixels and ones differ by a factor of millions.
@@ -159,9 +163,8 @@ def _laws(laws: dict[str, Law]) -> Section:
     for stage, law in laws.items():
         unit = "MB" if stage == "memory" else "s"
         for term, value in law.coefficients.items():
-            per = "always" if term == "1" else f"per million {term}"
-            amount = value * (1 if term == "1" else 1e6)
-            rows.append([stage, per, f"{amount:.4g} {unit}", f"{100 * law.miss:.0f} %"])
+            per, factor = SINGLE.get(term, (f"per million {term}", 1e6))
+            rows.append([stage, per, f"{factor * value:.4g} {unit}", f"{100 * law.miss:.0f} %"])
     text = (
         "Each law is a sum of counts, fitted to the measurements with no coefficient below zero: a zero says "
         "that the term does not show at these sizes. The last column is the median error of the law."
@@ -222,12 +225,12 @@ def _threads(records: Sequence[Record]) -> Section:
 
 
 def _plans(laws: dict[str, Law]) -> Section:
-    stages = [stage for stage in LAWS if stage != "memory"]
+    stages = [stage for stage in laws if stage != "memory"]
     rows = []
     for plan in PLANS:
         seconds = {stage: laws[stage].at(plan) for stage in stages}
         total = sum(seconds.values())
-        shared = sum(seconds[stage] for stage in PER_FRAME)
+        shared = sum(seconds.get(stage, 0.0) for stage in PER_FRAME)
         rows.append(
             [
                 *(plan.name, str(plan.frames), f"{plan.width}x{plan.height}"),
