@@ -24,7 +24,7 @@ ONE_THREAD = "one thread"
 # What each stage's seconds, and the peak memory [MB], are a sum of; coefficients are fitted, none below zero.
 LAWS: dict[str, tuple[str, ...]] = {
     "render": ("frames", "frame pixels"),
-    "structure from motion": ("frames", "frame pixels up to 960 wide"),
+    "structure from motion": ("frames", "frame pixels up to 1600 wide"),
     "initialize": ("frames", "frame pixels"),
     "train": ("steps", "step pixels", "step splats"),
     "memory": ("1", "frame pixels", "pixels", "splats"),
@@ -32,7 +32,7 @@ LAWS: dict[str, tuple[str, ...]] = {
 # Terms that are not counted in millions.
 SINGLE = {"1": ("always", 1.0), "frames": ("per frame", 1.0), "steps": ("per step", 1.0)}
 # The longest side in which features are sought (`SfmConfig.feature_size`).
-FEATURE_WIDTH = 960
+FEATURE_WIDTH = 1600
 # Stages that work on one frame at a time.
 PER_FRAME = ("render", "initialize")
 
@@ -59,7 +59,7 @@ class Load:
             "splats": self.splats,
             "steps": self.steps,
             "frame pixels": self.frames * pixels,
-            "frame pixels up to 960 wide": self.frames * small,
+            "frame pixels up to 1600 wide": self.frames * small,
             "step pixels": self.steps * pixels,
             "step splats": float(self.steps) * self.splats,
         }
