@@ -23,6 +23,7 @@ from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_SIZE
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V
 from digs_warp.splat.render import SplatRenderer
+from digs_warp.study.machine import worth_of_threads
 from digs_warp.study.results import Result
 
 # Additions and multiplications of one pixel and one splat; comparisons and selections not counted. Forward:
@@ -109,6 +110,9 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
                         results.append(Result(f"{stage} speed-up", ratio, "x plain", settings))
                 bar.update()
         results += _measure_sorts()
+    for count in threads[1:]:
+        worth = worth_of_threads(count)
+        results.append(Result("matrix products", worth, "x one thread", {"threads": count}))
     return results
 
 

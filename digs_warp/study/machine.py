@@ -1,7 +1,11 @@
 """What the figures were measured on."""
 
 import platform
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+import numpy as np
 
 _INFO = Path("/proc/cpuinfo")
 
@@ -14,3 +18,35 @@ def processor() -> str:
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     wide = ", AVX-512" if any("avx512f" in line for line in lines) else ""
     return f"{len(names)} cores of {names[0] if names else platform.machine()}{wide}"
+
+
+def worth_of_threads(threads: int, seconds: float = 2.0) -> float:
+    """Return how many times the arithmetic of one thread so many threads get done.
+
+    No program can gain more from threads where it computes without waiting. Processors that are two halves of
+    one core, as on many rented machines, get this near 1.
+
+    Args:
+        threads: at least 1.
+        seconds: how long either number of threads is watched.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1), ThreadPoolExecutor(threads) as pool:
+
+        def rate(count: int) -> float:
+            return sum(pool.map(_products_per_second, [seconds] * count))
+
+        alone = rate(1)
+        return rate(threads) / alone
+
+
+def _products_per_second(seconds: float) -> float:
+    """Multiply small matrices, which stay in the cache of one core, for a while."""
+    a = np.random.default_rng(0).normal(size=(192, 192)).astype(np.float32)
+    done, start = 0, time.perf_counter()
+    while (past := time.perf_counter() - start) < seconds:
+        for _ in range(10):
+            np.dot(a, a)
+        done += 10
+    return done / past
