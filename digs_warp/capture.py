@@ -17,6 +17,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, DigsError, check_finite, check_positive
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.images import read_image, write_image
+from digs_warp.layout import RUN_RECORD
 from digs_warp.log import read_json, to_json, write_atomically
 
 INDEX_NAME = "transforms.json"
@@ -373,5 +374,5 @@ def file_hashes(folder: Path) -> dict[str, str]:
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "run.json"
+        if path.is_file() and path.name != RUN_RECORD
     }

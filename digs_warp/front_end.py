@@ -18,6 +18,7 @@ from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import looked_at
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
+from digs_warp.layout import INITIAL_POINTS
 from digs_warp.log import RunLog
 from digs_warp.point_cloud import PointCloud
 from digs_warp.posed_frames import CAMERAS, PosedFrames, with_cameras
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-POINTS = "initial_points.npz"
 SFM = "sfm"
 MASKS = "masks"
 HELD_OUT = "held_out"
@@ -70,8 +70,8 @@ def front_end(
     Raises:
         DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
     """
-    if resume and (folder / POINTS).is_file() and (folder / CAMERAS).is_file():
-        return PosedFrames.load(capture, folder), PointCloud.load(folder / POINTS)
+    if resume and (folder / INITIAL_POINTS).is_file() and (folder / CAMERAS).is_file():
+        return PosedFrames.load(capture, folder), PointCloud.load(folder / INITIAL_POINTS)
     if not capture.knows_poses and config.sfm.poses != "sfm":
         raise DigsError(
             f"capture '{capture.folder}': the recording has no camera poses; let them be estimated with "
@@ -102,7 +102,7 @@ def front_end(
         asdict(start.depth) if start.depth else {}
     )
     frames.save(folder)
-    start.points.save(folder / POINTS)
+    start.points.save(folder / INITIAL_POINTS)
     return frames, start.points
 
 

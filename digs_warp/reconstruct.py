@@ -12,6 +12,7 @@ from digs_warp.front_end import FrontEndConfig, front_end
 from digs_warp.gaussians import Gaussians
 from digs_warp.images import to_uint8, write_image
 from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.layout import EVALUATION, GAUSSIANS, RUN_RECORD
 from digs_warp.log import RunLog, to_json, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.splat.device import DeviceGaussians
@@ -23,11 +24,9 @@ from digs_warp.train.evaluate import (
     render_views,
     score_views,
 )
-from digs_warp.train.session import GAUSSIANS, train_gaussians
+from digs_warp.train.session import train_gaussians
 
-EVALUATION = "evaluation.json"
 RENDERS = "renders"
-RUN = "run.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,19 +53,19 @@ def reconstruct(
     folder = Path(folder)
     log = RunLog("reconstruct", config)
     if resume:
-        log.continue_from(folder / RUN)
-    log.save(folder / RUN)
+        log.continue_from(folder / RUN_RECORD)
+    log.save(folder / RUN_RECORD)
     try:
         frames, points = front_end(capture, config, folder, log, resume)
     finally:
-        log.save(folder / RUN)
+        log.save(folder / RUN_RECORD)
     log.results["initial_points"] = len(points)
     with log.stage("load views"):
         test_views = load_test_views(frames.held_out)
     gaussians = _train(frames.training, test_views, points, config, folder, resume, log)
     with log.stage("evaluate"):
         _write_evaluation(gaussians, test_views, config.train.device, folder, log)
-    log.save(folder / RUN)
+    log.save(folder / RUN_RECORD)
     return gaussians
 
 
@@ -86,7 +85,7 @@ def _train(
     try:
         return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
     finally:
-        log.save(folder / RUN)
+        log.save(folder / RUN_RECORD)
 
 
 def _write_evaluation(

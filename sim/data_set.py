@@ -11,11 +11,10 @@ import numpy as np
 
 from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
+from digs_warp.layout import DATA_SET
 from digs_warp.log import progress, to_json, write_atomically
 from sim.config import SimulateConfig
 from sim.record import simulate
-
-SUMMARY_NAME = "summary.json"
 
 BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
@@ -102,7 +101,7 @@ def simulate_many(
     with progress(len(jobs), "Scenes", "scene") as bar:
         for job in jobs:
             results.append(_attempt(job, folder, resume))
-            write_atomically(folder / SUMMARY_NAME, to_json({"scenes": results}).encode())
+            write_atomically(folder / DATA_SET, to_json({"scenes": results}).encode())
             bar.update()
     return tuple(results)
 

@@ -16,15 +16,14 @@ from digs_warp.capture import (
     read_capture,
 )
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.layout import RUN_RECORD, SENSOR_PLAN
 from digs_warp.log import RunLog, progress, read_json, to_json, write_atomically
 from sim.config import SimulateConfig as SimulateConfig
 from sim.frame_maker import Clock, FrameMaker, RenderedFrame, layers_of
 from sim.profiles import Profile
 from sim.sensor.cause import Cause
-from sim.sensor_plan import PLAN_NAME, SensorPlan, check_effects, make_plan
+from sim.sensor_plan import SensorPlan, check_effects, make_plan
 from sim.session import Session, load_inputs, prepare_session
-
-RUN_NAME = "run.json"
 
 # Threads that sense and write frames while the next ones are rendered, and frames that may wait for
 # them; this bounds the memory.
@@ -52,7 +51,7 @@ def simulate(
         DigsError: bad input, a folder that holds another recording, or settings that differ on resume.
     """
     folder = Path(folder)
-    record = folder / RUN_NAME
+    record = folder / RUN_RECORD
     check_effects(config)
     log = _claim_folder(folder, config, resume)
     if resume and _is_finished(folder, config):
@@ -69,7 +68,7 @@ def simulate(
         with log.stage("plan"):
             plan = make_plan(session)
         if config.plans_effects:
-            write_atomically(folder / PLAN_NAME, to_json(plan.as_json()).encode())
+            write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json()).encode())
         writer = CaptureWriter(folder, session.rig.intrinsics, Rig(session.rig.baseline))
         _record(FrameMaker(session, plan), writer, log, record)
         capture = writer.finish(_metadata(session, plan))
@@ -87,7 +86,7 @@ def simulate(
 def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     """Return the log of the recording, with earlier times; refuse a folder that holds another one."""
     log = RunLog("simulate", config)
-    record = folder / RUN_NAME
+    record = folder / RUN_RECORD
     if record.exists() and resume:
         log.continue_from(record)
         # Frame files that a process was writing when it was killed: .NUMBER.PROCESS.SUFFIX.
@@ -103,7 +102,7 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
 
 def _is_finished(folder: Path, config: SimulateConfig) -> bool:
     """Whether nothing is left to do."""
-    record = folder / RUN_NAME
+    record = folder / RUN_RECORD
     if not record.is_file() or not read_json(record, "run record")["results"]:
         return False
     try:

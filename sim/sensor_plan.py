@@ -16,8 +16,6 @@ from sim.sensor.planner import override, plan, wanted_effects
 from sim.session import Session
 from sim.shutter import Shutter
 
-PLAN_NAME = "sensor_plan.json"
-
 # Frames that are looked at before the recording, evenly spaced: two on each of the three orbits.
 SAMPLE_FRAMES = 6
 

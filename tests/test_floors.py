@@ -13,7 +13,9 @@ FLOORS = {
     **dict.fromkeys(
         ("digs_warp.geometry", "digs_warp.camera", "digs_warp.sh", "digs_warp.checks"), 0
     ),
-    **dict.fromkeys(("digs_warp.imports", "digs_warp.log", "digs_warp.durations"), 0),
+    **dict.fromkeys(
+        ("digs_warp.imports", "digs_warp.layout", "digs_warp.log", "digs_warp.durations"), 0
+    ),
     "digs_warp.threads": 0,
     "digs_warp.contiguous": 0,
     **dict.fromkeys(("digs_warp.capture", "digs_warp.images", "digs_warp.point_cloud"), 1),

@@ -11,8 +11,8 @@ import tyro
 from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
-from digs_warp.commands.layout import RUN_RECORD
 from digs_warp.commands.output import OutputFolder
+from digs_warp.layout import RUN_RECORD
 from digs_warp.log import RunLog
 
 CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]

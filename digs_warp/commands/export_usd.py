@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.layout import find_gaussians
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.usd_capture import scene_metadata, write_capture_package
+from digs_warp.layout import find_gaussians
 from usd.writer import WriteOptions
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import tyro
 from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.extract_mesh import MOST_VIEWS, extract_mesh
-from digs_warp.commands.layout import CAPTURE, find_gaussians
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
+from digs_warp.layout import CAPTURE, find_gaussians
 from digs_warp.surface.true_surface import read_true_surface
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import tyro
 
 from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
-from digs_warp.commands.layout import RUN_RECORD
+from digs_warp.layout import RUN_RECORD
 from digs_warp.log import read_json
 
 

@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.commands.layout import find_gaussians
 from digs_warp.commands.output import OutputFolder
+from digs_warp.layout import find_gaussians
 
 
 @dataclass(frozen=True, kw_only=True)

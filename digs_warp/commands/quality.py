@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from digs_warp.commands.layout import EVALUATION
+from digs_warp.layout import EVALUATION
 from digs_warp.log import read_json
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.commands import layout
+from digs_warp import layout
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.commands.layout import RUN_RECORD
 from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
+from digs_warp.layout import RUN_RECORD
 from digs_warp.log import RunLog, progress
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.commands import layout
+from digs_warp import layout
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality

@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.layout import RUN_RECORD
 from digs_warp.commands.many_scenes import ManyScenes, format_summary
 from digs_warp.commands.output import OutputFolder
+from digs_warp.layout import DATA_SET, RUN_RECORD
 from digs_warp.log import RunLog
 from sim.config import SimulateConfig
 
@@ -51,7 +51,7 @@ class Simulate:
         return f"{folder}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s"
 
     def _record_many(self) -> str:
-        from sim.data_set import SUMMARY_NAME, plan_jobs, simulate_many
+        from sim.data_set import plan_jobs, simulate_many
         from sim.sensor_plan import check_effects
 
         check_effects(self.recording)
@@ -68,7 +68,7 @@ class Simulate:
             results = simulate_many(jobs, folder, self.output.resume)
         log.results = {"scenes": len(results), "failed": [r.name for r in results if r.error]}
         log.save(record)
-        summary = f"{format_summary(results)}\n\nAlso in {folder / SUMMARY_NAME}"
+        summary = f"{format_summary(results)}\n\nAlso in {folder / DATA_SET}"
         if failed := log.results["failed"]:
             raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{summary}")
         return f"{summary}. {len(results)} scenes in {log.seconds['simulate']:.0f} s"

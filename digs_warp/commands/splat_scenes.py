@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.commands.layout import GAUSSIANS, find_gaussians
+from digs_warp.layout import GAUSSIANS, find_gaussians
 
 if TYPE_CHECKING:
     from digs_warp.gaussians import Gaussians

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp import layout
 from digs_warp.capture import Frame, read_capture
 from digs_warp.checks import DigsError
-from digs_warp.commands import layout
 from digs_warp.commands.facts import Facts
 from digs_warp.commands.quality import read_quality
 from digs_warp.gaussians import Gaussians

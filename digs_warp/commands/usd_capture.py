@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from digs_warp.capture import Capture, Frame, read_capture
 from digs_warp.checks import DigsError
-from digs_warp.commands.layout import EVALUATION, GAUSSIANS, RUN_RECORD
 from digs_warp.commands.quality import read_quality
+from digs_warp.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD
 from digs_warp.log import read_json
 
 if TYPE_CHECKING:
@@ -99,12 +99,13 @@ def variant_labels(reconstructions: Sequence[Path]) -> list[str]:
 
 
 def _reconstruction(folder: Path, name: str) -> "Reconstruction":
-    from digs_warp.front_end import POINTS
     from digs_warp.gaussians import Gaussians
     from digs_warp.point_cloud import PointCloud
     from usd.capture_scene import Reconstruction
 
-    points = PointCloud.load(folder / POINTS) if (folder / POINTS).is_file() else None
+    points = (
+        PointCloud.load(folder / INITIAL_POINTS) if (folder / INITIAL_POINTS).is_file() else None
+    )
     metadata = scene_metadata(folder)
     own = {key: metadata[key] for key in ("settings", "held_out") if key in metadata}
     return Reconstruction(name, Gaussians.load(folder / GAUSSIANS), points, own)

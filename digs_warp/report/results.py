@@ -10,6 +10,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import Gaussians
+from digs_warp.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD
 from digs_warp.log import read_json
 
 METRICS = ("psnr", "ssim", "psnr_masked", "ssim_masked")
@@ -52,7 +53,7 @@ def read_results(folder: Path) -> Results:
     folder = Path(folder)
     if not folder.is_dir():
         raise DigsError(f"reconstruction '{folder}': no such folder")
-    path = folder / "evaluation.json"
+    path = folder / EVALUATION
     evaluation = read_json(path, "evaluation")
     views, mean = evaluation.get("views"), evaluation.get("mean")
     if not isinstance(views, list) or not isinstance(mean, dict):
@@ -64,9 +65,9 @@ def read_results(folder: Path) -> Results:
         views=views,
         mean=mean,
         training=_read_training(folder / "training.jsonl"),
-        splats=len(Gaussians.load(folder / "gaussians.npz")),
-        initial_points=_count_points(folder / "initial_points.npz"),
-        run=read_json(folder / "run.json", "run record"),
+        splats=len(Gaussians.load(folder / GAUSSIANS)),
+        initial_points=_count_points(folder / INITIAL_POINTS),
+        run=read_json(folder / RUN_RECORD, "run record"),
     )
 
 

@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.capture import Capture
+from digs_warp.layout import RUN_RECORD
 from digs_warp.log import read_json
 from digs_warp.report.markup import chart, flat_items, section, table
 from digs_warp.report.plots import Bar, bar_chart
 from digs_warp.report.results import Results
-
-RUN_NAME = "run.json"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +36,8 @@ def read_run_records(capture: Capture, results: Results, report: Path) -> RunRec
     beside = report.parent.resolve()
     own = beside in (capture.folder.resolve(), results.folder.resolve())
     return RunRecords(
-        capture=_read(capture.folder / RUN_NAME),
-        whole={} if own else _read(beside / RUN_NAME),
+        capture=_read(capture.folder / RUN_RECORD),
+        whole={} if own else _read(beside / RUN_RECORD),
         reconstruction=results.run,
     )
 

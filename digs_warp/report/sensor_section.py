@@ -4,10 +4,9 @@ from typing import Any
 
 from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
+from digs_warp.layout import SENSOR_PLAN
 from digs_warp.log import read_json
 from digs_warp.report.markup import section, table
-
-PLAN_NAME = "sensor_plan.json"
 
 # Heading -> key in the plan.
 PATHS = {"On the images": "color", "On depth": "depth"}
@@ -19,7 +18,7 @@ def sensor_section(capture: Capture) -> str:
     Raises:
         DigsError: a plan that is no plan; the message names the file.
     """
-    path = capture.folder / PLAN_NAME
+    path = capture.folder / SENSOR_PLAN
     if not path.is_file():
         return ""
     plan = read_json(path, "sensor plan")

@@ -15,6 +15,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats, write_splats
 from digs_warp.film.camera_path import find_subject, orbit
 from digs_warp.gaussians import Gaussians
+from digs_warp.layout import GAUSSIANS
 from digs_warp.log import progress
 from digs_warp.metrics import psnr
 from digs_warp.splat.render import RenderOutput, render
@@ -47,7 +48,7 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
     before = [render(gaussians, camera) for camera in cameras]
     results: list[Result] = []
     with tempfile.TemporaryDirectory() as folder, progress(len(FORMATS), "Measuring") as bar:
-        source = Path(folder) / "gaussians.npz"
+        source = Path(folder) / GAUSSIANS
         gaussians.save(source)
         for name, suffix, version in FORMATS:
             path = Path(folder) / f"scene{suffix}"

@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError
+from digs_warp.layout import RUN_RECORD
 from digs_warp.log import read_json
 
 if TYPE_CHECKING:
     from digs_warp.triangle_mesh import TriangleMesh
-
-RUN_RECORD = "run.json"  # of the capture
 
 
 def read_true_surface(capture: Path) -> "TriangleMesh | None":

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from digs_warp.capture import Capture, Frame
 from digs_warp.gaussians import Gaussians
+from digs_warp.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD
 from digs_warp.log import read_json, to_json, versions, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.study.engine.case import Case, digest
@@ -76,7 +77,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         "finishes": score_finishes(gaussians, yardstick) if case.finishes else {},
         "scale_error": _scale_error(capture, config.init),
         "surface": _surface_scores(capture, work, gaussians),
-        "recording_seconds": read_json(capture.folder / "run.json", "run record")["seconds"],
+        "recording_seconds": read_json(capture.folder / RUN_RECORD, "run record")["seconds"],
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
         "machine": processor(),
@@ -93,11 +94,11 @@ def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
 
 
 def _measure(work: Path) -> dict[str, Any]:
-    run = read_json(work / "run.json", "run record")
+    run = read_json(work / RUN_RECORD, "run record")
     lines = (work / "training.jsonl").read_text(encoding="utf-8").splitlines()
     course = [line for line in map(json.loads, lines) if "psnr" in line]
     return {
-        "metrics": read_json(work / "evaluation.json", "evaluation")["mean"],
+        "metrics": read_json(work / EVALUATION, "evaluation")["mean"],
         "course": course,
         "seconds": run["seconds"],
         "results": run["results"],
@@ -144,7 +145,7 @@ def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[
     surface = read_true_surface(capture.folder)
     if surface is None:
         return {}
-    points = PointCloud.load(work / "initial_points.npz").points_world
+    points = PointCloud.load(work / INITIAL_POINTS).points_world
     return {
         "points": surface_score(points, surface, SURFACE_THRESHOLD).to_json(),
         "gaussians": surface_score(gaussians.means, surface, SURFACE_THRESHOLD).to_json(),

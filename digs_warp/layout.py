@@ -1,4 +1,4 @@
-"""Where things lie in the folders that the commands write."""
+"""Where things lie in the folders that the commands write: the one place that holds these names."""
 
 from pathlib import Path
 
@@ -11,9 +11,13 @@ SCENE = "scene.usdz"
 REPORT = "report.html"
 # In every folder that a command wrote:
 RUN_RECORD = "run.json"
+# In a capture folder of the simulator (its index: `digs_warp.capture`):
+SENSOR_PLAN = "sensor_plan.json"
 # In the folder of `digs-warp simulate` with many scenes:
 DATA_SET = "summary.json"
 # In the folder of `digs-warp reconstruct`:
+INITIAL_POINTS = "initial_points.npz"
+CHECKPOINT = "checkpoint.npz"
 GAUSSIANS = "gaussians.npz"
 EVALUATION = "evaluation.json"
 
