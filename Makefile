@@ -16,6 +16,8 @@ PYTHON ?= $(shell for candidate in python3.11 python3 python3.12 python3.13 pyth
 
 # Extra arguments for pytest: make test ARGS="tests/usd -x"
 ARGS ?=
+# Processes that run the tests, file by file; each takes up to 2 GB.
+WORKERS ?= 2
 
 help: ## Show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
@@ -72,7 +74,7 @@ pages: setup ## Measure everything else and write the figures into its pages; an
 
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile $(ARGS)
 
 lint: setup ## ruff (rules and formatting) and pyright
 	$(BIN)/ruff check .
