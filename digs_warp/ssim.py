@@ -9,7 +9,8 @@ reference).
     A = 2 m_x m_y + C1,  B = 2 s_xy + C2,  D = m_x^2 + m_y^2 + C1,  E = s_x + s_y + C2
     SSIM = A B / (D E)
 
-With the moments m_x, e_xx = W * x^2 and e_xy = W * x y as variables (s_x = e_xx - m_x^2 and so on),
+With the moments m_x, e_xx = W * x^2 and e_xy = W * x y as variables (s_x = e_xx - m_x^2 and so on; e_xx and
+e_yy are only needed as their sum),
 
     dSSIM/de_xx = -SSIM / E
     dSSIM/de_xy = 2 A / (D E)
@@ -22,8 +23,12 @@ and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
 Where pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
 are blurred.
 
-One thread works on a block of 16 rows by 64 columns of one channel. Only active blocks are computed:
-elsewhere image and target are the same background, SSIM is 1 and its gradient 0.
+One thread walks down a strip of 64 columns of one channel, at most `SEGMENT_ROWS` rows of it, and keeps only
+the last rows of every stage, in rings of 16 of which a window reads 11: image line -> moments, blurred along
+the row -> blurred along the column, SSIM and its derivatives -> blurred along the row -> blurred along the
+column, gradient. Nothing in between goes through memory, at the price of derivatives computed twice in the
+columns around a strip. Only where blocks are active it is computed: elsewhere image and target are the same
+background, SSIM is 1 and its gradient 0.
 """
 
 import math
@@ -42,8 +47,11 @@ SIGMA = 1.5
 C1 = 0.01**2  # for values in 0..1
 C2 = 0.03**2
 
+# Blocks are active or not; a strip is one block wide.
 BLOCK_ROWS = 16
 BLOCK_COLUMNS = 64
+# A thread's part of a strip: long, because each part begins with 20 rows that only fill the rings.
+SEGMENT_ROWS = 256
 
 
 def window_weights() -> list[float]:
@@ -58,19 +66,35 @@ _C1 = wp.constant(C1)
 _C2 = wp.constant(C2)
 _ROWS = wp.constant(BLOCK_ROWS)
 _COLUMNS = wp.constant(BLOCK_COLUMNS)
+_SEGMENT_BLOCKS = wp.constant(SEGMENT_ROWS // BLOCK_ROWS)
 _REACH = wp.constant(REACH)
-_HALO_ROWS = wp.constant(BLOCK_ROWS + 2 * REACH)
-# One image line with its halo, and the block's lines after the horizontal pass, one after the other.
-_LINE = wp.constant(BLOCK_COLUMNS + 2 * REACH)
-_LINES_5 = wp.constant(5 * (BLOCK_COLUMNS + 2 * REACH))
-_LINES_10 = wp.constant(10 * (BLOCK_COLUMNS + 2 * REACH))
-_LINES_4 = wp.constant(4 * (BLOCK_COLUMNS + 2 * REACH))
-# index & _NOT_NEGATIVE is the index, and tells LLVM that it is no negative one, which Warp would have to
-# wrap: only then are the reads of image lines vectorized.
-_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
-_MAP = wp.constant((BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
-_MAPS_5 = wp.constant(5 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
-_MAPS_3 = wp.constant(3 * (BLOCK_ROWS + 2 * REACH) * BLOCK_COLUMNS)
+_TWICE = wp.constant(2 * REACH)
+
+# Derivatives are needed one window around the strip, rounded up to whole vectors ...
+_MARGIN_COLUMNS = 8
+_WIDE_COLUMNS = BLOCK_COLUMNS + 2 * _MARGIN_COLUMNS
+_MARGIN = wp.constant(_MARGIN_COLUMNS)
+_WIDE = wp.constant(_WIDE_COLUMNS)
+# ... and the image one window around those. Four lines are kept of each row (x, y, x^2 + y^2, x y), twice.
+_LINE_COLUMNS = _WIDE_COLUMNS + 2 * REACH
+_LINE = wp.constant(_LINE_COLUMNS)
+_LINES = wp.constant(4 * _LINE_COLUMNS)
+_LINES_TWICE = wp.constant(8 * _LINE_COLUMNS)
+# Rings of blurred rows: of the four moments, and of the three derivatives.
+_RING_ROWS = wp.constant(15)  # row & 15 is the row's place
+_MOMENT_RING = wp.constant(16 * _WIDE_COLUMNS)
+_MOMENT_RINGS = wp.constant(4 * 16 * _WIDE_COLUMNS)
+_GRADIENT_RING = wp.constant(16 * BLOCK_COLUMNS)
+_GRADIENT_RINGS = wp.constant(3 * 16 * BLOCK_COLUMNS)
+# Lines of the derivatives of a row and of 1 - SSIM, twice; then which columns exist, the weights of a row,
+# the sums of each column, and the gradient of a row.
+_DERIVATIVES = wp.constant(4 * _WIDE_COLUMNS)
+_EXISTS = wp.constant(8 * _WIDE_COLUMNS)
+_WEIGHT = wp.constant(9 * _WIDE_COLUMNS)
+_SUM_L1 = wp.constant(10 * _WIDE_COLUMNS)
+_SUM_DSSIM = wp.constant(11 * _WIDE_COLUMNS)
+_GRADIENT = wp.constant(12 * _WIDE_COLUMNS)
+_ROW_MEMORY = wp.constant(15 * _WIDE_COLUMNS)
 
 
 @wp.func
@@ -94,28 +118,47 @@ def similarity_kernel(
     target: wp.array[float],  # 3 padded planes
     weighted: int,  # whether pixels count as much as ``weights`` say; otherwise all count 1
     weights: wp.array[float],  # 1 padded plane
+    l1_weight: float,
+    dssim_weight: float,
     # outputs
-    maps: wp.array[float],  # 9 padded planes: weight * dSSIM / d(m_x, e_xx, e_xy) of each channel
-    sums: wp.array2d[float],  # [blocks, 2] weighted sums of |x - y| and of 1 - SSIM
+    adj_image: wp.array[float],  # 3 padded planes
+    sums: wp.array2d[float],  # [strips, 2] weighted sums of |x - y| and of 1 - SSIM
 ):
-    """Compare one block of one channel."""
-    block = first + wp.tid()
-    channel = block // (blocks_x * blocks_y)
-    left = (block % blocks_x) * _COLUMNS
-    top = (block // blocks_x % blocks_y) * _ROWS
-    sums[block, 0] = 0.0
-    sums[block, 1] = 0.0
-    if active[block % (blocks_x * blocks_y)] == 0:
+    """Compare a strip of one channel; write d(l1_weight sum w |x - y| + dssim_weight sum w (1 - SSIM)) / dx.
+
+    The gradient holds where the next 10 pixels on each side are compared or are background in both images.
+    """
+    strip = first + wp.tid()
+    segments = (blocks_y + _SEGMENT_BLOCKS - 1) // _SEGMENT_BLOCKS
+    channel = strip // (blocks_x * segments)
+    block_x = strip % blocks_x
+    first_block = strip // blocks_x % segments * _SEGMENT_BLOCKS
+    sums[strip, 0] = 0.0
+    sums[strip, 1] = 0.0
+    top = int(blocks_y * _ROWS)
+    end = int(0)
+    for block in range(first_block, wp.min(first_block + _SEGMENT_BLOCKS, blocks_y)):
+        if active[block * blocks_x + block_x] != 0:
+            top = wp.min(top, block * _ROWS)
+            end = wp.min((block + 1) * _ROWS, height)
+    if top >= end:
         return
-    line = wp.zeros(shape=(_LINES_10,), dtype=float)
-    blur = wp.zeros(shape=(_MAPS_5,), dtype=float)
-    base = origin + channel * plane + top * pitch + left
+    left = block_x * _COLUMNS
     columns = wp.min(_COLUMNS, width - left)
-    # A row is blurred one turn after it was copied, from the other half of the lines: reads that straddle
+    base = origin + channel * plane + left
+    line = wp.zeros(shape=(_LINES_TWICE,), dtype=float)
+    moments = wp.zeros(shape=(_MOMENT_RINGS,), dtype=float)
+    rows = wp.zeros(shape=(_ROW_MEMORY,), dtype=float)
+    gradients = wp.zeros(shape=(_GRADIENT_RINGS,), dtype=float)
+    for i_e in range(_WIDE):
+        column = left - _MARGIN + i_e
+        rows[_EXISTS + i_e] = wp.where(column >= 0 and column < width, 1.0, 0.0)
+        rows[_WEIGHT + i_e] = 1.0
+    # A row is blurred one turn after it was written, while the next is written elsewhere: reads that straddle
     # two vectors which were just written would have to wait for both to reach the cache.
-    for turn in range(_HALO_ROWS + 1):
-        half = (turn & 1) * _LINES_5
-        source = base + (turn - _REACH) * pitch - _REACH
+    for turn in range(top - _TWICE, end + _TWICE + 2):
+        half = (turn & 1) * _LINES
+        source = base + turn * pitch - _MARGIN - _REACH
         image_line = floats_from(image, source, _LINE)
         target_line = floats_from(target, source, _LINE)
         for i in range(_LINE):
@@ -123,15 +166,15 @@ def similarity_kernel(
             y = target_line[i]
             line[half + i] = x
             line[half + _LINE + i] = y
-            line[half + 2 * _LINE + i] = x * x
-            line[half + 3 * _LINE + i] = y * y
-            line[half + 4 * _LINE + i] = x * y
-        if turn > 0:
-            for moment in range(5):
-                o = _LINES_5 - half + moment * _LINE
-                b = moment * _MAP + (turn - 1) * _COLUMNS
-                for c in range(_COLUMNS):
-                    blur[b + c] = window_sum(
+            line[half + 2 * _LINE + i] = x * x + y * y
+            line[half + 3 * _LINE + i] = x * y
+        if turn > top - _TWICE:
+            to_row = ((turn - 1) & _RING_ROWS) * _WIDE
+            for moment in range(4):
+                o = _LINES - half + moment * _LINE
+                b = moment * _MOMENT_RING + to_row
+                for c in range(_WIDE):
+                    moments[b + c] = window_sum(
                         line[o + c] + line[o + c + 10],
                         line[o + c + 1] + line[o + c + 9],
                         line[o + c + 2] + line[o + c + 8],
@@ -139,161 +182,139 @@ def similarity_kernel(
                         line[o + c + 4] + line[o + c + 6],
                         line[o + c + 5],
                     )
-    total_l1 = float(0.0)
-    total_dssim = float(0.0)
-    for row in range(wp.min(_ROWS, height - top)):
-        for moment_v in range(5):
-            p = moment_v * _MAP + row * _COLUMNS
-            m = moment_v * _LINE
-            for cv in range(_COLUMNS):
-                line[m + cv] = window_sum(
-                    blur[p + cv] + blur[p + 10 * _COLUMNS + cv],
-                    blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv],
-                    blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv],
-                    blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv],
-                    blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
-                    blur[p + 5 * _COLUMNS + cv],
+        row = turn - 1 - _REACH
+        present = (row & 1) * _DERIVATIVES
+        if row >= top - _REACH:
+            u5 = ((row - 5) & _RING_ROWS) * _WIDE
+            u4 = ((row - 4) & _RING_ROWS) * _WIDE
+            u3 = ((row - 3) & _RING_ROWS) * _WIDE
+            u2 = ((row - 2) & _RING_ROWS) * _WIDE
+            u1 = ((row - 1) & _RING_ROWS) * _WIDE
+            u0 = (row & _RING_ROWS) * _WIDE
+            v1 = ((row + 1) & _RING_ROWS) * _WIDE
+            v2 = ((row + 2) & _RING_ROWS) * _WIDE
+            v3 = ((row + 3) & _RING_ROWS) * _WIDE
+            v4 = ((row + 4) & _RING_ROWS) * _WIDE
+            v5 = ((row + 5) & _RING_ROWS) * _WIDE
+            for moment_v in range(4):
+                p = moment_v * _MOMENT_RING
+                m = present + moment_v * _WIDE
+                for cv in range(_WIDE):
+                    rows[m + cv] = window_sum(
+                        moments[p + u5 + cv] + moments[p + v5 + cv],
+                        moments[p + u4 + cv] + moments[p + v4 + cv],
+                        moments[p + u3 + cv] + moments[p + v3 + cv],
+                        moments[p + u2 + cv] + moments[p + v2 + cv],
+                        moments[p + u1 + cv] + moments[p + v1 + cv],
+                        moments[p + u0 + cv],
+                    )
+            if weighted != 0:
+                weight_line = floats_from(weights, origin + row * pitch + left - _MARGIN, _WIDE)
+                for w in range(_WIDE):
+                    rows[_WEIGHT + w] = weight_line[w]
+            inside = float(0.0)
+            if row >= 0 and row < height:
+                inside = float(1.0)
+            # From moments to SSIM and its derivatives, in place.
+            for col in range(_WIDE):
+                mean_x = rows[present + col]
+                mean_y = rows[present + _WIDE + col]
+                squares = mean_x * mean_x + mean_y * mean_y
+                a = 2.0 * mean_x * mean_y + _C1
+                s = 2.0 * (rows[present + 3 * _WIDE + col] - mean_x * mean_y) + _C2
+                d = squares + _C1
+                e = rows[present + 2 * _WIDE + col] - squares + _C2
+                inverse = 1.0 / (d * e)
+                ssim = a * s * inverse
+                g_xx = -ssim * d * inverse
+                g_xy = 2.0 * a * inverse
+                g_mean = (
+                    2.0 * (mean_y * s * inverse - mean_x * ssim * e * inverse)
+                    - 2.0 * mean_x * g_xx
+                    - mean_y * g_xy
                 )
-        # From moments to SSIM and its derivatives, in place: a loop of fixed length, so that it is
-        # vectorized, and only then the pixels that exist are written.
-        for col in range(_COLUMNS):
-            mean_x = line[col]
-            mean_y = line[_LINE + col]
-            a = 2.0 * mean_x * mean_y + _C1
-            s = 2.0 * (line[4 * _LINE + col] - mean_x * mean_y) + _C2
-            d = mean_x * mean_x + mean_y * mean_y + _C1
-            e = line[2 * _LINE + col] + line[3 * _LINE + col] - (d - _C1) + _C2
-            inverse = 1.0 / (d * e)
-            ssim = a * s * inverse
-            g_xx = -ssim * d * inverse
-            g_xy = 2.0 * a * inverse
-            line[col] = (
-                2.0 * (mean_y * s * inverse - mean_x * ssim * e * inverse)
-                - 2.0 * mean_x * g_xx
-                - mean_y * g_xy
-            )
-            line[_LINE + col] = g_xx
-            line[2 * _LINE + col] = g_xy
-            line[3 * _LINE + col] = 1.0 - ssim
-        # The fifth line is free now: it takes the weights of the row.
-        for one in range(_COLUMNS):
-            line[4 * _LINE + one] = 1.0
-        if weighted != 0:
-            weight_row = (origin + (top + row) * pitch + left) & _NOT_NEGATIVE
-            for w in range(columns):
-                line[4 * _LINE + w] = weights[weight_row + w]
-        pixel = base + row * pitch
-        image_row = floats_from(image, pixel, _COLUMNS)
-        target_row = floats_from(target, pixel, _COLUMNS)
-        for col_w in range(_COLUMNS):
-            weight = line[4 * _LINE + col_w]
-            line[col_w] = weight * line[col_w]
-            line[_LINE + col_w] = weight * line[_LINE + col_w]
-            line[2 * _LINE + col_w] = weight * line[2 * _LINE + col_w]
-            line[3 * _LINE + col_w] = weight * line[3 * _LINE + col_w]
-            line[4 * _LINE + col_w] = weight * wp.abs(image_row[col_w] - target_row[col_w])
-        for map_out in range(3):
-            out_row = floats_from(maps, pixel + 3 * map_out * plane, columns)
+                weight = inside * rows[_EXISTS + col] * rows[_WEIGHT + col]
+                rows[present + col] = weight * g_mean
+                rows[present + _WIDE + col] = weight * g_xx
+                rows[present + 2 * _WIDE + col] = weight * g_xy
+                rows[present + 3 * _WIDE + col] = weight * (1.0 - ssim)
+            counts = row >= top and row < end
+            if counts:
+                counts = active[row // _ROWS * blocks_x + block_x] != 0
+            if counts:
+                image_row = floats_from(image, base + row * pitch, _COLUMNS)
+                target_row = floats_from(target, base + row * pitch, _COLUMNS)
+                for j in range(_COLUMNS):
+                    at = _MARGIN + j
+                    here = rows[_EXISTS + at] * rows[_WEIGHT + at]
+                    rows[_SUM_L1 + j] = rows[_SUM_L1 + j] + here * wp.abs(
+                        image_row[j] - target_row[j]
+                    )
+                    rows[_SUM_DSSIM + j] = rows[_SUM_DSSIM + j] + rows[present + 3 * _WIDE + at]
+        if row > top - _REACH:
+            to_gradients = ((row - 1) & _RING_ROWS) * _COLUMNS
+            for derivative in range(3):
+                og = _DERIVATIVES - present + derivative * _WIDE + _MARGIN - _REACH
+                bg = derivative * _GRADIENT_RING + to_gradients
+                for cg in range(_COLUMNS):
+                    gradients[bg + cg] = window_sum(
+                        rows[og + cg] + rows[og + cg + 10],
+                        rows[og + cg + 1] + rows[og + cg + 9],
+                        rows[og + cg + 2] + rows[og + cg + 8],
+                        rows[og + cg + 3] + rows[og + cg + 7],
+                        rows[og + cg + 4] + rows[og + cg + 6],
+                        rows[og + cg + 5],
+                    )
+        done = row - 1 - _REACH
+        if done >= top:
+            s5 = ((done - 5) & _RING_ROWS) * _COLUMNS
+            s4 = ((done - 4) & _RING_ROWS) * _COLUMNS
+            s3 = ((done - 3) & _RING_ROWS) * _COLUMNS
+            s2 = ((done - 2) & _RING_ROWS) * _COLUMNS
+            s1 = ((done - 1) & _RING_ROWS) * _COLUMNS
+            s0 = (done & _RING_ROWS) * _COLUMNS
+            t1 = ((done + 1) & _RING_ROWS) * _COLUMNS
+            t2 = ((done + 2) & _RING_ROWS) * _COLUMNS
+            t3 = ((done + 3) & _RING_ROWS) * _COLUMNS
+            t4 = ((done + 4) & _RING_ROWS) * _COLUMNS
+            t5 = ((done + 5) & _RING_ROWS) * _COLUMNS
+            for derivative_v in range(3):
+                pg = derivative_v * _GRADIENT_RING
+                mg = _GRADIENT + derivative_v * _COLUMNS
+                for cw in range(_COLUMNS):
+                    rows[mg + cw] = window_sum(
+                        gradients[pg + s5 + cw] + gradients[pg + t5 + cw],
+                        gradients[pg + s4 + cw] + gradients[pg + t4 + cw],
+                        gradients[pg + s3 + cw] + gradients[pg + t3 + cw],
+                        gradients[pg + s2 + cw] + gradients[pg + t2 + cw],
+                        gradients[pg + s1 + cw] + gradients[pg + t1 + cw],
+                        gradients[pg + s0 + cw],
+                    )
+            if weighted != 0:
+                weight_done = floats_from(weights, origin + done * pitch + left - _MARGIN, _WIDE)
+                for wd in range(_WIDE):
+                    rows[_WEIGHT + wd] = weight_done[wd]
+            image_done = floats_from(image, base + done * pitch, _COLUMNS)
+            target_done = floats_from(target, base + done * pitch, _COLUMNS)
+            for k in range(_COLUMNS):
+                xd = image_done[k]
+                yd = target_done[k]
+                d_ssim = rows[_GRADIENT + k] + 2.0 * xd * rows[_GRADIENT + _COLUMNS + k]
+                d_ssim = d_ssim + yd * rows[_GRADIENT + 2 * _COLUMNS + k]
+                sign = wp.where(xd > yd, 1.0, wp.where(xd < yd, -1.0, 0.0))
+                d_l1 = rows[_WEIGHT + _MARGIN + k] * sign
+                rows[_GRADIENT + k] = l1_weight * d_l1 - dssim_weight * d_ssim
+            out_row = floats_from(adj_image, base + done * pitch, _COLUMNS)
             if columns == _COLUMNS:
                 for out in range(_COLUMNS):
-                    out_row[out] = line[map_out * _LINE + out]
+                    out_row[out] = rows[_GRADIENT + out]
             else:
                 for out_t in range(columns):
-                    out_row[out_t] = line[map_out * _LINE + out_t]
-        row_l1 = float(0.0)
-        row_dssim = float(0.0)
-        for summed in range(columns):
-            row_dssim += line[3 * _LINE + summed]
-            row_l1 += line[4 * _LINE + summed]
-        total_l1 += row_l1
-        total_dssim += row_dssim
-    sums[block, 0] = total_l1
-    sums[block, 1] = total_dssim
-
-
-@wp.kernel
-def similarity_gradient_kernel(
-    first: int,
-    blocks_x: int,
-    blocks_y: int,
-    width: int,
-    height: int,
-    pitch: int,
-    plane: int,
-    origin: int,
-    active: wp.array[int],  # [blocks_y * blocks_x] not 0 where the gradient is wanted
-    image: wp.array[float],
-    target: wp.array[float],
-    weighted: int,
-    weights: wp.array[float],
-    maps: wp.array[float],
-    l1_weight: float,
-    dssim_weight: float,
-    # outputs
-    adj_image: wp.array[float],  # 3 padded planes
-):
-    """Write d(l1_weight sum w |x - y| + dssim_weight sum w (1 - SSIM)) / dx of one block of one channel."""
-    block = first + wp.tid()
-    channel = block // (blocks_x * blocks_y)
-    left = (block % blocks_x) * _COLUMNS
-    top = (block // blocks_x % blocks_y) * _ROWS
-    if active[block % (blocks_x * blocks_y)] == 0:
-        return
-    line = wp.zeros(shape=(_LINES_4,), dtype=float)
-    blur = wp.zeros(shape=(_MAPS_3,), dtype=float)
-    for one in range(_COLUMNS):
-        line[3 * _LINE + one] = 1.0
-    base = origin + channel * plane + top * pitch + left
-    columns = wp.min(_COLUMNS, width - left)
-    # All maps of a row are copied before the first is blurred, for the reason given above.
-    for halo_row in range(_HALO_ROWS):
-        source = base + (halo_row - _REACH) * pitch - _REACH
-        for copied in range(3):
-            map_line = floats_from(maps, source + 3 * copied * plane, _LINE)
-            for i in range(_LINE):
-                line[copied * _LINE + i] = map_line[i]
-        for moment in range(3):
-            o = moment * _LINE
-            blurred = moment * _MAP + halo_row * _COLUMNS
-            for c in range(_COLUMNS):
-                blur[blurred + c] = window_sum(
-                    line[o + c] + line[o + c + 10],
-                    line[o + c + 1] + line[o + c + 9],
-                    line[o + c + 2] + line[o + c + 8],
-                    line[o + c + 3] + line[o + c + 7],
-                    line[o + c + 4] + line[o + c + 6],
-                    line[o + c + 5],
-                )
-    for row in range(wp.min(_ROWS, height - top)):
-        for moment_v in range(3):
-            p = moment_v * _MAP + row * _COLUMNS
-            m = moment_v * _LINE
-            for cv in range(_COLUMNS):
-                line[m + cv] = window_sum(
-                    blur[p + cv] + blur[p + 10 * _COLUMNS + cv],
-                    blur[p + _COLUMNS + cv] + blur[p + 9 * _COLUMNS + cv],
-                    blur[p + 2 * _COLUMNS + cv] + blur[p + 8 * _COLUMNS + cv],
-                    blur[p + 3 * _COLUMNS + cv] + blur[p + 7 * _COLUMNS + cv],
-                    blur[p + 4 * _COLUMNS + cv] + blur[p + 6 * _COLUMNS + cv],
-                    blur[p + 5 * _COLUMNS + cv],
-                )
-        if weighted != 0:
-            weight_row = (origin + (top + row) * pitch + left) & _NOT_NEGATIVE
-            for w in range(columns):
-                line[3 * _LINE + w] = weights[weight_row + w]
-        pixel = base + row * pitch
-        image_row = floats_from(image, pixel, _COLUMNS)
-        target_row = floats_from(target, pixel, _COLUMNS)
-        for col in range(_COLUMNS):
-            x = image_row[col]
-            y = target_row[col]
-            d_ssim = line[col] + 2.0 * x * line[_LINE + col] + y * line[2 * _LINE + col]
-            sign = wp.where(x > y, 1.0, wp.where(x < y, -1.0, 0.0))
-            line[col] = l1_weight * line[3 * _LINE + col] * sign - dssim_weight * d_ssim
-        out_row = floats_from(adj_image, pixel, columns)
-        if columns == _COLUMNS:
-            for out in range(_COLUMNS):
-                out_row[out] = line[out]
-        else:
-            for out_t in range(columns):
-                out_row[out_t] = line[out_t]
+                    out_row[out_t] = rows[_GRADIENT + out_t]
+    total_l1 = float(0.0)
+    total_dssim = float(0.0)
+    for summed in range(_COLUMNS):
+        total_l1 += rows[_SUM_L1 + summed]
+        total_dssim += rows[_SUM_DSSIM + summed]
+    sums[strip, 0] = total_l1
+    sums[strip, 1] = total_dssim

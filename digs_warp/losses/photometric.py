@@ -10,22 +10,15 @@ import numpy as np
 import warp as wp
 
 from digs_warp.image_planes import ImagePlanes
-from digs_warp.losses.regions import blocks_of, loss_blocks
+from digs_warp.losses.regions import loss_blocks
 from digs_warp.parallel import ParallelLaunch
-from digs_warp.ssim import (
-    BLOCK_COLUMNS,
-    BLOCK_ROWS,
-    similarity_gradient_kernel,
-    similarity_kernel,
-)
+from digs_warp.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
 
 # lambda of the 3DGS reference.
 DSSIM_WEIGHT = 0.2
 
-# Positions of the arguments that change from step to step in the inputs of both kernels ...
-_WIDTH, _HEIGHT, _WEIGHTED = 2, 3, 10
-# ... and of the gradient kernel alone.
-_L1_WEIGHT, _DSSIM_WEIGHT = 13, 14
+# Positions of the arguments that change from view to view.
+_WIDTH, _HEIGHT, _WEIGHTED, _L1_WEIGHT, _DSSIM_WEIGHT = 2, 3, 10, 12, 13
 
 
 class PhotometricLoss:
@@ -52,25 +45,16 @@ class PhotometricLoss:
         device = str(image.data.device)
         width, height = image.max_width, image.max_height
         self.dssim_weight = dssim_weight
-        self._maps = ImagePlanes(width, height, 9, device)
         blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
-        blocks = 3 * blocks_x * blocks_y
+        strips = 3 * blocks_x * -(-height // SEGMENT_ROWS)
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
-        self._wanted = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
-        self._sums = wp.zeros((blocks, 2), dtype=float, device=device)
+        self._sums = wp.zeros((strips, 2), dtype=float, device=device)
         shape = [blocks_x, blocks_y, width, height, image.pitch, image.plane, image.origin]
         read = [image.data, target.data, 0, weights.data]
         self._similarity = ParallelLaunch(
             similarity_kernel,
-            blocks,
-            [*shape, self._active.flatten(), *read, self._maps.data, self._sums],
-            device,
-            threads,
-        )
-        self._gradient = ParallelLaunch(
-            similarity_gradient_kernel,
-            blocks,
-            [*shape, self._wanted.flatten(), *read, self._maps.data, 0.0, 0.0, adj_image.data],
+            strips,
+            [*shape, self._active.flatten(), *read, 0.0, 0.0, adj_image.data, self._sums],
             device,
             threads,
         )
@@ -91,19 +75,14 @@ class PhotometricLoss:
             drawn: tiles outside of which the image does; there the gradient is wanted.
             weighted: whether pixels count as much as ``weights`` say.
         """
-        if size != (self._maps.width, self._maps.height):
+        if size != self._size:
             self._resize(*size)
-        for launch in (self._similarity, self._gradient):
-            launch.set_param(_WEIGHTED, int(weighted))
-        for buffer, blocks in (
-            (self._active, loss_blocks(content, drawn)),
-            (self._wanted, blocks_of(drawn)),
-        ):
-            whole = np.zeros(buffer.shape, dtype=np.int32)
-            whole[: blocks.shape[0], : blocks.shape[1]] = blocks
-            buffer.assign(whole)
+        self._similarity.set_param(_WEIGHTED, int(weighted))
+        blocks = loss_blocks(content, drawn)
+        active = np.zeros(self._active.shape, dtype=np.int32)
+        active[: blocks.shape[0], : blocks.shape[1]] = blocks
+        self._active.assign(active)
         self._similarity.run()
-        self._gradient.run()
 
     def value(self) -> tuple[float, float, float]:
         """Return (loss, L1, D-SSIM) of the last `run`; waits for the device."""
@@ -115,11 +94,9 @@ class PhotometricLoss:
         )
 
     def _resize(self, width: int, height: int) -> None:
-        # Windows read past the edge of a view: nothing of a larger one may be left there.
-        self._maps.resize(width, height)
+        self._size = width, height
         self._count = 3 * width * height
-        for launch in (self._similarity, self._gradient):
-            launch.set_param(_WIDTH, width)
-            launch.set_param(_HEIGHT, height)
-        self._gradient.set_param(_L1_WEIGHT, (1.0 - self.dssim_weight) / self._count)
-        self._gradient.set_param(_DSSIM_WEIGHT, self.dssim_weight / self._count)
+        self._similarity.set_param(_WIDTH, width)
+        self._similarity.set_param(_HEIGHT, height)
+        self._similarity.set_param(_L1_WEIGHT, (1.0 - self.dssim_weight) / self._count)
+        self._similarity.set_param(_DSSIM_WEIGHT, self.dssim_weight / self._count)
