@@ -69,11 +69,18 @@ def our_folder(path: Path) -> Path:
 # Help and usage
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+# Commands of commands have their flags one level down.
+NESTED = {"study": ("run", "report"), "preference": ("make", "evaluate")}
+WITH_FLAGS = [
+    [name, *sub] for name in COMMANDS for sub in [[s] for s in NESTED.get(name, ())] or [[]]
+]
+
+
+@pytest.mark.parametrize("command", WITH_FLAGS, ids=" ".join)
 def test_help_of_every_command_explains_every_flag(
-    command: str, capsys: pytest.CaptureFixture[str]
+    command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([command, "--help"]) == EXIT_OK
+    assert main([*command, "--help"]) == EXIT_OK
     lines = [line.strip("│| ") for line in capsys.readouterr().out.splitlines()]
     flag = re.compile(r"--[a-z]|PATH|NAME|CAPTURE")
     flags = [number for number, line in enumerate(lines) if flag.match(line)]

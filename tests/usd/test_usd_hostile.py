@@ -63,7 +63,11 @@ def package(names: list[str], content: bytes = b"#usda 1.0\n", **options) -> byt
         (package(["C:\\evil.usda"]), "leads out"),
         (package(["a.usda", "a/../../b.usda"]), "leads out"),
         (package(["a.usda"], b"#usda 1.0\n" * 99, compression=zipfile.ZIP_DEFLATED), "compressed"),
-        (package(["a.usdc"], b"PXR-USDC" + bytes(200)), "is said to lie at 0 of"),
+        (
+            package(["a.usdc"], b"PXR-USDC" + bytes(200)),
+            "has version 0.0.0, expected 0.4.0 or later",
+        ),
+        (package(["a.usdc"], b"PXR-USDC\0\x08" + bytes(198)), "is said to lie at 0 of"),
         (package(["a.usdc"], b"short"), "fewer than the header"),
         (package([])[:-4], "no directory"),
         (package(["a.usda"])[:-22] + b"PK\5\6" + b"\xff" * 18, "64-bit"),
