@@ -17,6 +17,7 @@ from digs_warp.sfm.colmap import ImageSet
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.convert import sfm_model
 from digs_warp.sfm.failure import no_model_error
+from digs_warp.sfm.mapping import map_images, triangulate
 from digs_warp.sfm.pairs import EXHAUSTIVE_UP_TO, all_pairs, loop_pairs, sequential_pairs
 from digs_warp.sfm.perturb import perturbed_poses
 from digs_warp.sfm.quality import (
@@ -139,10 +140,10 @@ def _make_model(
     shutil.rmtree(unfinished, ignore_errors=True)
     try:
         if config.poses == "sfm":
-            models = colmap.map_images(images, config, threads, database, unfinished)
+            models = map_images(images, config, threads, database, unfinished)
         else:
             poses = _given_poses(frames, config)
-            models = [colmap.triangulate(images, poses, config, threads, database, unfinished)]
+            models = [triangulate(images, poses, config, threads, database, unfinished)]
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     if not models:
