@@ -6,8 +6,8 @@ import warp as wp
 # Rows and columns are rounded up to one 512-bit vector of float32, the size of a raster tile.
 ALIGNMENT = 16
 
-# A border of zeros on each side: windows that reach over the image edge read zeros. At least the 10 px
-# that two SSIM windows reach.
+# A border of zeros on each side: windows that reach over the image edge read zeros. At least the 13 px that
+# `digs_warp.ssim` reads beyond the edge: two SSIM windows, one of them rounded up to whole vectors.
 PADDING = 16
 
 

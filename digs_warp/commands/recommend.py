@@ -29,11 +29,11 @@ class Recommend:
 
     def execute(self) -> str:
         """Return the settings as flags, with the time and quality that they had."""
-        from digs_warp.study.engine.store import Store
+        from digs_warp.study.engine.store import RESULTS, Store
         from digs_warp.study.studies.tradeoff import best_within
 
         folder = self.study or _default_study()
-        if not (folder / "results.jsonl").is_file():
+        if not (folder / RESULTS).is_file():
             raise DigsError(
                 f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
                 f"{folder}"

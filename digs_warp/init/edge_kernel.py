@@ -4,12 +4,13 @@
 
 One thread per tile of 64x16 pixels. Its depth values lie in one local array, so that LLVM turns the loop
 over a row into vector code, and that over its sums; what is missing is selected away, not branched around.
-Arrays are read and written through two lines of C: Warp's own index multiplies by a stride that LLVM cannot
-know, and element by element that took longer than the Laplacian itself.
+Lines of the arrays are read and written through views whose stride LLVM knows: element by element, loading
+and storing took longer than the Laplacian itself.
 """
 
 import warp as wp
 
+from digs_warp.contiguous import floats_from
 from digs_warp.kernel_options import vector_module_options
 
 wp.set_module_options(vector_module_options())
@@ -25,18 +26,6 @@ _ROWS = wp.constant(TILE_HEIGHT + 2 * REACH)
 _NEAR = wp.constant((TILE_WIDTH + 2 * REACH) * (TILE_HEIGHT + 2 * REACH))
 # y & 15 is y, and tells LLVM that it is no negative index, which Warp would have to wrap.
 _ROW_MASK = wp.constant(TILE_HEIGHT - 1)
-
-
-@wp.func_native("return values.data[i];")
-def value_at(values: wp.array[float], i: int) -> float:
-    """Return an element; ``i`` is not negative."""
-    ...
-
-
-@wp.func_native("values.data[i] = value;")
-def set_value(values: wp.array[float], i: int, value: float):
-    """Set an element; ``i`` is not negative."""
-    ...
 
 
 @wp.func
@@ -79,15 +68,15 @@ def laplacian_kernel(
     for load_y in range(_ROWS):
         row = top + load_y - _REACH
         if row >= 0 and row < height and left >= _REACH and left + _WIDTH + _REACH <= width:
-            start = row * width + left - _REACH
+            line_in = floats_from(depth, row * width + left - _REACH, _STRIDE)
             for load_x in range(_STRIDE):
-                near[load_y * _STRIDE + load_x] = value_at(depth, start + load_x)
+                near[load_y * _STRIDE + load_x] = line_in[load_x]
         else:
             for edge_x in range(_STRIDE):
                 column = left + edge_x - _REACH
                 loaded = wp.nan
                 if row >= 0 and row < height and column >= 0 and column < width:
-                    loaded = value_at(depth, row * width + column)
+                    loaded = depth[row * width + column]
                 near[load_y * _STRIDE + edge_x] = loaded
     from_x = wp.max(box_left - left, 0)
     to_x = wp.min(box_left + box_width - left, _WIDTH)
@@ -139,9 +128,10 @@ def laplacian_kernel(
             total += wp.float64(row_total)
             squares += wp.float64(row_squares)
             if top + y >= box_top and top + y < box_top + box_height:
-                box_row = (top + y - box_top) * box_width + left - box_left
-                for write_x in range(from_x, to_x):
-                    set_value(magnitude, box_row + write_x, line[write_x])
+                box_row = (top + y - box_top) * box_width + left + from_x - box_left
+                line_out = floats_from(magnitude, box_row, to_x - from_x)
+                for write_x in range(to_x - from_x):
+                    line_out[write_x] = line[from_x + write_x]
     sums[tile, 0] = count
     sums[tile, 1] = total
     sums[tile, 2] = squares
