@@ -26,8 +26,8 @@ BEGIN, END = "<!-- figures -->\n", "<!-- end of figures -->\n"
 
 TEXT = """Times are for {splats:,} splats of degree 3: from memory to a new file, back to Gaussians, and
 validation with our rules and those of OpenUSD; np.save and np.load are what NumPy takes for as many bytes
-as they are. Memory is the peak beyond what the process held before, mapped files included. PSNR is that of
-pictures of {pictured:,} splats that were written, read and rendered, against pictures of the original
+as they are. Memory is the peak beyond what a fresh process held before, mapped files included. PSNR is that
+of pictures of {pictured:,} splats that were written, read and rendered, against pictures of the original
 (120 dB: no difference). Measured on
 {machine}, Python {python}, usd-core {usd}.
 
