@@ -11,11 +11,13 @@ NumPy needs a dozen passes over the image for the same; see tests/reference/righ
 import numpy as np
 import warp as wp
 
+from digs_warp.contiguous import bytes_from, floats_from
+from digs_warp.kernel_options import vector_module_options
 from digs_warp.parallel import launch_parallel
 from digs_warp.warp_start import start_warp
 
 start_warp()
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(vector_module_options())
 
 # What `classify` tells of a pixel.
 SEEN = wp.constant(0)
@@ -29,50 +31,125 @@ BETWEEN_PIXELS = wp.constant(0.5)
 # What hides a point for sure is nearer by this much, and steps less from pixel to pixel [px].
 NEARER = wp.constant(1.0)
 
+# Pixels that are asked about so much farther need not land the row anew [px].
+REACH = wp.constant(2.0)
+
 NOTHING = wp.constant(float("nan"))
+
+# Pixels that are passed over together where none of them can be hidden: most of an image.
+_BLOCK = wp.constant(32)
+
+
+@wp.func
+def steps_that_may_hide(here: wp.array[float], right: wp.array[float]) -> int:
+    """Count the pixels of a block whose right neighbours do not land in order, half a pixel further."""
+    count = int(0)
+    for x in range(_BLOCK):
+        apart = 1.0 + here[x] - right[x]
+        count += wp.where(apart >= BETWEEN_PIXELS, 0, 1)
+    return count
+
+
+@wp.func
+def nearer_than(disparity: wp.array[float], limit: float) -> int:
+    """Count the pixels of a block whose disparity exceeds the limit."""
+    count = int(0)
+    for x in range(_BLOCK):
+        count += wp.where(disparity[x] > limit, 1, 0)
+    return count
+
+
+@wp.func
+def land(opaque: wp.array[float], start: int, width: int, limit: float, nearest: wp.array[float]):
+    """Fill a row of the right image with the disparity of the nearest point that lands there; NaN: none.
+
+    Points whose disparity does not exceed the limit may be left out: they hide nothing that matters.
+    """
+    whole = width // _BLOCK
+    for cleared in range(whole):
+        part = floats_from(nearest, cleared * _BLOCK, _BLOCK)
+        for x in range(_BLOCK):
+            part[x] = NOTHING
+    for i in range(whole * _BLOCK, width):
+        nearest[i] = NOTHING
+    for block in range(whole + 1):
+        begin = block * _BLOCK
+        count = wp.min(_BLOCK, width - begin)
+        points = floats_from(opaque, start + begin, count)
+        matters = bool(True)
+        if count == _BLOCK:
+            matters = nearer_than(points, limit) > 0
+        if matters:
+            for j in range(count):
+                place = float(begin + j) - points[j]
+                if place >= 0.0:
+                    # Of points that land together the one further right is nearer, and is written last.
+                    nearest[int(place)] = points[j]
+
+
+@wp.func
+def is_covered(nearest: wp.array[float], landing: float, own: float, width: int) -> bool:
+    """Whether a closed, nearer surface lands where a point of disparity ``own`` does."""
+    if width < 3:
+        return False
+    middle = wp.clamp(int(landing), 1, width - 2)
+    left = nearest[middle - 1]
+    here = nearest[middle]
+    right = nearest[middle + 1]
+    # Something on both sides, nearer, and without a step between: no gap to look through.
+    closed = wp.abs(left - here) < NEARER and wp.abs(right - here) < NEARER
+    return closed and wp.min(wp.min(left, here), right) > own + NEARER
 
 
 @wp.kernel
 def _classify_kernel(
     first: int,
-    disparity: wp.array2d[float],
-    opaque: wp.array2d[float],
+    width: int,
+    disparity: wp.array[float],
+    opaque: wp.array[float],
     # outputs
-    nearest: wp.array2d[
-        float
-    ],  # right image: disparity of the nearest point that lands there; NaN: none
-    state: wp.array2d[wp.uint8],
+    nearest: wp.array[float],  # scratch: the right image
+    state: wp.array[wp.uint8],
 ):
-    """Land a row of the left image in the right one, then ask for each point what else landed there."""
-    row = first + wp.tid()
-    width = disparity.shape[1]
-    for i in range(width):
-        nearest[row, i] = NOTHING
-    for i in range(width):
-        landing = float(i) - opaque[row, i]
-        if landing >= 0.0:
-            # Of points that land together the one further right is nearer, and is written last.
-            nearest[row, int(landing)] = opaque[row, i]
+    """Go through a row from right to left; what lands right of something to come may be hidden by it."""
+    start = (first + wp.tid()) * width
+    own = floats_from(disparity, start, width)
+    landed = floats_from(nearest, start, width)
+    found = bytes_from(state, start, width)
+    # Of what landed, all that is nearer than this is in the right image.
+    landed_limit = wp.float32(1.0e30)
     leftmost_to_come = wp.float32(1.0e30)
-    for i in range(width):
-        column = width - 1 - i
-        own = disparity[row, column]
-        landing = float(column) - own
-        found = wp.uint8(SEEN)
-        if leftmost_to_come < landing + BETWEEN_PIXELS and landing >= -0.5:
-            found = wp.uint8(UNSURE)
-            middle = wp.clamp(int(landing), 1, width - 2)
-            if width >= 3:
-                left = nearest[row, middle - 1]
-                here = nearest[row, middle]
-                right = nearest[row, middle + 1]
-                # Something on both sides, nearer, and without a step between: no gap to look through.
-                closed = wp.abs(left - here) < NEARER and wp.abs(right - here) < NEARER
-                if closed and wp.min(wp.min(left, here), right) > own + NEARER:
-                    found = wp.uint8(HIDDEN)
-        state[row, column] = found
-        if landing < leftmost_to_come:
-            leftmost_to_come = landing
+    end = int(width)
+    while end > 0:
+        begin = wp.max(end - _BLOCK, 0)
+        last = float(end - 1) - own[end - 1]
+        in_order = bool(False)
+        if end < width and end - begin == _BLOCK and leftmost_to_come >= last + BETWEEN_PIXELS:
+            here = floats_from(disparity, start + begin, _BLOCK)
+            right = floats_from(disparity, start + begin + 1, _BLOCK)
+            in_order = steps_that_may_hide(here, right) == 0
+        block = bytes_from(state, start + begin, _BLOCK)
+        if end - begin == _BLOCK:
+            for x in range(_BLOCK):
+                block[x] = wp.uint8(SEEN)
+        else:
+            for i in range(end - begin):
+                found[begin + i] = wp.uint8(SEEN)
+        if in_order:
+            leftmost_to_come = wp.min(leftmost_to_come, float(begin) - own[begin])
+        else:
+            for back in range(end - begin):
+                column = end - 1 - back
+                landing = float(column) - own[column]
+                if leftmost_to_come < landing + BETWEEN_PIXELS and landing >= -0.5:
+                    if own[column] + NEARER < landed_limit:
+                        landed_limit = own[column] + NEARER - REACH
+                        land(opaque, start, width, landed_limit, landed)
+                    hidden = is_covered(landed, landing, own[column], width)
+                    found[column] = wp.uint8(wp.where(hidden, HIDDEN, UNSURE))
+                if landing < leftmost_to_come:
+                    leftmost_to_come = landing
+        end = begin
 
 
 def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
@@ -90,10 +167,12 @@ def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
     """
     height, width = disparity.shape
     inputs = [
-        wp.from_numpy(np.ascontiguousarray(image, np.float32), dtype=float, device="cpu")
+        wp.from_numpy(
+            np.ascontiguousarray(image, np.float32).reshape(-1), dtype=float, device="cpu"
+        )
         for image in (disparity, opaque)
     ]
-    nearest = wp.empty((height, width), dtype=float, device="cpu")
-    state = wp.empty((height, width), dtype=wp.uint8, device="cpu")
-    launch_parallel(_classify_kernel, height, [*inputs, nearest, state])
-    return state.numpy()
+    nearest = wp.empty(height * width, dtype=float, device="cpu")
+    state = wp.empty(height * width, dtype=wp.uint8, device="cpu")
+    launch_parallel(_classify_kernel, height, [width, *inputs, nearest, state])
+    return state.numpy().reshape(height, width)

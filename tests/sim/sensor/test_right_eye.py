@@ -8,7 +8,7 @@ from reference.right_eye_twin import classified
 from reference.stereo_frames import CountedRays, make_frame
 
 from sim.scene import Material
-from sim.sensor.landings import HIDDEN, UNSURE, classify
+from sim.sensor.landings import HIDDEN, SEEN, UNSURE, classify
 
 SHAPE = (240, 320)
 
@@ -79,3 +79,19 @@ def test_every_pixel_is_classified_as_point_by_point(width: int) -> None:
     np.testing.assert_array_equal(classify(disparity, opaque), expected)
     if width == 90:
         assert {HIDDEN, UNSURE} < set(expected.ravel().tolist())
+
+
+def test_long_rows_are_classified_as_point_by_point() -> None:
+    """Most of these rows is passed over block by block; a ball, a thin rod and a far wall behind them."""
+    columns, rows = np.meshgrid(np.arange(300.0), np.arange(24.0))
+    disparity = np.round((8 + 0.01 * columns + 0.02 * rows) * 64) / 64
+    ball = np.hypot(columns - 210, 4 * (rows - 12)) < 50
+    disparity[ball] = 31.25
+    disparity[:, 130:133] = 17.5
+    disparity[:, 40:60] = np.round((12 + 0.7 * np.arange(20)) * 64) / 64  # flat rising slope
+    disparity[20:, 280:] = np.nan
+    opaque = disparity.copy()
+    opaque[5:9, 180:200] = np.nan
+    expected = classified(disparity, opaque)
+    np.testing.assert_array_equal(classify(disparity, opaque), expected)
+    assert {HIDDEN, UNSURE, SEEN} == set(expected.ravel().tolist())
