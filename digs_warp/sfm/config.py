@@ -16,7 +16,7 @@ class SfmConfig:
     """Poses: 'sfm' estimates them from the images; 'capture' takes those of the recording and only
     triangulates points; 'perturbed' does the same after moving every camera by a random error."""
 
-    feature_size: int = 1600
+    feature_size: int = 1200
     """Longest side [px] of the image in which features are sought; larger images are reduced to it.
     Smaller is faster, and poses get less exact."""
 

@@ -47,20 +47,28 @@ CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("not enlarged", {"double_size": False}),
     ("global mapper", {"mapper": "global"}),
 )
+# Of the large recording; small photographs are not reduced.
+FULL_CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("default", {}),
+    ("features at 1600 px", {"feature_size": 1600}),
+)
 
 
 def bench_sfm() -> list[Result]:
     """Return times [s], memory [MB] and errors of all choices on a small recording."""
     with tempfile.TemporaryDirectory() as folder:
         frames = photograph_walk(SMALL.session(), Path(folder))
-        cases = [(name, replace(DEFAULT, **change)) for name, change in CHOICES]
-        return measure(frames, cases, {"images": str(SMALL)})
+        return measure(frames, _cases(CHOICES), {"images": str(SMALL)})
 
 
 def bench_sfm_full() -> list[Result]:
-    """Return the same for the default settings on a recording of the paper's size."""
+    """Return the same for a recording of the paper's size, reduced for the features and not reduced."""
     frames = photograph_walk(FULL.session(), KEPT / str(FULL).replace(" ", "-"))
-    return measure(frames, [("default", DEFAULT)], {"images": str(FULL)})
+    return measure(frames, _cases(FULL_CHOICES), {"images": str(FULL)})
+
+
+def _cases(choices: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, SfmConfig]]:
+    return [(name, replace(DEFAULT, **change)) for name, change in choices]
 
 
 def measure(
