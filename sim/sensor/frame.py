@@ -13,7 +13,7 @@ from sim.sensor.cause import Cause
 from sim.sensor.filters import gray_of
 from sim.sensor.right_eye import hidden_from_right
 from sim.sensor.slopes import surface_slope
-from sim.sensor.texture import gradient_rms, noise_of, texture_distance
+from sim.sensor.texture import Texture, measure_texture, noise_of, texture_distance
 
 
 class FrameRays(Protocol):
@@ -91,9 +91,14 @@ class FrameTruth:
         return gray_of(self.image)
 
     @cached_property
+    def texture(self) -> Texture:
+        """How much the left image changes along its rows."""
+        return measure_texture(self.gray, self.rig.window)
+
+    @property
     def gradient(self) -> np.ndarray:
         """RMS horizontal gradient in the matching window [DN/px], (height, width), float32."""
-        return gradient_rms(self.gray, self.rig.window)
+        return self.texture.gradient
 
     @cached_property
     def texture_snr(self) -> np.ndarray:
@@ -143,6 +148,10 @@ class Sensed:
         """Return a copy whose arrays belong to nobody else."""
         return Sensed(self.disparity.copy(), self.cause.copy(), self.confidence.copy(), owned=True)
 
+    def changeable(self) -> "Sensed":
+        """Return a frame whose arrays may be written to: this one if it is owned, else a copy."""
+        return self if self.owned else self.own()
+
     @property
     def known(self) -> np.ndarray:
         """Where the sensor reports a value, (height, width), bool."""
@@ -183,7 +192,7 @@ class Sensed:
         """
         if len(at) == 0:
             return self
-        changed = self if self.owned else replace(self.own(), owned=False)
+        changed = replace(self.changeable(), owned=self.owned)
         changed.disparity.reshape(-1)[at] = disparity
         changed.cause.reshape(-1)[at] = cause
         changed.confidence.reshape(-1)[at] = confidence

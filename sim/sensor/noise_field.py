@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 
 from sim.sensor.filters import enlarge, separable
+from sim.sensor.row_field import RowField, spline_taps, stretched
 
 # Standard deviation and mean of a byte.
 BYTE_SIGMA = np.sqrt((256**2 - 1) / 12)
@@ -12,6 +13,12 @@ BYTE_MEAN = 127.5
 
 # Smoother fields are drawn on a coarser grid, with this many points per correlation length.
 GRID_POINTS = 5.0
+
+# Step of a lattice of splines, in correlation lengths.
+SPLINE_STEP = np.sqrt(3) / 2
+
+# No field gets here.
+UNREACHED = 20.0
 
 # Patches are drawn on a grid with this many points per patch.
 PATCH_POINTS = 3.0
@@ -80,6 +87,46 @@ def smooth_normal(
     across /= BYTE_SIGMA
     field = separable(noise, across, down, -BYTE_MEAN * float(across.sum() * down.sum()))
     return field[top : top + shape[0], left : left + shape[1]]
+
+
+def normal_rows(
+    rng: np.random.Generator,
+    shape: tuple[int, int],
+    correlation: float,
+    vertical_correlation: float | None = None,
+) -> RowField:
+    """Return a field as `smooth_normal` does, for kernels that add up its rows in passing.
+
+    Independent values on a coarse lattice, which lies elsewhere in every field, under cubic B-splines. Their
+    product with themselves shifted is a B-spline of order 7, close to a Gaussian of variance 2/3 of the
+    squared step: 1/e at 2 / sqrt(3) steps.
+    """
+    vertical = vertical_correlation or correlation
+    offsets = rng.random(2)
+    down, rows = spline_taps(shape[0], SPLINE_STEP * vertical, offsets[0])
+    across, columns = spline_taps(shape[1], SPLINE_STEP * correlation, offsets[1])
+    return stretched(white_normal(rng, (rows, columns)), down, across, shape)
+
+
+def level_above(share: np.ndarray) -> np.ndarray:
+    """Return the level that a normal value exceeds with a probability, float32; never reached for 0.
+
+    Shares are told apart in steps of 2^-16.
+
+    Args:
+        share: 0 to 1, float32, any shape.
+    """
+    return np.take(_levels(), (share * np.float32(1 << 16) + np.float32(0.5)).astype(np.int32))
+
+
+@cache
+def _levels() -> np.ndarray:
+    """Return the levels that a normal value exceeds with probability i / 2^16."""
+    from scipy.special import ndtri
+
+    levels = -ndtri(np.arange((1 << 16) + 1) / (1 << 16))
+    # Sums of lattice values reach further than the 4.3 of each of them.
+    return np.clip(levels, -UNREACHED, UNREACHED).astype(np.float32)
 
 
 def _grid_step(correlation: float) -> int:

@@ -6,13 +6,15 @@ from typing import ClassVar
 import numpy as np
 
 from sim.rig import StereoRig
-from sim.sensor.cause import Cause
 from sim.sensor.effects.protocol import Choice, choose_above
+from sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
 from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import box_mean, enlarge, shrink
+from sim.sensor.filters import box_mean
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import patchy_uniform, smooth_normal
-from sim.sensor.texture import noise_of, typical_gradient
+from sim.sensor.noise_field import level_above, normal_rows
+from sim.sensor.row_field import linear_taps, padded, stretched
+from sim.sensor.tables import LogTable
+from sim.sensor.texture import BLOCK, noise_of
 
 # Disparity error [px] by typical gradient / image noise: semi-global matching (window 5, image noise 2 DN)
 # of rendered scenes, between a brick wall (0.75 times as much) and a blurred photograph (1.3 times). The
@@ -24,7 +26,7 @@ ERRORS = (1.10, 0.85, 0.57, 0.41, 0.29, 0.22, 0.16, 0.10)
 # disparity from pixel to pixel. Share of the pixels by SNR that are wrong beyond what such noise explains,
 # and of holes, in the recorded images of four meshes; seven in ten of all wrong pixels read too far.
 STRIP_SNRS = (0.05, 0.09, 0.12, 0.18, 0.37, 0.75, 1.5, 2.2)
-STRIP_WRONG = (0.30, 0.24, 0.14, 0.075, 0.05, 0.047, 0.005, 0.0)
+STRIP_WRONG = (0.30, 0.18, 0.12, 0.075, 0.05, 0.047, 0.005, 0.0)
 STRIP_LOST = (0.60, 0.45, 0.05, 0.005, 0.0, 0.0, 0.0, 0.0)
 
 # Correlation length of the strips along rows and columns [px]. The wrong pixels of the matcher are still
@@ -54,11 +56,17 @@ FILL = (0.0, 0.003, 0.09, 0.99, 1.0)
 # "All round": a plain patch smaller than this is filled from its rim [px].
 SURROUNDINGS = 161
 
-# Regional means are computed on blocks of this many pixels.
-STRIDE = 4
+# Mean square gradient below which nothing is there to match [DN^2/px^2].
+TINY = np.float32(1e-6)
 
 # Share of the surface with an SNR below 0.5 from which the effect shows.
 MIN_SHARE = 0.01
+
+# The curves above over ln(SNR).
+_ERROR = LogTable(SNRS, ERRORS)
+_WRONG = LogTable(STRIP_SNRS, STRIP_WRONG)
+_LOST = LogTable(STRIP_SNRS, STRIP_LOST)
+_FILL = LogTable(FILL_SNRS, FILL)
 
 
 @dataclass(frozen=True)
@@ -84,69 +92,46 @@ class WeakTexture:
     ) -> Sensed:
         """Add noise and holes; ``strength`` is a factor on the image noise."""
         rig, shape = truth.rig, truth.depth.shape
-        energy = shrink(np.square(truth.gradient), STRIDE)
         noise = strength * noise_of(rig.image_noise)
-        typical = typical_gradient(truth.gray, REGION * rig.window, STRIDE) / noise
+        snr = truth.texture.typical(REGION * rig.window) - np.float32(np.log(noise))
+        surroundings = box_mean(truth.texture.energies, SURROUNDINGS // BLOCK | 1)
+        # Running sums leave tiny negative means in flat regions.
+        energy = np.log(np.maximum(surroundings, TINY)) - np.float32(2 * np.log(noise))
         vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
-        error = smooth_normal(rng, shape, horizontal, vertical)
-        error *= enlarge(_excess_noise(typical, rig), shape)
-        before = sensed.disparity
-        shifted = before + error
-        wrong = (np.abs(error) > np.float32(WRONG)) & sensed.known
-        sensed = replace(sensed, disparity=shifted)
-        sensed = sensed.with_values(wrong, shifted, Cause.WEAK_TEXTURE, confidence=0.5)
-        sensed = _with_strips(sensed, before, typical, rng)
+        down, across = (linear_taps(shape[i], snr.shape[i], BLOCK) for i in (0, 1))
+        maps = (_excess_noise(snr, rig), *_strip_levels(snr), _patch_level(energy))
+        sigma, wrong, lost, patch = (stretched(padded(m), down, across, shape) for m in maps)
+        fields = WeakTextureFields(
+            noise=normal_rows(rng, shape, horizontal, vertical),
+            sigma=sigma,
+            strips=normal_rows(rng, shape, *STRIP_LENGTHS),
+            wrong_level=wrong,
+            lost_level=lost,
+            patches=normal_rows(rng, shape, 2 * rig.noise_correlation),
+            patch_level=patch,
+        )
+        changed = sensed.changeable()
+        frame = (changed.disparity, changed.cause, changed.confidence)
+        apply_weak_texture(*frame, fields, STRIP_ERROR, STRIP_GROWTH, WRONG)
+        return replace(changed, owned=sensed.owned)
 
-        fill = np.interp(_regional_root(energy, SURROUNDINGS) / noise, FILL_SNRS, FILL)
-        if fill.min() == 1:
-            return sensed
-        fill = enlarge(fill.astype(np.float32), shape)
-        lost = patchy_uniform(rng, shape, 2 * rig.noise_correlation) > fill
-        return sensed.with_holes(lost, Cause.WEAK_TEXTURE)
 
-
-def _with_strips(
-    sensed: Sensed, before: np.ndarray, snr: np.ndarray, rng: np.random.Generator
-) -> Sensed:
-    """Return the frame with strips along the rows that are lost or read too far.
-
-    Args:
-        sensed: so far.
-        before: disparity without the noise that the strips replace [px], (height, width).
-        snr: typical gradient over image noise, on a coarse grid.
-        rng: draws the strips.
-    """
-    from scipy.special import ndtri
-
-    shape = sensed.disparity.shape
+def _strip_levels(snr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the levels above which a normal field is wrong, and is lost, for ln(SNR)."""
     # What is lost in a small plain patch is filled from its rim.
-    wider = np.exp(box_mean(np.log(snr), STRIP_SURROUNDINGS // STRIDE | 1))
-    lost = np.interp(wider, STRIP_SNRS, STRIP_LOST)
-    wrong = lost + (1 - lost) * np.interp(snr, STRIP_SNRS, STRIP_WRONG)
-    if wrong.max() == 0:
-        return sensed
-    # Levels above which a normal field has these shares; never reached where there are none.
-    levels = (-ndtri(np.clip(share, 1e-9, 1.0)).astype(np.float32) for share in (wrong, lost))
-    wrong_level, lost_level = (enlarge(level, shape).reshape(-1) for level in levels)
-    across, down = STRIP_LENGTHS
-    field = smooth_normal(rng, shape, across, down).reshape(-1)
-    at = np.flatnonzero(field > wrong_level)
-    excess = field[at] - wrong_level[at]
-    value = before.reshape(-1)[at] - (STRIP_ERROR + STRIP_GROWTH * excess)
-    gone = field[at] > lost_level[at]
-    value[gone] = np.nan
-    known = sensed.known.reshape(-1)[at]
-    confidence = np.where(gone, np.float32(0.0), np.float32(0.5))
-    return sensed.with_pixels(at[known], value[known], Cause.WEAK_TEXTURE, confidence[known])
+    wider = box_mean(snr, STRIP_SURROUNDINGS // BLOCK | 1)
+    lost = _LOST.at(wider)
+    wrong = lost + (1 - lost) * _WRONG.at(snr)
+    return level_above(wrong), level_above(lost)
+
+
+def _patch_level(energy: np.ndarray) -> np.ndarray:
+    """Return the level above which a normal field is lost, for 2 ln(SNR) all round."""
+    return level_above(1 - _FILL.at(np.float32(0.5) * energy))
 
 
 def _excess_noise(snr: np.ndarray, rig: StereoRig) -> np.ndarray:
-    """Return the error that good texture would not have [px], of the shape of ``snr``, float32."""
-    excess = np.square(np.interp(snr, SNRS, ERRORS)) - rig.disparity_sigma**2 * rig.temporal_share
-    return np.sqrt(np.maximum(excess, 0.0)).astype(np.float32)
-
-
-def _regional_root(energy: np.ndarray, size: int) -> np.ndarray:
-    """Return the RMS gradient over ``size`` pixels [DN/px]; energy comes in blocks of STRIDE pixels."""
-    # Running sums leave tiny negative means in flat regions.
-    return np.sqrt(np.maximum(box_mean(energy, size // STRIDE | 1), 0.0))
+    """Return the error that good texture would not have [px], for ln(SNR), float32."""
+    excess = np.square(_ERROR.at(snr))
+    excess -= np.float32(rig.disparity_sigma**2 * rig.temporal_share)
+    return np.sqrt(np.maximum(excess, 0, out=excess), out=excess)

@@ -8,7 +8,7 @@ from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 from sim.sensor.cause import Cause
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.texture import LUMA_NOISE, typical_gradient
+from sim.sensor.texture import LUMA_NOISE
 from sim.sensor.tiers import depth_of, sense_effects
 
 SHAPE = (240, 320)
@@ -169,7 +169,7 @@ def test_weak_texture_is_lost_as_measured(snr: float, fill: float) -> None:
 )
 def test_weak_texture_adds_the_noise_of_rendered_scenes(snr: float, rms: float, bad: float) -> None:
     truth = uniform_snr(1.0)
-    typical = float(np.median(typical_gradient(truth.gray, 20, 4)))
+    typical = float(np.exp(np.median(truth.texture.typical(20))))
     truth = replace(
         truth, rig=replace(truth.rig, disparity_sigma=0.1, image_noise=typical / snr / LUMA_NOISE)
     )
