@@ -44,7 +44,8 @@ class SimulateConfig:
     ('digs-warp plan' lists them). For the tiers 'planned' and 'matcher'."""
 
     strength: float = 1.0
-    """Factor on the errors of the sensor; 0: none, 2: twice as bad as the real one."""
+    """Factor on the errors of the sensor; 0: none, 2: twice as bad as the real one. Limits (the range, the
+    band that only one eye sees) stay."""
 
     normals: bool = False
     """Also write the true normals."""

@@ -40,11 +40,10 @@ class DepthRange:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Drop what is out of range; ``strength`` shrinks the range at both ends."""
+        """Drop what is out of range; ``strength`` leaves the range alone: it is a limit, not an error."""
         rig = truth.rig
-        largest = rig.largest_disparity / max(strength, 1.0)
-        smallest = rig.focal_baseline / rig.max_depth * max(strength, 1.0)
-        sensed = sensed.with_holes(sensed.disparity > np.float32(largest), Cause.NEAR)
+        smallest = rig.focal_baseline / rig.max_depth
+        sensed = sensed.with_holes(sensed.disparity > np.float32(rig.largest_disparity), Cause.NEAR)
         # Half a millionth: a depth right at the end counts as within, whatever its rounding.
         too_far = sensed.disparity < np.float32(smallest * (1 - 5e-7))
         return sensed.with_holes(too_far, Cause.FAR)

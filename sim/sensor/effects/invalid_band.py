@@ -33,11 +33,11 @@ class InvalidBand:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Drop what lands left of the right image; ``strength`` is a factor on the width."""
+        """Drop what lands left of the right image; ``strength`` leaves the width alone: it is geometry."""
         columns = np.arange(truth.depth.shape[1], dtype=np.float32) + np.float32(0.5)
         # Only columns left of the largest disparity can be lost.
         reach = truth.disparity.max(initial=0.0, where=~np.isnan(truth.disparity))
-        width = min(int(np.ceil(strength * float(reach))), truth.depth.shape[1])
+        width = min(int(np.ceil(float(reach))), truth.depth.shape[1])
         outside = np.zeros(truth.depth.shape, dtype=bool)
-        outside[:, :width] = np.float32(strength) * truth.disparity[:, :width] > columns[:width]
+        outside[:, :width] = truth.disparity[:, :width] > columns[:width]
         return sensed.with_holes(outside, Cause.BAND)

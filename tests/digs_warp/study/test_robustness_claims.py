@@ -28,8 +28,6 @@ from sim.shutter import Shutter
 NAMES = tuple(effect.name for effect in EFFECTS)
 # The most that an effect may cost at four times its real strength [dB]; stray points cost most.
 WORST = dict.fromkeys(NAMES, 1.0) | {"flying-pixels": 7.0}
-# Four times nearer, its far end lies before the object: nothing is left.
-TOO_MUCH = "depth-range"
 FRAMES, STEPS = 8, 30
 INIT = InitConfig(voxel_size=0.015)
 TRAIN = TrainConfig(iterations=STEPS, sh_degree=0)
@@ -91,7 +89,7 @@ def test_the_short_training_is_worth_something(clean: float) -> None:
     assert clean > 24.0
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != TOO_MUCH])
+@pytest.mark.parametrize("name", NAMES)
 def test_four_times_an_effect_costs_no_more_than_its_bound(
     walk: Walk, clean: float, tmp_path: Path, name: str
 ) -> None:
@@ -102,10 +100,9 @@ def test_four_times_an_effect_costs_no_more_than_its_bound(
 def test_all_effects_together_cost_no_more_than_their_bound(
     walk: Walk, clean: float, tmp_path: Path, strength: float, bound: float
 ) -> None:
-    usable = [name for name in NAMES if name != TOO_MUCH]
-    assert walk.quality(tmp_path, usable, strength) > clean - bound
+    assert walk.quality(tmp_path, NAMES, strength) > clean - bound
 
 
 def test_depth_of_which_nothing_is_left_is_told(walk: Walk, tmp_path: Path) -> None:
     with pytest.raises(DigsError, match="no points in"):
-        walk.quality(tmp_path, [TOO_MUCH], 4.0)
+        walk.quality(tmp_path, ["random-invalid"], 1000.0)  # so many times a few percent

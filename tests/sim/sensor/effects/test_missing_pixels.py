@@ -44,6 +44,12 @@ def test_band_wider_than_the_image_leaves_nothing() -> None:
     assert holes(make_frame(600.0, make_rig(min_depth=0.01)), "invalid-band").all()
 
 
+@pytest.mark.parametrize("name", ["invalid-band", "depth-range"])
+def test_limits_stay_where_they_are_when_errors_grow(name: str) -> None:
+    truth = make_frame(40.0, make_rig(max_disparity=95.0))
+    np.testing.assert_array_equal(holes(truth, name, 4.0), holes(truth, name))
+
+
 def test_range_is_coded_as_a_zed_does() -> None:
     rig = make_rig(min_depth=0.5, max_depth=5.0)
     depth = np.full(SHAPE, 1.0)
