@@ -60,8 +60,7 @@ def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
 def near_steps(disparity: np.ndarray, radius: int, threshold: float = STEP) -> np.ndarray:
     """Return where a depth step lies within ``radius`` pixels along rows or columns, (height, width)."""
     marked = np.zeros(disparity.shape, dtype=bool)
-    for view, mark in ((disparity, marked), (disparity.T, marked.T)):
-        steps = find_steps(view, threshold)
+    for steps, mark in zip(find_steps(disparity, threshold), (marked, marked.T), strict=True):
         mark[steps.rows, steps.near] = True
         mark[steps.rows, steps.far] = True
     return dilate(marked, radius)

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from sim.sensor.noise_field import white_normal
+
 
 def coherent_normal(
     rng: np.random.Generator,
@@ -28,7 +30,7 @@ def coherent_normal(
     height, width = shape
     # Two points past the last full cell: one for the remainder, one for the random offset.
     across = int(width / cell) + 3
-    lattice = rng.standard_normal((int(height / cell) + 3) * across, dtype=np.float32)
+    lattice = white_normal(rng, ((int(height / cell) + 3) * across,))
     offset = rng.random(2)  # else the lattice would stand still from frame to frame
     # Per row and per column first: there are far fewer of them than pixels.
     top, upper, lower = (table[rows] for table in _weights(height, cell, offset[0]))

@@ -133,7 +133,7 @@ def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
         "large_step_share": _share_near_steps(disparity, LARGE_STEP, visible),
         "occluded_share": float(np.mean(_hidden_from_right(disparity)[visible])),
     }
-    steps = find_steps(disparity, LARGE_STEP)
+    steps, _ = find_steps(disparity, LARGE_STEP)
     if len(steps.rows):
         # Texture of either side, clear of the window that holds both.
         last, window = disparity.shape[1] - 1, truth.rig.window
@@ -147,7 +147,7 @@ def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
 
 def _share_near_steps(disparity: np.ndarray, threshold: float, visible: np.ndarray) -> float:
     at_step = np.zeros(disparity.shape, dtype=bool)
-    along_rows, along_columns = find_steps(disparity, threshold), find_steps(disparity.T, threshold)
+    along_rows, along_columns = find_steps(disparity, threshold)
     for columns in (along_rows.near, along_rows.far):
         at_step[along_rows.rows, columns] = True
     for rows in (along_columns.near, along_columns.far):

@@ -83,7 +83,7 @@ class FrameTruth:
     @cached_property
     def slope(self) -> np.ndarray:
         """Change of true disparity along rows, on the surface [px/px], (height, width), float32."""
-        return surface_slope(self.disparity, axis=1)
+        return surface_slope(self.disparity)
 
     @cached_property
     def gray(self) -> np.ndarray:
@@ -166,7 +166,9 @@ class Sensed:
 
     def with_holes(self, where: np.ndarray, cause: Cause) -> "Sensed":
         """Return the frame without values at ``where`` (bool); what is a hole keeps its label."""
-        return self.with_values(where & self.known, np.nan, cause, confidence=0.0)
+        at = np.flatnonzero(where)
+        lost = at[~np.isnan(self.disparity.reshape(-1)[at])]
+        return self.with_pixels(lost, np.nan, cause, confidence=0.0)
 
     def with_values(
         self,

@@ -20,6 +20,7 @@ from digs_warp.contiguous import floats_from
 from digs_warp.kernel_options import vector_module_options
 from digs_warp.parallel import launch_parallel
 from digs_warp.warp_start import start_warp
+from sim.sensor.arrays import shared
 
 start_warp()
 wp.set_module_options(vector_module_options())
@@ -84,11 +85,6 @@ class RowField:
         whole = wp.empty(height * self.rows.shape[1], dtype=float, device="cpu")
         launch_parallel(_image_kernel, height, [self.for_kernels(), whole], threads=1)
         return whole.numpy().reshape(height, -1)[:, :width]
-
-
-def shared(values: np.ndarray) -> Any:
-    """Return a contiguous array for kernels, flat; what they write to it is written to ``values``."""
-    return wp.array(values.reshape(-1), device="cpu", copy=False)
 
 
 def stretched(grid: np.ndarray, down: Taps, across: Taps, shape: tuple[int, int]) -> RowField:

@@ -2,28 +2,54 @@
 
 import numpy as np
 
+from digs_warp.parallel import launch_parallel
+from sim.sensor.arrays import shared
+from sim.sensor.slope_kernels import slope_kernel, steep_kernel
 
-def surface_slope(disparity: np.ndarray, axis: int) -> np.ndarray:
-    """Return the change of disparity from pixel to pixel along a surface [px/px], same shape, float32.
+
+def surface_slope(disparity: np.ndarray) -> np.ndarray:
+    """Return the change of disparity along rows, on the surface [px/px], same shape, float32.
 
     Of the differences to either neighbour the smaller one is taken: at a step, that is the one that
-    stays on the surface.
+    stays on the surface. 0 where there is none.
 
     Args:
-        disparity: [px], (height, width), NaN where there is nothing.
-        axis: 1: along rows (x); 0: along columns (y).
+        disparity: [px], (height, width), float32, NaN where there is nothing.
     """
-    if disparity.shape[axis] < 2:
+    height, width = disparity.shape
+    if width < 2:
         return np.zeros(disparity.shape, dtype=np.float32)
-    steps = np.diff(disparity, axis=axis)
-    slope = np.empty(disparity.shape, dtype=np.float32)
-    # Views in which the axis comes second.
-    steps, view = np.moveaxis(steps, axis, 1), np.moveaxis(slope, axis, 1)
-    size = np.abs(steps)
-    view[:, :1], view[:, -1:] = steps[:, :1], steps[:, -1:]
-    view[:, 1:-1] = np.where(size[:, :-1] < size[:, 1:], steps[:, :-1], steps[:, 1:])
-    np.copyto(slope, 0.0, where=np.isnan(slope))
-    return slope
+    slopes = np.empty((height, width), dtype=np.float32)
+    launch_parallel(slope_kernel, height, [shared(disparity), width, shared(slopes)])
+    return slopes
+
+
+def steep_pixels(disparity: np.ndarray, slope: np.ndarray, limit: float) -> np.ndarray:
+    """Return the flat indices of the pixels whose slope along rows or columns exceeds a limit, (n,).
+
+    Args:
+        disparity: [px], (height, width), float32, NaN where there is nothing.
+        slope: along rows, as `surface_slope` returns it.
+        limit: [px/px], >= 0.
+    """
+    height, width = disparity.shape
+    steep = np.empty((height, width), dtype=np.uint8)
+    inputs = [shared(disparity), shared(slope), height, width, limit, shared(steep)]
+    launch_parallel(steep_kernel, height, inputs)
+    return np.flatnonzero(steep.view(bool))
+
+
+def slope_along_columns(disparity: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the change of disparity along columns at some pixels, as `surface_slope` does, (n,)."""
+    last = len(disparity) - 1
+    if last < 1:
+        return np.zeros(len(rows), dtype=np.float32)
+    here = disparity[rows, columns]
+    back = here - disparity[np.maximum(rows - 1, 0), columns]
+    forth = disparity[np.minimum(rows + 1, last), columns] - here
+    take_back = ((np.abs(back) < np.abs(forth)) | (rows == last)) & (rows > 0)
+    slope = np.where(take_back, back, forth)
+    return np.where(np.isnan(slope), np.float32(0), slope)
 
 
 def width_ratio(slope: np.ndarray) -> np.ndarray:

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.sensor.pixels import pixels_where
+from digs_warp.parallel import launch_parallel
+from sim.sensor.arrays import shared
+from sim.sensor.slope_kernels import ALONG_COLUMNS, ALONG_ROWS, step_kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,13 +29,37 @@ class Steps:
         return self.far - self.near
 
 
-def find_steps(disparity: np.ndarray, threshold: float) -> Steps:
-    """Return the jumps of more than ``threshold`` pixels along the rows; missing values have none."""
-    jump = np.diff(disparity, axis=1)
-    with np.errstate(invalid="ignore"):
-        rows, left = pixels_where(np.abs(jump) > threshold)
-    near_is_right = jump[rows, left] > 0
-    return Steps(rows, left + near_is_right, left + ~near_is_right)
+def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
+    """Return the jumps of more than ``threshold`` pixels along the rows, and those along the columns.
+
+    Each in reading order along its axis; missing values have none. Along columns, ``Steps`` has rows and
+    columns exchanged, as the steps of the transposed image.
+
+    Args:
+        disparity: [px], (height, width), float32, NaN where there is nothing.
+        threshold: [px], >= 0.
+    """
+    height, width = disparity.shape
+    marks = np.empty((height, width), dtype=np.uint8)
+    launch_parallel(
+        step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)]
+    )
+    at = np.flatnonzero(marks)
+    kinds, values = marks.reshape(-1)[at], disparity.reshape(-1)
+    rows, left = np.divmod(at[kinds & ALONG_ROWS != 0], width)
+    # Reading order of the transposed image: column by column.
+    across = at[kinds & ALONG_COLUMNS != 0]
+    columns, top = np.divmod(np.sort(across % width * height + across // width), height)
+    above = top * width + columns
+    return (
+        _steps(rows, left, values[rows * width + left + 1] > values[rows * width + left]),
+        _steps(columns, top, values[above + width] > values[above]),
+    )
+
+
+def _steps(rows: np.ndarray, first: np.ndarray, near_is_second: np.ndarray) -> Steps:
+    """Return the steps between a pixel and the one after it."""
+    return Steps(rows, first + near_is_second, first + ~near_is_second)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +91,13 @@ class Runs:
 
 def find_runs(marked: np.ndarray) -> Runs:
     """Return the runs of True in each row of a (height, width) mask, in reading order."""
-    height, width = marked.shape
-    framed = np.zeros((height, width + 2), dtype=np.int8)
-    framed[:, 1:-1] = marked
-    change = np.diff(framed, axis=1)
-    rows, first = pixels_where(change == 1)
-    _, end = pixels_where(change == -1)
-    return Runs(rows, first, end)
+    width = marked.shape[1]
+    at = np.flatnonzero(marked)
+    if len(at) == 0:
+        return Runs(at, at, at)
+    # A run ends where the next marked pixel is another one than the next pixel, or in another row.
+    ends = np.flatnonzero((np.diff(at) != 1) | (at[1:] % width == 0))
+    first = at[np.concatenate(([0], ends + 1))]
+    rows, columns = np.divmod(first, width)
+    lengths = at[np.append(ends, len(at) - 1)] + 1 - first
+    return Runs(rows, columns, columns + lengths)

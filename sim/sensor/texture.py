@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.parallel import launch_parallel
+from sim.sensor.arrays import shared
 from sim.sensor.filters import box_mean, distance_to
 from sim.sensor.texture_kernel import BLOCK, PIECE, texture_kernel
 
@@ -63,8 +64,7 @@ def measure_texture(gray: np.ndarray, window: int) -> Texture:
         wp.empty(blocks[0] * blocks[1], dtype=float, device="cpu") for _ in range(2)
     )
     scratch = wp.empty(blocks[0] * 4 * pitch, dtype=float, device="cpu")
-    pixels = wp.array(np.ascontiguousarray(gray).reshape(-1), device="cpu", copy=False)
-    inputs = [pixels, height, width, window, pitch, scratch, gradient, logarithms, energies]
+    inputs = [shared(gray), height, width, window, pitch, scratch, gradient, logarithms, energies]
     launch_parallel(texture_kernel, blocks[0], inputs)
     return Texture(
         gradient.numpy().reshape(height, width),

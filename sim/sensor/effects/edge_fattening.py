@@ -4,7 +4,7 @@ Narrow gaps between near things close altogether; thin near things survive.
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -81,7 +81,9 @@ class EdgeFattening:
         if strength <= 0:
             return sensed
         half = truth.rig.window // 2
+        along_rows, along_columns = find_steps(truth.disparity, STEP)
         sideways = _Work(
+            along_rows,
             truth.disparity,
             truth.gradient,
             noise_of(truth.rig.image_noise),
@@ -89,14 +91,15 @@ class EdgeFattening:
             sensed.disparity.copy(),
             np.zeros(sensed.disparity.shape, dtype=bool),
         )
-        upright = sideways.turned()
+        upright = sideways.turned(along_columns)
         _move(sideways, half, (strength, strength), rng)
         _move(upright, half, tuple(strength * share for share in VERTICAL_SHARES), rng)
         _close_gaps(sideways, strength, rng)
         _close_gaps(upright, strength, rng)
-        disparity = sideways.disparity
-        confidence = np.where(np.isnan(disparity), np.float32(0.0), np.float32(0.6))
-        return sensed.with_values(sideways.moved, disparity, Cause.EDGE, confidence)
+        at = np.flatnonzero(sideways.moved)
+        values = sideways.disparity.reshape(-1)[at]
+        confidence = np.where(np.isnan(values), np.float32(0.0), np.float32(0.6))
+        return sensed.with_pixels(at, values, Cause.EDGE, confidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,7 @@ class _Work:
     """A frame in work, seen along its rows; all (height, width).
 
     Attributes:
+        steps: along its rows.
         true: disparity that tells where the steps are [px].
         texture: strength of the texture [DN/px].
         noise: of the image [DN].
@@ -112,6 +116,7 @@ class _Work:
         moved: what has been written, to be marked.
     """
 
+    steps: Steps
     true: np.ndarray
     texture: np.ndarray
     noise: float
@@ -119,15 +124,10 @@ class _Work:
     disparity: np.ndarray
     moved: np.ndarray
 
-    @cached_property
-    def steps(self) -> Steps:
-        """The steps along the rows."""
-        return find_steps(self.true, STEP)
-
-    def turned(self) -> "_Work":
-        """Return the frame with columns for rows; what is written to it is written to this one."""
+    def turned(self, steps: Steps) -> "_Work":
+        """Return the frame with columns for rows, and its steps; writing to it writes to this one."""
         images = (self.source.T, self.disparity.T, self.moved.T)
-        return _Work(self.true.T, self.texture.T, self.noise, *images)
+        return _Work(steps, self.true.T, self.texture.T, self.noise, *images)
 
     def write(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
         """Write disparities at some pixels."""

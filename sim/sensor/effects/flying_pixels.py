@@ -10,7 +10,7 @@ from sim.sensor.cause import Cause
 from sim.sensor.effects.protocol import Choice
 from sim.sensor.facts import SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.steps import find_steps
+from sim.sensor.steps import Steps, find_steps
 
 # Smaller jumps blend into something that is hardly wrong [px].
 STEP = 3.0
@@ -58,15 +58,17 @@ class FlyingPixels:
         disparity = sensed.disparity.copy()
         blended = np.zeros(disparity.shape, dtype=bool)
         # Transposed views: columns become rows, and writing to them writes to the frame.
-        for source, target, mark in (
-            (sensed.disparity, disparity, blended),
-            (sensed.disparity.T, disparity.T, blended.T),
+        along_rows, along_columns = find_steps(sensed.disparity, STEP)
+        for steps, source, target, mark in (
+            (along_rows, sensed.disparity, disparity, blended),
+            (along_columns, sensed.disparity.T, disparity.T, blended.T),
         ):
-            _blend(source, strength * self.width, rng, target, mark)
+            _blend(steps, source, strength * self.width, rng, target, mark)
         return sensed.with_values(blended, disparity, Cause.FLYING, confidence=0.5)
 
 
 def _blend(
+    steps: Steps,
     source: np.ndarray,
     width: float,
     rng: np.random.Generator,
@@ -74,7 +76,6 @@ def _blend(
     blended: np.ndarray,
 ) -> None:
     """Blend ``source`` along the rows over ``width`` pixels per step into ``disparity``."""
-    steps = find_steps(source, STEP)
     near = source[steps.rows, steps.near]
     far = source[steps.rows, steps.far]
     count = np.floor(width + rng.random(len(near)))

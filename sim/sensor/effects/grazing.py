@@ -11,8 +11,7 @@ from sim.sensor.coherent import coherent_uniform
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import GRAZING_RATIO, SceneFacts
 from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.pixels import pixels_where
-from sim.sensor.slopes import surface_slope, width_ratio
+from sim.sensor.slopes import slope_along_columns, steep_pixels, width_ratio
 
 # Semi-global matching of slanted planes, window 5: matched shares of 99, 75, 19 and 2 % at a slope along
 # rows of 0.35, 0.40, 0.45 and 0.50, that is |ln(1 - slope)| = 0.43, 0.51, 0.60, 0.69: a logistic curve.
@@ -61,12 +60,12 @@ class Grazing:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Drop or bridge pixels; ``strength`` divides the slopes that matching bears."""
-        along_rows, along_columns = truth.slope, surface_slope(truth.disparity, axis=0)
-        steep = SAFE_SLOPE / strength
-        rows, columns = pixels_where((np.abs(along_rows) > steep) | (np.abs(along_columns) > steep))
-        if len(rows) == 0:
+        at = steep_pixels(truth.disparity, truth.slope, SAFE_SLOPE / strength)
+        if len(at) == 0:
             return sensed
-        x, y = along_rows[rows, columns], np.abs(along_columns[rows, columns])
+        rows, columns = np.divmod(at, truth.depth.shape[1])
+        x = truth.slope.reshape(-1)[at]
+        y = np.abs(slope_along_columns(truth.disparity, rows, columns))
         half = np.where(x > 0, HALF_RATIO, HALF_RATIO_WIDENING)
         half -= RATIO_PER_WINDOW * (truth.rig.window - 5)
         excess = np.maximum(
@@ -75,10 +74,10 @@ class Grazing:
         )
         shape = truth.depth.shape
         draw = coherent_uniform(rng, shape, rows, columns, truth.rig.noise_correlation)
-        failed, hopeless = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
-        failed[rows, columns] = draw < 1 / (1 + np.exp(-excess))
-        hopeless[rows, columns] = excess > 0
-        return _bridged(sensed, failed, hopeless)
+        hopeless = np.zeros(shape, dtype=bool)
+        hopeless.reshape(-1)[at] = excess > 0
+        failed = draw < 1 / (1 + np.exp(-excess))
+        return _bridged(sensed, at[failed], hopeless)
 
 
 def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed:
@@ -86,17 +85,16 @@ def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed
 
     Args:
         sensed: before.
-        failed: what is not matched, (height, width), bool; the filled pixels are taken off it.
+        failed: flat indices of what is not matched, (n,).
         hopeless: surface on which most pixels fail, (height, width), bool.
     """
-    rows, columns = pixels_where(failed & hopeless & sensed.known)
-    values = _rim_values(sensed.disparity, hopeless, rows, columns)
-    found = ~np.isnan(values)
-    rows, columns, values = rows[found], columns[found], values[found]
-    failed[rows, columns] = False
-    at = rows * failed.shape[1] + columns
-    filled = sensed.with_pixels(at, values, Cause.GRAZING, confidence=0.5)
-    return filled.with_holes(failed, Cause.GRAZING)
+    known = failed[~np.isnan(sensed.disparity.reshape(-1)[failed])]
+    values = np.full(len(known), np.nan, dtype=np.float32)
+    bridged = hopeless.reshape(-1)[known]
+    rows, columns = np.divmod(known[bridged], hopeless.shape[1])
+    values[bridged] = _rim_values(sensed.disparity, hopeless, rows, columns)
+    confidence = np.where(np.isnan(values), np.float32(0.0), np.float32(0.5))
+    return sensed.with_pixels(known, values, Cause.GRAZING, confidence)
 
 
 def _rim_values(

@@ -17,8 +17,9 @@ import warp as wp
 from digs_warp.contiguous import bytes_from, floats_from
 from digs_warp.kernel_options import vector_module_options
 from digs_warp.parallel import launch_parallel
+from sim.sensor.arrays import shared
 from sim.sensor.cause import Cause
-from sim.sensor.row_field import PIECE, RowField, Rows, shared, sum_rows
+from sim.sensor.row_field import PIECE, RowField, Rows, sum_rows
 
 wp.set_module_options(vector_module_options())
 

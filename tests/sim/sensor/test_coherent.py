@@ -48,10 +48,28 @@ def test_a_pixel_has_the_same_value_whatever_else_is_asked() -> None:
 
 
 def test_steps_know_their_near_and_far_side() -> None:
-    disparity = np.array([[5.0, 5.0, 20.0, 20.0, 5.0, np.nan, 9.0]])
-    steps = find_steps(disparity, 2.0)
+    disparity = np.array([[5.0, 5.0, 20.0, 20.0, 5.0, np.nan, 9.0]], np.float32)
+    steps, none = find_steps(disparity, 2.0)
     assert steps.near.tolist() == [2, 3] and steps.far.tolist() == [1, 4]
     assert steps.away.tolist() == [-1, 1] and steps.rows.tolist() == [0, 0]
+    assert none.rows.size == 0
+    none, steps = find_steps(np.ascontiguousarray(disparity.T), 2.0)
+    assert none.rows.size == 0 and steps.rows.tolist() == [0, 0]
+    assert steps.near.tolist() == [2, 3] and steps.far.tolist() == [1, 4]
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (7, 150)])
+def test_steps_are_found_in_reading_order_along_their_axis(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(5)
+    disparity = rng.choice([1.0, 2.0, 9.0, np.nan], shape, p=[0.4, 0.3, 0.2, 0.1]).astype(
+        np.float32
+    )
+    for steps, view in zip(find_steps(disparity, 2.0), (disparity, disparity.T), strict=True):
+        jump = np.diff(view, axis=1)
+        rows, left = np.nonzero(np.abs(jump) > 2)
+        np.testing.assert_array_equal(steps.rows, rows)
+        np.testing.assert_array_equal(np.minimum(steps.near, steps.far), left)
+        assert (view[steps.rows, steps.near] > view[steps.rows, steps.far]).all()
 
 
 def test_runs_and_their_pixels_are_the_mask() -> None:
