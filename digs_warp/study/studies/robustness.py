@@ -106,6 +106,11 @@ def _effects(groups: Groups) -> Section:
     text = f"Each effect alone, with {MAIN}; the most harmful first."
     if worst:
         text += f" What costs most of the final quality: {', '.join(worst)}."
+    if idle := _idle(groups):
+        text += (
+            f" Found nothing to work on here (clear or mirroring material, fast motion, a rig out "
+            f"of adjustment), and changed nothing: {', '.join(idle)}."
+        )
     table = Table("effects", ["effect", "strength", *_headings()], rows)
     return Section("Each effect alone", text, [table], [_chart(groups)] if rows else [])
 
@@ -132,14 +137,27 @@ def _stages(groups: Groups) -> Section:
 
 
 def _by_harm(groups: Groups) -> list[str]:
-    """Return the single effects, those first whose largest measured strength leaves the least quality."""
+    """Return the single effects that change anything, first those whose largest strength leaves the least."""
+    idle = _idle(groups)
     strongest: dict[str, tuple[float, float]] = {}
     for (effect, strength, strategy), found in groups.items():
         quality = spread(found, _final_psnr)
-        if effect in (ALL, NONE) or strategy != MAIN or not quality:
+        if effect in (ALL, NONE, *idle) or strategy != MAIN or not quality:
             continue
         strongest[effect] = max(strongest.get(effect, (0.0, 0.0)), (strength, quality.mean))
     return sorted(strongest, key=lambda effect: strongest[effect][1])
+
+
+def _idle(groups: Groups) -> list[str]:
+    """Return the single effects with which everything comes out as without, to the last bit."""
+    if not (clean := groups.get((NONE, 0.0, MAIN))):
+        return []
+    usual = _values(clean)
+    changed: dict[str, bool] = {}
+    for (effect, _, strategy), found in groups.items():
+        if effect not in (ALL, NONE) and strategy == MAIN:
+            changed[effect] = changed.get(effect, False) or _values(found) != usual
+    return [effect for effect, any_change in changed.items() if not any_change]
 
 
 def _chart(groups: Groups) -> Chart:

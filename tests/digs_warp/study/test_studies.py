@@ -158,14 +158,16 @@ def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
     cases = study.cases(1, 1, 300)
     assert {case.labels["effect"] for case in cases} == {*EFFECT_NAMES, "none", "all together"}
     records = [record_of(case, 0) for case in cases]
-    harmful = EFFECT_NAMES[3]
+    mild, harmful, idle = EFFECT_NAMES[0], EFFECT_NAMES[3], EFFECT_NAMES[5]
     for record in records:
-        if record["labels"]["effect"] == harmful:
-            record["yardstick"]["psnr"] -= 4.0
+        loss = {mild: 0.001, harmful: 4.0}.get(record["labels"]["effect"], 0.0)
+        record["yardstick"]["psnr"] -= loss
     sections = {section.title: section for section in study.sections(records)}
-    assert sections["Each effect alone"].tables[0].rows[0][0] == harmful
+    alone = sections["Each effect alone"]
+    assert alone.tables[0].rows[0][0] == harmful
     stages = {row[0]: row for row in sections["Which stage is hurt"].tables[0].rows}
-    assert stages[harmful][-1] == "-4.00" and stages[EFFECT_NAMES[0]][-1] == "+0.00"
+    assert stages[harmful][-1] == "-4.00" and stages[mild][-1] == "-0.00"
+    assert idle not in stages and idle in alone.text.split("changed nothing: ")[1]
 
 
 def test_settings_are_recommended_within_a_time(
