@@ -21,6 +21,7 @@ from digs_warp.kernel_options import vector_module_options
 from digs_warp.parallel import launch_parallel
 from digs_warp.warp_start import start_warp
 from sim.sensor.arrays import shared
+from sim.sensor.filters import enlarge
 
 start_warp()
 wp.set_module_options(vector_module_options())
@@ -115,27 +116,30 @@ def stretched(grid: np.ndarray, down: Taps, across: Taps, shape: tuple[int, int]
     return RowField(rows.numpy().reshape(count, pitch), down, shape)
 
 
-def linear_taps(size: int, cells: int, step: float) -> Taps:
-    """Return taps for linear interpolation between the middles of ``cells`` cells of ``step`` pixels.
+def interpolated(grid: np.ndarray, step: int, shape: tuple[int, int]) -> RowField:
+    """Return a grid as a field, linear between the middles of its cells.
 
-    Before the first and after the last middle the value stays. Grids need at least TAPS cells along the
-    axis: see `padded`.
+    Before the first and after the last middle the value stays.
+
+    Args:
+        grid: one value for each ``step`` x ``step`` pixels, the last of a row or column for fewer, float32.
+        step: side of a cell [px], a divisor of PIECE.
+        shape: (height, width) of the image.
     """
+    rows, columns = grid.shape
+    pitch = -(-shape[1] // PIECE) * PIECE
+    missing = [(0, max(TAPS - rows, 0)), (0, pitch // step - columns)]
+    whole = np.pad(grid, missing, mode="edge") if missing != [(0, 0), (0, 0)] else grid
+    return RowField(enlarge(whole, (len(whole), pitch)), _linear_taps(shape[0], rows, step), shape)
+
+
+def _linear_taps(size: int, cells: int, step: int) -> Taps:
+    """Return taps for linear interpolation between the middles of ``cells`` cells of ``step`` pixels."""
     place = np.clip((np.arange(size) + 0.5) / step - 0.5, 0, cells - 1)
-    before = np.minimum(place.astype(np.int32), max(cells - 2, 0))
-    share = place - before
-    first = np.minimum(before, max(cells, TAPS) - TAPS).astype(np.int32)
-    weights = np.zeros((size, TAPS), np.float32)
-    at = np.arange(size)
-    weights[at, before - first] = 1 - share
-    weights[at, np.minimum(before - first + 1, TAPS - 1)] += share
-    return Taps(first, weights)
-
-
-def padded(grid: np.ndarray) -> np.ndarray:
-    """Return a grid whose last row and column are repeated until it has TAPS of each."""
-    missing = [max(TAPS - size, 0) for size in grid.shape]
-    return np.pad(grid, [(0, n) for n in missing], mode="edge") if any(missing) else grid
+    first = np.minimum(place.astype(np.int32), max(cells - TAPS, 0))
+    # The weight of a cell falls to 0 within the distance of a cell.
+    distance = np.abs(place[:, None] - first[:, None] - np.arange(TAPS))
+    return Taps(first.astype(np.int32), np.maximum(1 - distance, 0).astype(np.float32))
 
 
 def spline_taps(size: int, step: float, offset: float) -> tuple[Taps, int]:
@@ -205,12 +209,13 @@ def _stretch_kernel(
         w1 = floats_from(weights, pitch + column, _PIECE)
         w2 = floats_from(weights, 2 * pitch + column, _PIECE)
         w3 = floats_from(weights, 3 * pitch + column, _PIECE)
-        out = floats_from(rows, row * pitch + column, _PIECE)
+        # Taken to memory of its own first: what is read at places that LLVM cannot foresee must not be
+        # what is written.
+        memory = wp.zeros(shape=(_PIECE,), dtype=float)
         for x in range(_PIECE):
             at = starts[column + x]
-            out[x] = (
-                w0[x] * line[at]
-                + w1[x] * line[at + 1]
-                + w2[x] * line[at + 2]
-                + w3[x] * line[at + 3]
-            )
+            left = w0[x] * line[at] + w1[x] * line[at + 1]
+            memory[x] = left + (w2[x] * line[at + 2] + w3[x] * line[at + 3])
+        out = floats_from(rows, row * pitch + column, _PIECE)
+        for xo in range(_PIECE):
+            out[xo] = memory[xo]

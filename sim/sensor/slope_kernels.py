@@ -20,10 +20,6 @@ wp.set_module_options(vector_module_options())
 # Only loops of fixed length become vector code: a row is walked in pieces of so many pixels, then one by one.
 _PIECE = wp.constant(64)
 
-ALONG_ROWS = 1
-ALONG_COLUMNS = 2
-_ALONG_ROWS, _ALONG_COLUMNS = wp.constant(ALONG_ROWS), wp.constant(ALONG_COLUMNS)
-
 
 @wp.func
 def slope_between(before: float, here: float, after: float) -> float:
@@ -104,9 +100,7 @@ def step_kernel(
     width: int,
     threshold: float,
     # outputs
-    steps: wp.array[
-        wp.uint8
-    ],  # [height * width] ALONG_ROWS, ALONG_COLUMNS: jumps to the right, down
+    steps: wp.array[wp.uint8],  # [height * width] 1 where disparity jumps to the right or downward
 ):
     """Go through one row."""
     row = first + wp.tid()
@@ -120,12 +114,15 @@ def step_kernel(
         under = floats_from(disparity, below + piece * _PIECE, _PIECE)
         out = bytes_from(steps, column, _PIECE)
         for x in range(_PIECE):
-            sideways = wp.where(wp.abs(right[x] - here[x]) > threshold, _ALONG_ROWS, 0)
-            downward = wp.where(wp.abs(under[x] - here[x]) > threshold, _ALONG_COLUMNS, 0)
-            out[x] = wp.uint8(sideways + downward)
+            # One after the other: the maximum of a jump and of one to a missing value may be either.
+            sideways = wp.where(wp.abs(right[x] - here[x]) > threshold, 1, 0)
+            downward = wp.where(wp.abs(under[x] - here[x]) > threshold, 1, 0)
+            out[x] = wp.uint8(wp.max(sideways, downward))
     for i in range(whole * _PIECE, width):
         own = disparity[start + i]
-        found = wp.where(wp.abs(disparity[below + i] - own) > threshold, _ALONG_COLUMNS, 0)
+        found = wp.where(wp.abs(disparity[below + i] - own) > threshold, 1, 0)
         if i < width - 1:
-            found += wp.where(wp.abs(disparity[start + i + 1] - own) > threshold, _ALONG_ROWS, 0)
+            found = wp.max(
+                found, wp.where(wp.abs(disparity[start + i + 1] - own) > threshold, 1, 0)
+            )
         steps[start + i] = wp.uint8(found)

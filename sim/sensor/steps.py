@@ -6,7 +6,7 @@ import numpy as np
 
 from digs_warp.parallel import launch_parallel
 from sim.sensor.arrays import shared
-from sim.sensor.slope_kernels import ALONG_COLUMNS, ALONG_ROWS, step_kernel
+from sim.sensor.slope_kernels import step_kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +44,18 @@ def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
     launch_parallel(
         step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)]
     )
-    at = np.flatnonzero(marks)
-    kinds, values = marks.reshape(-1)[at], disparity.reshape(-1)
-    rows, left = np.divmod(at[kinds & ALONG_ROWS != 0], width)
+    at, values = np.flatnonzero(marks.view(bool)), disparity.reshape(-1)
+    here, limit = values[at], np.float32(threshold)
+    right = values[np.minimum(at + 1, values.size - 1)] - here
+    under = values[np.minimum(at + width, values.size - 1)] - here
+    sideways = at[(np.abs(right) > limit) & (at % width < width - 1)]
+    downward = at[(np.abs(under) > limit) & (at < values.size - width)]
+    rows, left = np.divmod(sideways, width)
     # Reading order of the transposed image: column by column.
-    across = at[kinds & ALONG_COLUMNS != 0]
-    columns, top = np.divmod(np.sort(across % width * height + across // width), height)
+    columns, top = np.divmod(np.sort(downward % width * height + downward // width), height)
     above = top * width + columns
     return (
-        _steps(rows, left, values[rows * width + left + 1] > values[rows * width + left]),
+        _steps(rows, left, values[sideways + 1] > values[sideways]),
         _steps(columns, top, values[above + width] > values[above]),
     )
 

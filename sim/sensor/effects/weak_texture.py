@@ -12,7 +12,7 @@ from sim.sensor.facts import SceneFacts
 from sim.sensor.filters import box_mean
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import level_above, normal_rows
-from sim.sensor.row_field import linear_taps, padded, stretched
+from sim.sensor.row_field import interpolated
 from sim.sensor.tables import LogTable
 from sim.sensor.texture import BLOCK, noise_of
 
@@ -98,9 +98,8 @@ class WeakTexture:
         # Running sums leave tiny negative means in flat regions.
         energy = np.log(np.maximum(surroundings, TINY)) - np.float32(2 * np.log(noise))
         vertical, horizontal = (gain * rig.noise_correlation for gain in CORRELATION_GAIN)
-        down, across = (linear_taps(shape[i], snr.shape[i], BLOCK) for i in (0, 1))
         maps = (_excess_noise(snr, rig), *_strip_levels(snr), _patch_level(energy))
-        sigma, wrong, lost, patch = (stretched(padded(m), down, across, shape) for m in maps)
+        sigma, wrong, lost, patch = (interpolated(grid, BLOCK, shape) for grid in maps)
         fields = WeakTextureFields(
             noise=normal_rows(rng, shape, horizontal, vertical),
             sigma=sigma,

@@ -14,7 +14,7 @@ from reference.weak_texture_twin import (
 from sim.sensor.cause import Cause
 from sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
 from sim.sensor.noise_field import UNREACHED, level_above, normal_rows
-from sim.sensor.row_field import linear_taps, padded, spline_taps, stretched
+from sim.sensor.row_field import interpolated, spline_taps, stretched
 from sim.sensor.tables import LogTable
 from sim.sensor.texture import BLOCK, measure_texture
 from sim.sensor.texture_kernel import LEAST_GRADIENT
@@ -46,13 +46,12 @@ def test_a_coarse_map_is_interpolated_between_the_middles_of_its_cells(
 ) -> None:
     cells = tuple(-(-size // BLOCK) for size in shape)
     grid = np.random.default_rng(1).uniform(0, 5, cells)
-    down, across = (linear_taps(shape[i], cells[i], BLOCK) for i in (0, 1))
     expected = (
         linear_weights(shape[0], BLOCK, cells[0])
         @ grid
         @ linear_weights(shape[1], BLOCK, cells[1]).T
     )
-    image = stretched(padded(grid), down, across, shape).image()
+    image = interpolated(grid.astype(np.float32), BLOCK, shape).image()
     np.testing.assert_allclose(image, expected, atol=1e-5)
 
 
@@ -87,11 +86,10 @@ def test_texture_is_that_of_the_formulas(shape: tuple[int, int], window: int) ->
 def test_weak_texture_fails_as_pixel_by_pixel(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(3)
     names = ("noise", "sigma", "strips", "wrong_level", "lost_level", "patches", "patch_level")
-    down, across = (linear_taps(shape[i], -(-shape[i] // BLOCK), BLOCK) for i in (0, 1))
     cells = [-(-size // BLOCK) for size in shape]
     fields = WeakTextureFields(
         **{
-            name: stretched(padded(rng.standard_normal(cells)), down, across, shape)
+            name: interpolated(rng.standard_normal(cells, dtype=np.float32), BLOCK, shape)
             for name in names
         }
     )
