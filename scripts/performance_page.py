@@ -59,20 +59,23 @@ What a whole run costs on your machine stands in its `report.html` and `run.json
 
 ## Why it is fast
 
-- A splat is evaluated in blocks of 2 rows by 8 columns, those that its ellipse's box touches: one vector of
+- A splat is evaluated in blocks of 2 rows by 8 columns, those that its ellipse touches: one vector of
   512 bits, or two of 256 that hide each other's latency. The exponential is a polynomial, branches are
   selects.
 - All pixel state of a tile lies in one piece of memory on a boundary of 64 bytes: a vector across two cache
   lines that was just written cannot be read back before it has reached the cache.
-- The record of the next splat is asked for while the present one is drawn: it may have to come from far away.
-- Rows and tiles whose pixels are all opaque are skipped, forward and backward.
+- The records of the next sixteen splats are asked for at once, and which blocks each of them touches is found
+  for eight at a time, before the first is drawn: the processor knows what comes next and waits for nothing.
+- Blocks that a splat's ellipse does not touch and blocks whose pixels are all opaque are skipped; the
+  backward pass takes over from the forward pass which are left.
 - A read from a Warp array has a stride that is known only at run time and becomes a gather. Hot loops read
   through views made in the kernel, or copy to local state first, and have a fixed length.
 - Telling LLVM that a row index is no negative one removes Warp's handling of such indices from the inner
   loops.
-- The backward pass sums a splat's gradient by the place in the block first and reduces once per half of a
-  tile, not once per row.
+- The backward pass sums a splat's gradient by the place in the block first and reduces once per tile,
+  not once per row.
 - Each (tile, splat) pair owns one gradient record: no atomics, and the same bits for any number of threads.
+  The records of a splat lie side by side.
 - Loss and its gradient are computed only where splats or object are; tiles further away are not even filled
   with the background.
 

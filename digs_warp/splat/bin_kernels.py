@@ -156,7 +156,7 @@ def emit_kernel(
     # outputs
     cursors: wp.array[int],  # [tiles]
     tile_splats: wp.array[int],  # [pairs] splats by tile, nearest first
-    pair_slots: wp.array[int],  # [pairs] by splat: position in tile_splats
+    tile_pairs: wp.array[int],  # [pairs] the number of each pair when counted by splat
 ):
     """Deal the splats out to the tiles of one band of tile rows."""
     band = first + wp.tid()
@@ -183,7 +183,7 @@ def emit_kernel(
                 slot = cursors[tile]
                 cursors[tile] = slot + 1
                 tile_splats[slot] = g
-                pair_slots[pair + column - x0] = slot
+                tile_pairs[slot] = pair + column - x0
 
 
 @wp.kernel
@@ -220,12 +220,12 @@ def unpack_kernel(
     pair_splats: wp.array[int],
     # outputs
     tile_splats: wp.array[int],
-    pair_slots: wp.array[int],
+    tile_pairs: wp.array[int],
     tile_counts: wp.array[int],
 ):
     """Turn sorted keys into tile lists; integer atomics, so the counts are exact on every device."""
     slot = wp.tid()
     pair = pairs[slot]
     tile_splats[slot] = pair_splats[pair]
-    pair_slots[pair] = slot
+    tile_pairs[slot] = pair
     wp.atomic_add(tile_counts, int(keys[slot] >> wp.int64(32)), 1)

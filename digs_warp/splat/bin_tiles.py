@@ -51,8 +51,9 @@ class TileLists:
     spans: wp.array  # [row capacity]
     span_starts: wp.array  # [row capacity]
     tile_splats: wp.array  # [pair capacity]
-    pair_slots: wp.array  # [pair capacity]
-    pair_gradients: wp.array  # [pair capacity, gradient fields]
+    tile_pairs: wp.array  # [pair capacity] numbers of the same pairs, counted by splat
+    pair_blocks: wp.array  # [pair capacity] blocks drawn, by `digs_warp.splat.rasterize`
+    pair_gradients: wp.array  # [pair capacity, gradient fields], by splat
 
 
 class TileBinner:
@@ -179,7 +180,7 @@ class TileBinner:
             unpack_kernel,
             dim=pairs,
             inputs=[keys, values, pair_splats],
-            outputs=[lists.tile_splats, lists.pair_slots, lists.tile_counts],
+            outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_counts],
             device=self.device,
             record_tape=False,
         )
@@ -190,7 +191,7 @@ class TileBinner:
         # A splat of a dense object touches about two rows and three tiles.
         rows, pairs = 2 * n + 64, 3 * n + 64
         lists = TileLists(
-            splats=wp.zeros((n, SPLAT_FIELDS), dtype=float, device=self.device),
+            splats=_on_cache_lines(n, SPLAT_FIELDS, self.device),
             depths=wp.zeros(n, dtype=float, device=self.device),
             first_tile_rows=self._zeros(n),
             row_counts=self._zeros(n),
@@ -203,7 +204,8 @@ class TileBinner:
             spans=self._zeros(rows),
             span_starts=self._zeros(rows),
             tile_splats=self._zeros(pairs),
-            pair_slots=self._zeros(pairs),
+            tile_pairs=self._zeros(pairs),
+            pair_blocks=self._zeros(pairs),
             pair_gradients=wp.zeros(
                 (pairs, self._gradient_fields), dtype=float, device=self.device
             ),
@@ -222,7 +224,8 @@ class TileBinner:
         capacity = int(self.total_pairs * _GROWTH)
         lists = self.lists
         lists.tile_splats = self._zeros(capacity)
-        lists.pair_slots = self._zeros(capacity)
+        lists.tile_pairs = self._zeros(capacity)
+        lists.pair_blocks = self._zeros(capacity)
         lists.pair_gradients = wp.zeros(
             (capacity, self._gradient_fields), dtype=float, device=self.device
         )
@@ -247,7 +250,7 @@ class TileBinner:
             emit_kernel,
             bands,
             [self._views, bands, self.count, self._order, *spans, lists.pair_starts]
-            + [lists.tile_starts, lists.cursors, lists.tile_splats, lists.pair_slots],
+            + [lists.tile_starts, lists.cursors, lists.tile_splats, lists.tile_pairs],
         )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
@@ -268,3 +271,12 @@ class TileBinner:
 
     def _zeros(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=int, device=self.device)
+
+
+def _on_cache_lines(count: int, fields: int, device: str) -> wp.array:
+    """Return zeros (count, fields) that begin on a boundary of 64 bytes."""
+    line = 16
+    memory = wp.zeros(count * fields + line, dtype=float, device=device)
+    skip = -(int(memory.ptr or 0) // 4) % line
+    rows = memory[skip : skip + count * fields].reshape((count, fields))  # pyright: ignore[reportAttributeAccessIssue]
+    return rows

@@ -23,11 +23,15 @@ from digs_warp.splat.records import (
     SPLAT_B,
     SPLAT_BLUE,
     SPLAT_C,
+    SPLAT_CHORD,
     SPLAT_GREEN,
     SPLAT_HALF_HEIGHT,
     SPLAT_HALF_WIDTH,
     SPLAT_OPACITY,
+    SPLAT_PEAK,
     SPLAT_RED,
+    SPLAT_SLOPE,
+    SPLAT_TAPER,
     SPLAT_TAU,
     SPLAT_U,
     SPLAT_V,
@@ -41,6 +45,8 @@ _SLACK = wp.constant(EXTENT_SLACK)
 _MAX_VARIANCE = wp.constant(MAX_VARIANCE)
 _MAX_COLOR = wp.constant(MAX_COLOR)
 _MIN_COMPENSATION = wp.constant(MIN_COMPENSATION)
+# Where the chord of an ellipse ends, its square is a small difference of large numbers.
+_ROUNDING = wp.constant(1.0 + 2e-5)
 
 
 @wp.func
@@ -133,6 +139,11 @@ def project_kernel(
     splats[g, SPLAT_HALF_WIDTH] = half_width
     splats[g, SPLAT_HALF_HEIGHT] = half_height
     splats[g, SPLAT_TAU] = tau
+    var_x = aa + cam.dilation
+    splats[g, SPLAT_SLOPE] = b / var_x
+    splats[g, SPLAT_CHORD] = _ROUNDING * tau * (det / var_x)
+    splats[g, SPLAT_TAPER] = (det / var_x) / var_x
+    splats[g, SPLAT_PEAK] = b * wp.sqrt(tau / (cc + cam.dilation))
     depths[g] = z
     first_tile_rows[g] = top // _TILE
     row_counts[g] = bottom // _TILE - top // _TILE + 1

@@ -61,7 +61,6 @@ class SplatGradient:
 def gather(
     begin: int,
     end: int,
-    pair_slots: wp.array[int],
     pair_gradients: wp.array2d[float],
     depth_field: int,
     normal_field: int,
@@ -70,27 +69,26 @@ def gather(
     """Sum the records of one splat in a fixed order; a field of -1 is not there."""
     d = SplatGradient()
     for pair in range(begin, end):
-        slot = pair_slots[pair]
-        d.u += pair_gradients[slot, 0]
-        d.v += pair_gradients[slot, 1]
-        d.a += pair_gradients[slot, 2]
-        d.b += pair_gradients[slot, 3]
-        d.c += pair_gradients[slot, 4]
-        d.opacity += pair_gradients[slot, 5]
+        d.u += pair_gradients[pair, 0]
+        d.v += pair_gradients[pair, 1]
+        d.a += pair_gradients[pair, 2]
+        d.b += pair_gradients[pair, 3]
+        d.c += pair_gradients[pair, 4]
+        d.opacity += pair_gradients[pair, 5]
         d.color += wp.vec3(
-            pair_gradients[slot, 6], pair_gradients[slot, 7], pair_gradients[slot, 8]
+            pair_gradients[pair, 6], pair_gradients[pair, 7], pair_gradients[pair, 8]
         )
         if depth_field >= 0:
-            d.depth += pair_gradients[slot, depth_field]
+            d.depth += pair_gradients[pair, depth_field]
         if normal_field >= 0:
             d.normal += wp.vec3(
-                pair_gradients[slot, normal_field],
-                pair_gradients[slot, normal_field + 1],
-                pair_gradients[slot, normal_field + 2],
+                pair_gradients[pair, normal_field],
+                pair_gradients[pair, normal_field + 1],
+                pair_gradients[pair, normal_field + 2],
             )
         if absolute_field >= 0:
-            d.absolute_u += pair_gradients[slot, absolute_field]
-            d.absolute_v += pair_gradients[slot, absolute_field + 1]
+            d.absolute_u += pair_gradients[pair, absolute_field]
+            d.absolute_v += pair_gradients[pair, absolute_field + 1]
     return d
 
 
@@ -115,7 +113,6 @@ def project_backward_kernel(
     degree: int,
     splats: wp.array2d[float],
     pair_starts: wp.array[int],  # [n + 1] pairs of splat g: pair_starts[g] .. pair_starts[g + 1]
-    pair_slots: wp.array[int],  # [pairs] where the gradient record of a pair lies
     pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
     depth_field: int,  # columns of the layout
     normal_field: int,
@@ -148,7 +145,7 @@ def project_backward_kernel(
                 camera_shares[g, field] = 0.0
         return
 
-    d = gather(begin, end, pair_slots, pair_gradients, depth_field, normal_field, absolute_field)
+    d = gather(begin, end, pair_gradients, depth_field, normal_field, absolute_field)
     cam = views[0]
     f = footprint_of(cam, means[g], log_scales[g], quats[g])
 

@@ -44,23 +44,28 @@ from digs_warp.splat.records import (
     SPLAT_B,
     SPLAT_BLUE,
     SPLAT_C,
+    SPLAT_CHORD,
     SPLAT_GREEN,
-    SPLAT_HALF_HEIGHT,
     SPLAT_HALF_WIDTH,
     SPLAT_OPACITY,
+    SPLAT_PEAK,
     SPLAT_RED,
+    SPLAT_SLOPE,
+    SPLAT_TAPER,
     SPLAT_U,
     SPLAT_V,
 )
 from digs_warp.splat.tile import (
+    ALL_BLOCKS,
     BLOCK,
     BLOCK_COLUMNS,
+    BLOCK_LINES,
     BLOCK_ROW_MASK,
-    BLOCK_ROWS,
+    BLOCK_ROW_SHIFT,
     BLOCK_SHIFT,
-    CHECK_EVERY,
+    BLOCKS_MASK,
     COLUMN_MASK,
-    CROWDED,
+    GROUP,
     HALF_PIXELS,
     PIXELS,
     PLANE_FLOATS,
@@ -69,6 +74,7 @@ from digs_warp.splat.tile import (
     exp_in_range,
     planes_memory,
 )
+from digs_warp.splat.tile_blocks import live_blocks, lowest_bit, touched_blocks
 
 wp.set_module_options({"enable_backward": False})
 
@@ -145,6 +151,9 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
         depth_planes: wp.array[float],  # 2 padded planes: expected and median
         normal_planes: wp.array[float],  # 3 padded planes
         tile_ends: wp.array[int],  # [tiles] one past the last pair that any pixel drew
+        pair_blocks: wp.array[
+            int
+        ],  # [pairs] one bit for each block of the tile that the splat was drawn in
     ):
         """Composite one tile."""
         tile = first + wp.tid()
@@ -183,72 +192,75 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
                     at_normal = start + of_normal * plane
                     fill_tile(at_normal, inner_width, inner_height, pitch, 0.0, normal_planes)
             return
-        memory = wp.zeros(shape=(wp.static(planes_memory(planes)),), dtype=float)
+        memory = wp.zeros(shape=(wp.static(planes_memory(planes + 1)),), dtype=float)
         state = wp.array(
-            ptr=cache_line_at(memory.ptr), shape=(wp.static(planes * PLANE_FLOATS),), dtype=float
+            ptr=cache_line_at(memory.ptr),
+            shape=(wp.static((planes + 1) * PLANE_FLOATS),),
+            dtype=float,
         )
         for p in range(PIXELS):
             state[p] = 1.0
             state[_FINAL + p] = 1.0
+        touched = wp.zeros(shape=(wp.static(int(GROUP)),), dtype=int)
+        fields = wp.static(planes * PLANE_FLOATS)
         stop = end
-        low = int(0)  # rows above low and below high are saturated
-        high = int(15)
-        # A record that is not in the cache takes as long as several blocks: its first and its last line are
-        # asked for one splat ahead.
-        g = tile_splats[begin]
-        u = splats[g, SPLAT_U]
-        half_height = splats[g, SPLAT_HALF_HEIGHT]
-        for k in range(begin, end):
-            g_next = tile_splats[wp.min(k + 1, end - 1)]
-            u_next = splats[g_next, SPLAT_U]
-            half_height_next = splats[g_next, SPLAT_HALF_HEIGHT]
-            if (k - begin) % CHECK_EVERY == CHECK_EVERY - 1:
-                alive = float(0.0)
-                for r in range(PIXELS):
-                    alive += state[r]
-                if alive == 0.0:
-                    stop = k
+        live = int(ALL_BLOCKS)
+        for group in range((end - begin + GROUP - 1) // GROUP):
+            group_first = begin + group * GROUP
+            group_end = wp.min(group_first + GROUP, end)
+            if group > 0:
+                live = live_blocks(state)
+                if live == 0:
+                    stop = group_first
                     break
-                if alive < CROWDED:
-                    low = int(TILE)
-                    high = int(-1)
-                    for r_row in range(BLOCK_ROWS):
-                        alive_row = float(0.0)
-                        for r_x in range(BLOCK):
-                            q = r_row * BLOCK + r_x
-                            alive_row += state[q] + state[HALF_PIXELS + q]
-                        if alive_row > 0.0:
-                            low = wp.min(low, 2 * r_row)
-                            high = 2 * r_row + 1
-            mean_x = u - float(tile_x) - 0.5
-            mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
-            a = splats[g, SPLAT_A]
-            b = splats[g, SPLAT_B]
-            c = splats[g, SPLAT_C]
-            opacity = splats[g, SPLAT_OPACITY]
-            color_r = splats[g, SPLAT_RED]
-            color_g = splats[g, SPLAT_GREEN]
-            color_b = splats[g, SPLAT_BLUE]
-            z = float(0.0)
-            normal = wp.vec3(0.0, 0.0, 0.0)
-            if wp.static(with_depth):
-                z = depths[g]
-            if wp.static(with_normals):
-                normal = normals[g]
-            # Clamped as floats: a huge splat would overflow an integer.
-            y_first = int(wp.max(wp.ceil(mean_y - half_height), float(low)))
-            y_last = int(wp.min(wp.floor(mean_y + half_height), float(high)))
-            half_width = splats[g, SPLAT_HALF_WIDTH]
-            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // BLOCK_COLUMNS
-            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // BLOCK_COLUMNS
-            a_half = -0.5 * a
-            c_half = -0.5 * c
-            for half in range(x_first, x_last + 1):
-                left = float(half * BLOCK_COLUMNS) - mean_x
-                column = (half & 1) * HALF_PIXELS
-                for y in range(y_first // 2, y_last // 2 + 1):
-                    top = float(2 * y) - mean_y
-                    block = (y & BLOCK_ROW_MASK) * BLOCK + column
+            # All records of a group are asked for at once: one that is not in the cache takes as long as
+            # several blocks. And which blocks come next is known before the present ones are finished.
+            for ahead in range(GROUP):
+                g_ahead = tile_splats[wp.min(group_first + ahead, end - 1)]
+                state[fields + ahead] = splats[g_ahead, SPLAT_U]
+                state[fields + GROUP + ahead] = splats[g_ahead, SPLAT_V]
+                state[fields + 2 * GROUP + ahead] = splats[g_ahead, SPLAT_HALF_WIDTH]
+                state[fields + 3 * GROUP + ahead] = splats[g_ahead, SPLAT_SLOPE]
+                state[fields + 4 * GROUP + ahead] = splats[g_ahead, SPLAT_CHORD]
+                state[fields + 5 * GROUP + ahead] = splats[g_ahead, SPLAT_TAPER]
+                state[fields + 6 * GROUP + ahead] = splats[g_ahead, SPLAT_PEAK]
+            for member in range(GROUP):
+                touched[member] = touched_blocks(
+                    state[fields + member] - float(tile_x) - 0.5,
+                    state[fields + GROUP + member] - float(tile_y) - 0.5,
+                    state[fields + 2 * GROUP + member],
+                    state[fields + 3 * GROUP + member],
+                    state[fields + 4 * GROUP + member],
+                    state[fields + 5 * GROUP + member],
+                    state[fields + 6 * GROUP + member],
+                )
+            for k in range(group_first, group_end):
+                blocks = touched[k - group_first] & live
+                pair_blocks[k] = blocks
+                g = tile_splats[k]
+                mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
+                mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
+                a = splats[g, SPLAT_A]
+                b = splats[g, SPLAT_B]
+                c = splats[g, SPLAT_C]
+                opacity = splats[g, SPLAT_OPACITY]
+                color_r = splats[g, SPLAT_RED]
+                color_g = splats[g, SPLAT_GREEN]
+                color_b = splats[g, SPLAT_BLUE]
+                z = float(0.0)
+                normal = wp.vec3(0.0, 0.0, 0.0)
+                if wp.static(with_depth):
+                    z = depths[g]
+                if wp.static(with_normals):
+                    normal = normals[g]
+                a_half = -0.5 * a
+                c_half = -0.5 * c
+                while blocks != 0:
+                    at = lowest_bit(blocks)
+                    blocks = blocks & (blocks - 1)
+                    block = (at & BLOCKS_MASK) * BLOCK
+                    left = float((at >> BLOCK_ROW_SHIFT) * BLOCK_COLUMNS) - mean_x
+                    top = float((at & BLOCK_ROW_MASK) * BLOCK_LINES) - mean_y
                     for i in range(BLOCK):
                         dx = float(i & COLUMN_MASK) + left
                         dy = float(i >> BLOCK_SHIFT) + top
@@ -280,9 +292,6 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
                         state[_RED + block + i] = state[_RED + block + i] + weight * color_r
                         state[_GREEN + block + i] = state[_GREEN + block + i] + weight * color_g
                         state[_BLUE + block + i] = state[_BLUE + block + i] + weight * color_b
-            g = g_next
-            u = u_next
-            half_height = half_height_next
         tile_ends[tile] = stop
         back_r = background[0]
         back_g = background[1]

@@ -15,8 +15,6 @@ from digs_warp.splat.records import (
     SPLAT_BLUE,
     SPLAT_C,
     SPLAT_GREEN,
-    SPLAT_HALF_HEIGHT,
-    SPLAT_HALF_WIDTH,
     SPLAT_OPACITY,
     SPLAT_RED,
     SPLAT_U,
@@ -26,38 +24,42 @@ from digs_warp.splat.records import (
 from digs_warp.splat.tile import (
     BLOCK,
     BLOCK_COLUMNS,
+    BLOCK_LINES,
     BLOCK_ROW_MASK,
-    BLOCK_ROWS,
+    BLOCK_ROW_SHIFT,
     BLOCK_SHIFT,
-    CHECK_EVERY,
+    BLOCKS_MASK,
     COLUMN_MASK,
-    CROWDED,
     HALF_PIXELS,
-    PIXELS,
     PLANE_FLOATS,
     TILE,
     cache_line_at,
     exp_in_range,
     planes_memory,
 )
+from digs_warp.splat.tile_blocks import lowest_bit
 
 wp.set_module_options({"enable_backward": False})
 
 # The backward pass sums a splat's gradient by the place of a pixel in its block first: one vector addition a
-# block, where a scalar sum would cost a horizontal reduction. Offsets of d_power * dy, * dy^2, red, green,
-# blue, depth, normal, and the absolute values of the gradient in u and v.
+# block, where a scalar sum would cost a horizontal reduction. d_power and d_power * dy are summed for each
+# half of the tile, because the sums with dx follow from them. Offsets of the right half, of d_power * dy,
+# * dy^2, red, green, blue, depth, normal, and the absolute values of the gradient in u and v.
 _LANES = 16
-_LANE_Y = wp.constant(_LANES)
-_LANE_YY = wp.constant(2 * _LANES)
-_LANE_R = wp.constant(3 * _LANES)
-_LANE_G = wp.constant(4 * _LANES)
-_LANE_B = wp.constant(5 * _LANES)
-_LANE_DEPTH = wp.constant(6 * _LANES)
-_LANE_NX = wp.constant(7 * _LANES)
-_LANE_NY = wp.constant(8 * _LANES)
-_LANE_NZ = wp.constant(9 * _LANES)
-_LANE_AU = wp.constant(10 * _LANES)
-_LANE_AV = wp.constant(11 * _LANES)
+_RIGHT = wp.constant(_LANES)
+_LANE_Y = wp.constant(2 * _LANES)
+_LANE_YY = wp.constant(4 * _LANES)
+_LANE_R = wp.constant(5 * _LANES)
+_LANE_G = wp.constant(6 * _LANES)
+_LANE_B = wp.constant(7 * _LANES)
+_LANE_DEPTH = wp.constant(8 * _LANES)
+_LANE_NX = wp.constant(9 * _LANES)
+_LANE_NY = wp.constant(10 * _LANES)
+_LANE_NZ = wp.constant(11 * _LANES)
+_LANE_AU = wp.constant(12 * _LANES)
+_LANE_AV = wp.constant(13 * _LANES)
+# Records that are asked for at once.
+_ASKED = wp.constant(8)
 # Planes of a tile: transmittance so far, S, and the v of each channel.
 _AHEAD = wp.constant(PLANE_FLOATS)
 _ADJ_R = wp.constant(2 * PLANE_FLOATS)
@@ -80,7 +82,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
     least = options.min_transmittance
     layout = GradientLayout.of(with_depth, with_normals, with_absolute)
     planes = 9 if with_normals else 6 if with_depth else 5
-    lane_count = 12 if with_absolute else 10 if with_normals else 7 if with_depth else 6
+    lane_count = 14 if with_absolute else 12 if with_normals else 9 if with_depth else 8
     name = (
         "backward_normals" if with_normals else "backward_depth" if with_depth else "backward_color"
     )
@@ -107,6 +109,8 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
         adj_transmittance: wp.array[float],  # 1 padded plane, zero outside the image
         adj_depth: wp.array[float],  # 1 padded plane, zero outside the image
         adj_normals: wp.array[float],  # 3 padded planes, zero outside the image
+        pair_blocks: wp.array[int],  # [pairs] the blocks that the forward pass drew the splat in
+        tile_pairs: wp.array[int],  # [pairs] where the record of each goes
         # outputs
         pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
     ):
@@ -132,6 +136,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
             dtype=float,
         )
         lanes = wp.static(planes * PLANE_FLOATS)
+        ahead_u = wp.static((planes + 1) * PLANE_FLOATS - int(_ASKED))  # behind the lanes
         for yy in range(TILE):
             base = start + yy * pitch
             for xx in range(TILE):
@@ -164,77 +169,57 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                 state[_ADJ_G + q] = adj_g
                 state[_ADJ_B + q] = adj_b
         stop = tile_ends[tile]
-        low = int(0)
-        high = int(15)
-        # A record that is not in the cache takes as long as several blocks: its first and its last line are
-        # asked for one splat ahead.
-        g = tile_splats[begin]
-        u = splats[g, SPLAT_U]
-        half_height = splats[g, SPLAT_HALF_HEIGHT]
-        for k in range(begin, stop):
-            g_next = tile_splats[wp.min(k + 1, end - 1)]
-            u_next = splats[g_next, SPLAT_U]
-            half_height_next = splats[g_next, SPLAT_HALF_HEIGHT]
-            if (k - begin) % CHECK_EVERY == CHECK_EVERY - 1:
-                alive = float(0.0)
-                for r in range(PIXELS):
-                    alive += state[r]
-                if alive < CROWDED:
-                    low = int(TILE)
-                    high = int(-1)
-                    for r_row in range(BLOCK_ROWS):
-                        alive_row = float(0.0)
-                        for r_x in range(BLOCK):
-                            at_row = r_row * BLOCK + r_x
-                            alive_row += state[at_row] + state[HALF_PIXELS + at_row]
-                        if alive_row > 0.0:
-                            low = wp.min(low, 2 * r_row)
-                            high = 2 * r_row + 1
-            mean_x = u - float(tile_x) - 0.5
-            mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
-            a = splats[g, SPLAT_A]
-            b = splats[g, SPLAT_B]
-            c = splats[g, SPLAT_C]
-            opacity = splats[g, SPLAT_OPACITY]
-            color_r = splats[g, SPLAT_RED]
-            color_g = splats[g, SPLAT_GREEN]
-            color_b = splats[g, SPLAT_BLUE]
-            z = float(0.0)
-            normal = wp.vec3(0.0, 0.0, 0.0)
-            if wp.static(with_depth):
-                z = depths[g]
-            if wp.static(with_normals):
-                normal = normals[g]
-            y_first = int(wp.max(wp.ceil(mean_y - half_height), float(low)))
-            y_last = int(wp.min(wp.floor(mean_y + half_height), float(high)))
-            half_width = splats[g, SPLAT_HALF_WIDTH]
-            x_first = int(wp.max(wp.ceil(mean_x - half_width), 0.0)) // BLOCK_COLUMNS
-            x_last = int(wp.min(wp.floor(mean_x + half_width), 15.0)) // BLOCK_COLUMNS
-            a_half = -0.5 * a
-            c_half = -0.5 * c
-            sum_0 = float(0.0)
-            sum_x = float(0.0)
-            sum_y = float(0.0)
-            sum_xx = float(0.0)
-            sum_xy = float(0.0)
-            sum_yy = float(0.0)
-            sum_r = float(0.0)
-            sum_g = float(0.0)
-            sum_b = float(0.0)
-            sum_depth = float(0.0)
-            sum_nx = float(0.0)
-            sum_ny = float(0.0)
-            sum_nz = float(0.0)
-            sum_au = float(0.0)
-            sum_av = float(0.0)
-            for half in range(x_first, x_last + 1):
-                left = float(half * BLOCK_COLUMNS) - mean_x
-                column = (half & 1) * HALF_PIXELS
+        for group in range((stop - begin + _ASKED - 1) // _ASKED):
+            group_first = begin + group * _ASKED
+            group_end = wp.min(group_first + _ASKED, stop)
+            # All records of a group are asked for at once: one that is not in the cache takes as long as
+            # several blocks.
+            for asked in range(group_first, group_end):
+                state[ahead_u + asked - group_first] = splats[tile_splats[asked], SPLAT_U]
+            for k in range(group_first, group_end):
+                blocks = pair_blocks[k]
+                g = tile_splats[k]
+                mean_x = state[ahead_u + k - group_first] - float(tile_x) - 0.5
+                mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
+                a = splats[g, SPLAT_A]
+                b = splats[g, SPLAT_B]
+                c = splats[g, SPLAT_C]
+                opacity = splats[g, SPLAT_OPACITY]
+                color_r = splats[g, SPLAT_RED]
+                color_g = splats[g, SPLAT_GREEN]
+                color_b = splats[g, SPLAT_BLUE]
+                z = float(0.0)
+                normal = wp.vec3(0.0, 0.0, 0.0)
+                if wp.static(with_depth):
+                    z = depths[g]
+                if wp.static(with_normals):
+                    normal = normals[g]
+                a_half = -0.5 * a
+                c_half = -0.5 * c
+                sum_0 = float(0.0)
+                sum_x = float(0.0)
+                sum_y = float(0.0)
+                sum_xx = float(0.0)
+                sum_xy = float(0.0)
+                sum_yy = float(0.0)
+                sum_r = float(0.0)
+                sum_g = float(0.0)
+                sum_b = float(0.0)
+                sum_depth = float(0.0)
+                sum_nx = float(0.0)
+                sum_ny = float(0.0)
+                sum_nz = float(0.0)
+                sum_au = float(0.0)
+                sum_av = float(0.0)
                 for lane_z in range(wp.static(lane_count * _LANES)):
                     state[lanes + lane_z] = 0.0
-                for y in range(y_first // 2, y_last // 2 + 1):
-                    top = float(2 * y) - mean_y
-                    block = (y & BLOCK_ROW_MASK) * BLOCK + column
+                while blocks != 0:
+                    at = lowest_bit(blocks)
+                    blocks = blocks & (blocks - 1)
+                    block = (at & BLOCKS_MASK) * BLOCK
+                    side = ((at >> BLOCK_ROW_SHIFT) & 1) * _RIGHT
+                    left = float((at >> BLOCK_ROW_SHIFT) * BLOCK_COLUMNS) - mean_x
+                    top = float((at & BLOCK_ROW_MASK) * BLOCK_LINES) - mean_y
                     for i in range(BLOCK):
                         dx = float(i & COLUMN_MASK) + left
                         dy = float(i >> BLOCK_SHIFT) + top
@@ -275,8 +260,10 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                             d_v = wp.abs(d_power * (b * dx + c * dy))
                             state[lanes + _LANE_AU + i] = state[lanes + _LANE_AU + i] + d_u
                             state[lanes + _LANE_AV + i] = state[lanes + _LANE_AV + i] + d_v
-                        state[lanes + i] = state[lanes + i] + d_power
-                        state[lanes + _LANE_Y + i] = state[lanes + _LANE_Y + i] + d_power * dy
+                        state[lanes + side + i] = state[lanes + side + i] + d_power
+                        state[lanes + _LANE_Y + side + i] = (
+                            state[lanes + _LANE_Y + side + i] + d_power * dy
+                        )
                         state[lanes + _LANE_YY + i] = (
                             state[lanes + _LANE_YY + i] + d_power * dy * dy
                         )
@@ -284,12 +271,19 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                         state[lanes + _LANE_G + i] = state[lanes + _LANE_G + i] + weight * v_g
                         state[lanes + _LANE_B + i] = state[lanes + _LANE_B + i] + weight * v_b
                 for lane in range(BLOCK):
-                    offset = float(lane & COLUMN_MASK) + left
-                    sum_0 += state[lanes + lane]
-                    sum_x += state[lanes + lane] * offset
-                    sum_xx += state[lanes + lane] * offset * offset
-                    sum_y += state[lanes + _LANE_Y + lane]
-                    sum_xy += state[lanes + _LANE_Y + lane] * offset
+                    offset = float(lane & COLUMN_MASK) - mean_x
+                    offset_right = offset + float(BLOCK_COLUMNS)
+                    power_left = state[lanes + lane]
+                    power_right = state[lanes + _RIGHT + lane]
+                    power_y_left = state[lanes + _LANE_Y + lane]
+                    power_y_right = state[lanes + _LANE_Y + _RIGHT + lane]
+                    sum_0 += power_left + power_right
+                    sum_x += power_left * offset + power_right * offset_right
+                    sum_xx += (
+                        power_left * offset * offset + power_right * offset_right * offset_right
+                    )
+                    sum_y += power_y_left + power_y_right
+                    sum_xy += power_y_left * offset + power_y_right * offset_right
                     sum_yy += state[lanes + _LANE_YY + lane]
                     sum_r += state[lanes + _LANE_R + lane]
                     sum_g += state[lanes + _LANE_G + lane]
@@ -303,29 +297,27 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                     if wp.static(with_absolute):
                         sum_au += state[lanes + _LANE_AU + lane]
                         sum_av += state[lanes + _LANE_AV + lane]
-            pair_gradients[k, 0] = a * sum_x + b * sum_y
-            pair_gradients[k, 1] = b * sum_x + c * sum_y
-            pair_gradients[k, 2] = -0.5 * sum_xx
-            pair_gradients[k, 3] = -sum_xy
-            pair_gradients[k, 4] = -0.5 * sum_yy
-            pair_gradients[k, 5] = sum_0 / opacity
-            pair_gradients[k, 6] = sum_r
-            pair_gradients[k, 7] = sum_g
-            pair_gradients[k, 8] = sum_b
-            if wp.static(with_depth):
-                pair_gradients[k, wp.static(layout.depth)] = sum_depth
-            if wp.static(with_normals):
-                pair_gradients[k, wp.static(layout.normal)] = sum_nx
-                pair_gradients[k, wp.static(layout.normal + 1)] = sum_ny
-                pair_gradients[k, wp.static(layout.normal + 2)] = sum_nz
-            if wp.static(with_absolute):
-                pair_gradients[k, wp.static(layout.absolute)] = sum_au
-                pair_gradients[k, wp.static(layout.absolute + 1)] = sum_av
-            g = g_next
-            u = u_next
-            half_height = half_height_next
+                to = tile_pairs[k]
+                pair_gradients[to, 0] = a * sum_x + b * sum_y
+                pair_gradients[to, 1] = b * sum_x + c * sum_y
+                pair_gradients[to, 2] = -0.5 * sum_xx
+                pair_gradients[to, 3] = -sum_xy
+                pair_gradients[to, 4] = -0.5 * sum_yy
+                pair_gradients[to, 5] = sum_0 / opacity
+                pair_gradients[to, 6] = sum_r
+                pair_gradients[to, 7] = sum_g
+                pair_gradients[to, 8] = sum_b
+                if wp.static(with_depth):
+                    pair_gradients[to, wp.static(layout.depth)] = sum_depth
+                if wp.static(with_normals):
+                    pair_gradients[to, wp.static(layout.normal)] = sum_nx
+                    pair_gradients[to, wp.static(layout.normal + 1)] = sum_ny
+                    pair_gradients[to, wp.static(layout.normal + 2)] = sum_nz
+                if wp.static(with_absolute):
+                    pair_gradients[to, wp.static(layout.absolute)] = sum_au
+                    pair_gradients[to, wp.static(layout.absolute + 1)] = sum_av
         for rest_k in range(stop, end):
             for field in range(wp.static(layout.fields)):
-                pair_gradients[rest_k, field] = 0.0
+                pair_gradients[tile_pairs[rest_k], field] = 0.0
 
     return backward

@@ -142,6 +142,7 @@ def backward_reference_kernel(
     depth_field: int,  # columns of the gradient record
     normal_field: int,
     absolute_field: int,
+    tile_pairs: wp.array[int],  # [pairs] where the record of each goes
     # outputs
     pair_gradients: wp.array2d[float],  # [pairs, fields of the layout], zeroed by the caller
 ):
@@ -168,6 +169,7 @@ def backward_reference_kernel(
     t = float(1.0)
     for k in range(tile_starts[tile], pixel_ends[p]):
         g = tile_splats[k]
+        to = tile_pairs[k]
         dx = float(x) + 0.5 - splats[g, SPLAT_U]
         dy = float(y) + 0.5 - splats[g, SPLAT_V]
         opacity = splats[g, SPLAT_OPACITY]
@@ -177,23 +179,23 @@ def backward_reference_kernel(
             shine = wp.dot(color_of(splats, g), v)
             if depth_field >= 0:
                 shine += depths[g] * v_depth
-                wp.atomic_add(pair_gradients, k, depth_field, t * alpha * v_depth)
+                wp.atomic_add(pair_gradients, to, depth_field, t * alpha * v_depth)
             if normal_field >= 0:
                 shine += wp.dot(normals[g], v_normal)
-                add_vector(pair_gradients, k, normal_field, t * alpha * v_normal)
+                add_vector(pair_gradients, to, normal_field, t * alpha * v_normal)
             ahead -= t * alpha * shine
             if raw <= view.max_alpha:
                 d_power = (t * shine - ahead / (1.0 - alpha)) * alpha
                 along_x = splats[g, SPLAT_A] * dx + splats[g, SPLAT_B] * dy
                 along_y = splats[g, SPLAT_B] * dx + splats[g, SPLAT_C] * dy
-                wp.atomic_add(pair_gradients, k, 0, d_power * along_x)
-                wp.atomic_add(pair_gradients, k, 1, d_power * along_y)
-                wp.atomic_add(pair_gradients, k, 2, -0.5 * d_power * dx * dx)
-                wp.atomic_add(pair_gradients, k, 3, -d_power * dx * dy)
-                wp.atomic_add(pair_gradients, k, 4, -0.5 * d_power * dy * dy)
-                wp.atomic_add(pair_gradients, k, 5, d_power / opacity)
+                wp.atomic_add(pair_gradients, to, 0, d_power * along_x)
+                wp.atomic_add(pair_gradients, to, 1, d_power * along_y)
+                wp.atomic_add(pair_gradients, to, 2, -0.5 * d_power * dx * dx)
+                wp.atomic_add(pair_gradients, to, 3, -d_power * dx * dy)
+                wp.atomic_add(pair_gradients, to, 4, -0.5 * d_power * dy * dy)
+                wp.atomic_add(pair_gradients, to, 5, d_power / opacity)
                 if absolute_field >= 0:
-                    wp.atomic_add(pair_gradients, k, absolute_field, wp.abs(d_power * along_x))
-                    wp.atomic_add(pair_gradients, k, absolute_field + 1, wp.abs(d_power * along_y))
-            add_vector(pair_gradients, k, 6, t * alpha * v)
+                    wp.atomic_add(pair_gradients, to, absolute_field, wp.abs(d_power * along_x))
+                    wp.atomic_add(pair_gradients, to, absolute_field + 1, wp.abs(d_power * along_y))
+            add_vector(pair_gradients, to, 6, t * alpha * v)
             t *= 1.0 - alpha

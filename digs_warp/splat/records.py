@@ -17,7 +17,13 @@ SPLAT_BLUE = wp.constant(8)
 SPLAT_HALF_WIDTH = wp.constant(9)  # half extents [px] of the area with alpha >= min_alpha
 SPLAT_HALF_HEIGHT = wp.constant(10)
 SPLAT_TAU = wp.constant(11)  # 2 ln(opacity / min_alpha): squared Mahalanobis radius of that area
-SPLAT_FIELDS = 12
+# In the column dx off the centre, that area is slope dx -+ sqrt(chord - taper dx^2); it reaches furthest up
+# and down on the image at dx = -peak and peak.
+SPLAT_SLOPE = wp.constant(12)
+SPLAT_CHORD = wp.constant(13)
+SPLAT_TAPER = wp.constant(14)
+SPLAT_PEAK = wp.constant(15)
+SPLAT_FIELDS = 16  # one cache line
 
 # d/d u, v, A, B, C, opacity, red, green, blue: the first columns of every gradient record.
 COLOR_FIELDS = 9

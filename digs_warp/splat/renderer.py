@@ -314,7 +314,7 @@ class SplatRenderer:
             project_backward_kernel,
             len(self.gaussians),
             [self._views, *self.gaussians.arrays, self._degree, lists.splats]
-            + [lists.pair_starts, lists.pair_slots, lists.pair_gradients]
+            + [lists.pair_starts, lists.pair_gradients]
             + [layout.depth, layout.normal, layout.absolute]
             + [*self.gradients.arrays, self._camera_shares, *statistics.arrays],
         )
@@ -323,13 +323,14 @@ class SplatRenderer:
         self._forward = self._launch(
             forward_kernel(self.options),
             self._max_tiles,
-            [*self._raster_inputs(), self._background, self._filled, *self._raster_outputs()],
+            [*self._raster_inputs(), self._background, self._filled, *self._raster_outputs()]
+            + [lists.pair_blocks],
         )
         self._backward = self._launch(
             backward_kernel(self.options, layout.absolute >= 0),
             self._max_tiles,
             [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
-            + [lists.pair_gradients],
+            + [lists.pair_blocks, lists.tile_pairs, lists.pair_gradients],
         )
 
     def _raster_inputs(self) -> list[Any]:
@@ -363,7 +364,7 @@ class SplatRenderer:
             backward_reference_kernel,
             dim=(self.image.height, self.image.width),
             inputs=[*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
-            + [layout.depth, layout.normal, layout.absolute],
+            + [layout.depth, layout.normal, layout.absolute, self.binner.lists.tile_pairs],
             outputs=[self.binner.lists.pair_gradients],
             device=self.device,
             record_tape=False,

@@ -13,7 +13,12 @@ longer than the tile, because reads 4096 bytes behind a fresh store have to wait
 
 import warp as wp
 
-from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_PIXELS, TILE_SIZE
+from digs_warp.splat.config import (
+    BLOCK_HEIGHT,
+    BLOCK_WIDTH,
+    TILE_PIXELS,
+    TILE_SIZE,
+)
 
 wp.set_module_options({"enable_backward": False})
 
@@ -24,19 +29,24 @@ TILE = wp.constant(TILE_SIZE)
 PIXELS = wp.constant(TILE_PIXELS)
 BLOCK = wp.constant(BLOCK_HEIGHT * BLOCK_WIDTH)
 BLOCK_COLUMNS = wp.constant(BLOCK_WIDTH)
+BLOCK_LINES = wp.constant(BLOCK_HEIGHT)
+LINE_SHIFT = wp.constant(BLOCK_HEIGHT.bit_length() - 1)
 BLOCK_SHIFT = wp.constant(BLOCK_WIDTH.bit_length() - 1)  # i >> shift is the row of pixel i
 COLUMN_MASK = wp.constant(BLOCK_WIDTH - 1)
 # Rows of blocks, and the pixels of the left half of a tile.
 BLOCK_ROWS = wp.constant(TILE_SIZE // BLOCK_HEIGHT)
 HALF_PIXELS = wp.constant(TILE_PIXELS // 2)
+BLOCK_ROW_SHIFT = wp.constant((TILE_SIZE // BLOCK_HEIGHT).bit_length() - 1)
 # i & mask is i, and tells LLVM that it is no negative index, which Warp would have to wrap: without it a
 # third of the time of a row goes into index checks.
+BLOCKS_MASK = wp.constant(TILE_PIXELS // (BLOCK_HEIGHT * BLOCK_WIDTH) - 1)
 BLOCK_ROW_MASK = wp.constant(TILE_SIZE // BLOCK_HEIGHT - 1)
 NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
-# Whether a tile is saturated is looked up once every so many splats: a sum over its 256 pixels.
-CHECK_EVERY = wp.constant(8)
-# Saturated rows are looked for when the transmittances of a tile sum to less than this: of its 256 pixels.
-CROWDED = wp.constant(TILE_PIXELS / 4.0)
+# Splats of a tile are drawn in groups of so many; which pixels are saturated is looked up before each.
+GROUP = wp.constant(16)
+# Blocks of a tile; those that are not saturated are one bit each.
+BLOCKS = wp.constant(TILE_PIXELS // (BLOCK_HEIGHT * BLOCK_WIDTH))
+ALL_BLOCKS = wp.constant((1 << TILE_PIXELS // (BLOCK_HEIGHT * BLOCK_WIDTH)) - 1)
 
 # Coefficients of the polynomial for exp(x / 8): the powers of 1/8 are part of them.
 _EXP_1 = wp.constant(0.999992658478104 / 8.0)
@@ -64,8 +74,11 @@ def exp_in_range(x: float) -> float:
     (p(x/8))^8 with a minimax polynomial of degree 5; below the range it stays under 1/255.
     """
     y = wp.max(x, -6.0)
-    p = _EXP_3 + y * (_EXP_4 + y * _EXP_5)
-    p = 1.0 + y * (_EXP_1 + y * (_EXP_2 + y * p))
+    # Pairs of terms first: fewer operations wait for each other than in Horner's scheme.
+    yy = y * y
+    high = _EXP_4 + y * _EXP_5
+    middle = _EXP_2 + y * _EXP_3
+    p = (1.0 + y * _EXP_1) + yy * (middle + yy * high)
     p = p * p
     p = p * p
     return p * p

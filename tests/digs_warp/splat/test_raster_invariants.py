@@ -50,7 +50,7 @@ def test_both_kernels_and_both_binnings_agree() -> None:
     fast_lists, plain_lists = fast.binner.lists, plain.binner.lists
     pairs = fast.binner.total_pairs
     assert pairs > 10_000
-    for name in ("tile_splats", "pair_slots"):
+    for name in ("tile_splats", "tile_pairs"):
         np.testing.assert_array_equal(
             getattr(fast_lists, name).numpy()[:pairs], getattr(plain_lists, name).numpy()[:pairs]
         )

@@ -53,6 +53,11 @@ def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path
     assert_vectorized(code, HOT_LOOP, tmp_path)
 
 
+def test_which_blocks_are_touched_is_found_for_several_splats_at_once(tmp_path: Path) -> None:
+    code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS["colour, forward"])
+    assert_vectorized(code, "for member in range(GROUP):", tmp_path)
+
+
 MODULES = {
     "digs_warp.train.optimizer": "for i in range(_BLOCK):",
     "digs_warp.compose": "for xc in range(_PIECE):",
