@@ -1,6 +1,6 @@
 """Measure the simulated depth sensor against real matching and write docs/sensor-cost.md.
 
-Usage: python scripts/sensor_cost_page.py   (about a minute; keep the machine quiet meanwhile)
+Usage: python scripts/sensor_cost_page.py   (about two minutes; keep the machine quiet meanwhile)
 """
 
 from importlib.metadata import version
@@ -16,8 +16,10 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 TEXT = """# The simulated depth sensor: what accuracy costs in time
 
 This page is written by `make sensor-cost`; `digs-warp bench sim` prints the same numbers. Measured with
-OpenCV {opencv} and Warp {warp} on two cores at 1280 x 720; times are the best of three and belong to the
-machine, which other work may have shared.
+OpenCV {opencv} and Warp {warp} on two cores at 1280 x 720. *time* is per frame while two are sensed side by
+side, as a recording does it, and without what a recording does once (planning, compiling); *CPU* is what both
+cores spend on a frame meanwhile. The best of five rounds; times belong to the machine, which other work may
+have shared.
 
 ![Tiers and effects by time and by their gap to real matching](images/sensor-cost.png)
 
