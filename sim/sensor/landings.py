@@ -114,7 +114,8 @@ def _classify_kernel(
     """Go through a row from right to left; what lands right of something to come may be hidden by it."""
     start = (first + wp.tid()) * width
     own = floats_from(disparity, start, width)
-    landed = floats_from(nearest, start, width)
+    # One index after the other runs in a launch: they share the memory of its first one.
+    landed = floats_from(nearest, first * width, width)
     found = bytes_from(state, start, width)
     # Of what landed, all that is nearer than this is in the right image.
     landed_limit = wp.float32(1.0e30)

@@ -59,7 +59,8 @@ class CorrelatedNoise:
         noise *= np.float32(sigma * np.sqrt(rig.temporal_share))
         if rig.temporal_share < 1:
             fixed = texture_pattern(truth.gray, rig.noise_correlation)
-            noise += np.float32(sigma * np.sqrt(1 - rig.temporal_share)) * fixed
+            fixed *= np.float32(sigma * np.sqrt(1 - rig.temporal_share))
+            noise += fixed
         return sensed.shifted(noise)
 
 
@@ -78,6 +79,6 @@ def texture_pattern(gray: np.ndarray, correlation: float) -> np.ndarray:
     band = fine
     band -= enlarge(blur(half, 0.5 * BAND_RATIO * 0.5 * correlation), gray.shape)
     energy = box_mean(shrink(np.square(band), 4), int(REGION * correlation / 4) | 1)
-    scale = 1 / np.sqrt(np.maximum(energy, 0.0) + np.float32(NO_TEXTURE**2))
+    scale = 1 / np.sqrt(np.maximum(energy, np.float32(0)) + np.float32(NO_TEXTURE**2))
     band *= enlarge(scale, gray.shape)
     return np.clip(band, -LARGEST, LARGEST, out=band)

@@ -38,6 +38,10 @@ class Ripple:
     ) -> Sensed:
         """Add the ripple of the sensed disparity; ``strength`` is a factor on its amplitude."""
         # The fraction first: the sine of a small float32 angle is exact enough, that of a large one not.
-        fraction = sensed.disparity - np.floor(sensed.disparity)
-        error = np.sin(np.float32(2 * np.pi) * fraction)
-        return sensed.shifted(np.float32(-strength * truth.rig.ripple) * error)
+        # In place: every further image in memory costs as much as the arithmetic.
+        error = np.floor(sensed.disparity)
+        np.subtract(sensed.disparity, error, out=error)
+        error *= np.float32(2 * np.pi)
+        np.sin(error, out=error)
+        error *= np.float32(-strength * truth.rig.ripple)
+        return sensed.shifted(error)
