@@ -40,8 +40,7 @@ def span_kernel(
     row_starts: wp.array[int],  # [n + 1] spans of splat g: row_starts[g] .. row_starts[g + 1]
     slack: float,
     # outputs
-    spans: wp.array[int],  # [rows] packed tile columns
-    span_starts: wp.array[int],  # [rows] pairs of the splat before this span
+    spans: wp.array[wp.vec2i],  # [rows] packed tile columns; pairs of the splat before this span
     pair_counts: wp.array[int],  # [n]
 ):
     """Find the drawn tile columns that each splat touches in each of its tile rows."""
@@ -80,8 +79,7 @@ def span_kernel(
             t1 = t0
             if low <= high and x0 <= x1:
                 t1 = x1 // _TILE + 1
-            spans[row] = t0 | (t1 << _SPAN_BITS)
-            span_starts[row] = pairs
+            spans[row] = wp.vec2i(t0 | (t1 << _SPAN_BITS), pairs)
             pairs += t1 - t0
     pair_counts[g] = pairs
 
@@ -109,24 +107,55 @@ def exclusive_scan_kernel(counts: wp.array[int], count: int, starts: wp.array[in
 
 
 @wp.kernel
-def tile_count_kernel(
+def pair_scan_kernel(
     count: int,
-    columns: int,
-    tiles: int,
     first_tile_rows: wp.array[int],
     row_starts: wp.array[int],
-    spans: wp.array[int],
+    pair_counts: wp.array[int],
     # outputs
-    tile_counts: wp.array[int],  # [tiles of the largest view]
+    pair_starts: wp.array[int],  # [n + 1] running sum of the counts
+    ranges: wp.array[wp.vec4i],  # [n] first tile row, first span, number of spans, first pair
 ):
-    """Count the splats of every tile. One thread."""
-    for i in range(tiles):
-        tile_counts[i] = 0
+    """Number the pairs; and lay side by side what dealing out asks of splats in any order. One thread."""
+    total = int(0)
     for g in range(count):
+        pair_starts[g] = total
         begin = row_starts[g]
-        for row in range(begin, row_starts[g + 1]):
-            base = (first_tile_rows[g] + row - begin) * columns
-            for column in range(span_first(spans[row]), span_end(spans[row])):
+        ranges[g] = wp.vec4i(first_tile_rows[g], begin, row_starts[g + 1] - begin, total)
+        total += pair_counts[g]
+    pair_starts[count] = total
+
+
+@wp.func
+def band_start(views: wp.array[ViewParams], band: int, bands: int) -> int:
+    """First tile row of one of ``bands`` equal parts of the drawn ones."""
+    first_row = views[0].first_row
+    return first_row + (views[0].end_row - first_row) * band // bands
+
+
+@wp.kernel
+def tile_count_kernel(
+    first: int,
+    views: wp.array[ViewParams],
+    bands: int,
+    count: int,
+    ranges: wp.array[wp.vec4i],
+    spans: wp.array[wp.vec2i],
+    # outputs
+    tile_counts: wp.array[int],  # [tiles of the largest view], 0 before
+):
+    """Count the splats of every tile of one band of tile rows."""
+    band = first + wp.tid()
+    columns = views[0].columns
+    band_first = band_start(views, band, bands)
+    band_end = band_start(views, band + 1, bands)
+    for g in range(count):
+        drawn = ranges[g]
+        top = drawn[0]
+        for tile_row in range(wp.max(top, band_first), wp.min(top + drawn[2], band_end)):
+            span = spans[drawn[1] + tile_row - top][0]
+            base = tile_row * columns
+            for column in range(span_first(span), span_end(span)):
                 tile_counts[base + column] = tile_counts[base + column] + 1
 
 
@@ -147,11 +176,8 @@ def emit_kernel(
     bands: int,
     count: int,
     order: wp.array[int],  # [n] splats, nearest first
-    first_tile_rows: wp.array[int],
-    row_starts: wp.array[int],
-    spans: wp.array[int],
-    span_starts: wp.array[int],
-    pair_starts: wp.array[int],
+    ranges: wp.array[wp.vec4i],
+    spans: wp.array[wp.vec2i],
     tile_starts: wp.array[int],
     # outputs
     cursors: wp.array[int],  # [tiles]
@@ -161,38 +187,30 @@ def emit_kernel(
     """Deal the splats out to the tiles of one band of tile rows."""
     band = first + wp.tid()
     columns = views[0].columns
-    first_row = views[0].first_row
-    rows = views[0].end_row - first_row
-    band_first = first_row + rows * band // bands
-    band_end = first_row + rows * (band + 1) // bands
+    band_first = band_start(views, band, bands)
+    band_end = band_start(views, band + 1, bands)
     for tile in range(band_first * columns, band_end * columns):
         cursors[tile] = tile_starts[tile]
     for i in range(count):
         g = order[i]
-        begin = row_starts[g]
-        end = row_starts[g + 1]
-        top = first_tile_rows[g]
-        inner_first = wp.max(top, band_first)
-        inner_end = wp.min(top + end - begin, band_end)
-        for tile_row in range(inner_first, inner_end):
-            row = begin + tile_row - top
-            pair = pair_starts[g] + span_starts[row]
-            x0 = span_first(spans[row])
-            for column in range(x0, span_end(spans[row])):
-                tile = tile_row * columns + column
-                slot = cursors[tile]
-                cursors[tile] = slot + 1
+        drawn = ranges[g]
+        top = drawn[0]
+        for tile_row in range(wp.max(top, band_first), wp.min(top + drawn[2], band_end)):
+            span = spans[drawn[1] + tile_row - top]
+            x0 = span_first(span[0])
+            pair = drawn[3] + span[1] - x0
+            for column in range(x0, span_end(span[0])):
+                here = tile_row * columns + column
+                slot = cursors[here]
+                cursors[here] = slot + 1
                 tile_splats[slot] = g
-                tile_pairs[slot] = pair + column - x0
+                tile_pairs[slot] = pair + column
 
 
 @wp.kernel
 def pair_key_kernel(
-    first_tile_rows: wp.array[int],
-    row_starts: wp.array[int],
-    spans: wp.array[int],
-    span_starts: wp.array[int],
-    pair_starts: wp.array[int],
+    ranges: wp.array[wp.vec4i],
+    spans: wp.array[wp.vec2i],
     depths: wp.array[float],
     columns: int,
     # outputs
@@ -202,12 +220,13 @@ def pair_key_kernel(
 ):
     """One (tile, depth) key per pair, one thread per splat."""
     g = wp.tid()
-    begin = row_starts[g]
-    for row in range(begin, row_starts[g + 1]):
-        x0 = span_first(spans[row])
-        for column in range(x0, span_end(spans[row])):
-            pair = pair_starts[g] + span_starts[row] + column - x0
-            tile = (first_tile_rows[g] + row - begin) * columns + column
+    drawn = ranges[g]
+    for row in range(drawn[2]):
+        span = spans[drawn[1] + row]
+        x0 = span_first(span[0])
+        for column in range(x0, span_end(span[0])):
+            pair = drawn[3] + span[1] + column - x0
+            tile = (drawn[0] + row) * columns + column
             keys[pair] = (wp.int64(tile) << wp.int64(32)) | wp.int64(wp.cast(depths[g], wp.int32))
             pairs[pair] = pair
             pair_splats[pair] = g

@@ -23,6 +23,7 @@ from digs_warp.splat.bin_kernels import (
     emit_kernel,
     exclusive_scan_kernel,
     pair_key_kernel,
+    pair_scan_kernel,
     span_kernel,
     tile_count_kernel,
     unpack_kernel,
@@ -48,8 +49,8 @@ class TileLists:
     tile_counts: wp.array  # [tiles]
     tile_starts: wp.array  # [tiles + 1]
     cursors: wp.array  # [tiles]
-    spans: wp.array  # [row capacity]
-    span_starts: wp.array  # [row capacity]
+    ranges: wp.array  # [n] vec4i: first tile row, first span, number of spans, first pair
+    spans: wp.array  # [row capacity] vec2i
     tile_splats: wp.array  # [pair capacity]
     tile_pairs: wp.array  # [pair capacity] numbers of the same pairs, counted by splat
     pair_blocks: wp.array  # [pair capacity] blocks drawn, by `digs_warp.splat.rasterize`
@@ -116,7 +117,7 @@ class TileBinner:
         if self.total_rows > len(lists.spans):
             self._grow_rows()
         self._span_launch.run()
-        self._scan(lists.pair_counts, self.count, lists.pair_starts)
+        self._number_pairs()
         self.total_pairs = self._last(lists.pair_starts)
         if self.total_pairs > len(lists.tile_splats):
             self._grow_pairs()
@@ -142,17 +143,10 @@ class TileBinner:
         return x0, y0, min(x1, self.width), min(y1, self.height)
 
     def _bin_by_counting(self) -> None:
-        lists = self.lists
-        wp.launch(
-            tile_count_kernel,
-            dim=1,
-            inputs=[self.count, self.columns, self.tiles]
-            + [lists.first_tile_rows, lists.row_starts, lists.spans],
-            outputs=[lists.tile_counts],
-            device=self.device,
-            record_tape=False,
-        )
-        self._scan(lists.tile_counts, self.tiles, lists.tile_starts)
+        # Tiles that are not drawn: those of no band.
+        self.lists.tile_counts.zero_()
+        self._count_launch.run()
+        self._scan(self.lists.tile_counts, self.tiles, self.lists.tile_starts)
         self._key_launch.run()
         if self.count:
             wp.utils.radix_sort_pairs(self._keys, self._order, self.count)
@@ -164,11 +158,10 @@ class TileBinner:
         keys = wp.zeros(2 * max(pairs, 1), dtype=wp.int64, device=self.device)
         values = self._zeros(2 * max(pairs, 1))
         pair_splats = self._zeros(max(pairs, 1))
-        spans = [lists.first_tile_rows, lists.row_starts, lists.spans, lists.span_starts]
         wp.launch(
             pair_key_kernel,
             dim=self.count,
-            inputs=[*spans, lists.pair_starts, lists.depths, self.columns],
+            inputs=[lists.ranges, lists.spans, lists.depths, self.columns],
             outputs=[keys, values, pair_splats],
             device=self.device,
             record_tape=False,
@@ -201,8 +194,8 @@ class TileBinner:
             tile_counts=self._zeros(self._capacity),
             tile_starts=self._zeros(self._capacity + 1),
             cursors=self._zeros(self._capacity),
-            spans=self._zeros(rows),
-            span_starts=self._zeros(rows),
+            ranges=wp.zeros(n, dtype=wp.vec4i, device=self.device),
+            spans=self._make_spans(rows),
             tile_splats=self._zeros(pairs),
             tile_pairs=self._zeros(pairs),
             pair_blocks=self._zeros(pairs),
@@ -216,8 +209,7 @@ class TileBinner:
 
     def _grow_rows(self) -> None:
         capacity = int(self.total_rows * _GROWTH)
-        self.lists.spans = self._zeros(capacity)
-        self.lists.span_starts = self._zeros(capacity)
+        self.lists.spans = self._make_spans(capacity)
         self._record()
 
     def _grow_pairs(self) -> None:
@@ -235,22 +227,26 @@ class TileBinner:
         """Record the launches on the present buffers."""
         lists = self.lists
         self.generation += 1
-        bands = self.threads
-        spans = [lists.first_tile_rows, lists.row_starts, lists.spans, lists.span_starts]
+        bands = [self._views, self.threads, self.count]
         self._span_launch = self._launch(
             span_kernel,
             self.count,
             [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
-            + [lists.spans, lists.span_starts, lists.pair_counts],
+            + [lists.spans, lists.pair_counts],
         )
         self._key_launch = self._launch(
             depth_key_kernel, self.count, [lists.depths, self._keys, self._order]
         )
+        self._count_launch = self._launch(
+            tile_count_kernel,
+            self.threads,
+            [*bands, lists.ranges, lists.spans, lists.tile_counts],
+        )
         self._emit_launch = self._launch(
             emit_kernel,
-            bands,
-            [self._views, bands, self.count, self._order, *spans, lists.pair_starts]
-            + [lists.tile_starts, lists.cursors, lists.tile_splats, lists.tile_pairs],
+            self.threads,
+            [*bands, self._order, lists.ranges, lists.spans, lists.tile_starts]
+            + [lists.cursors, lists.tile_splats, lists.tile_pairs],
         )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
@@ -265,6 +261,20 @@ class TileBinner:
             device=self.device,
             record_tape=False,
         )
+
+    def _number_pairs(self) -> None:
+        lists = self.lists
+        wp.launch(
+            pair_scan_kernel,
+            dim=1,
+            inputs=[self.count, lists.first_tile_rows, lists.row_starts, lists.pair_counts],
+            outputs=[lists.pair_starts, lists.ranges],
+            device=self.device,
+            record_tape=False,
+        )
+
+    def _make_spans(self, count: int) -> wp.array:
+        return wp.zeros(count, dtype=wp.vec2i, device=self.device)
 
     def _last(self, starts: wp.array) -> int:
         return int(starts.numpy()[self.count])
