@@ -104,9 +104,11 @@ class BandedRays:
     bands: tuple[FrameRays, ...]
     heights: tuple[int, ...]
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         """See `FrameRays`."""
-        return self._joined("right_visibility", where)
+        return self._joined("right_visibility", where, depth)
 
     def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         """See `FrameRays`."""
@@ -116,8 +118,12 @@ class BandedRays:
         """See `FrameRays`."""
         return self._joined("depth_behind", where)
 
-    def _joined(self, kind: str, where: np.ndarray | None) -> np.ndarray:
+    def _joined(self, kind: str, *images: np.ndarray | None) -> np.ndarray:
+        """Ask every band about its rows of the images."""
         edges = np.cumsum(self.heights)[:-1]
-        parts = [None] * len(self.bands) if where is None else np.split(where, edges)
-        bands = zip(self.bands, parts, strict=True)
-        return np.concatenate([getattr(band, kind)(part) for band, part in bands])
+        parts = [
+            [None] * len(self.bands) if image is None else np.split(image, edges)
+            for image in images
+        ]
+        asked = zip(self.bands, *parts, strict=True)
+        return np.concatenate([getattr(band, kind)(*part) for band, *part in asked])

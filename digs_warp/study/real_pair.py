@@ -28,7 +28,9 @@ class WarpedRays:
     def __init__(self, disparity: np.ndarray) -> None:
         self._disparity = disparity
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         """Whether a pixel comes out in front when all are moved into the right image."""
         return self._right_visibility if where is None else self._right_visibility | ~where
 

@@ -66,6 +66,43 @@ def right_visibility_kernel(
 
 
 @wp.kernel
+def right_visibility_at_depth_kernel(
+    first: int,
+    view: View,
+    surface: Surface,
+    pixels: wp.array[int],
+    right_center: wp.vec3,
+    depth: wp.array[float],  # [height * width] planar z of what the left eye sees [m]
+    # outputs
+    visible: wp.array[wp.uint8],  # [pixels]
+):
+    """Look from the right eye at points whose depth is known, among opaque surfaces: one ray for each."""
+    index = first + wp.tid()
+    pixel = pixels[index]
+    x = float(pixel % view.width) + 0.5
+    y = float(pixel // view.width) + 0.5
+    direction_cam = ray_direction_cam(view, x, y)
+    direction = view.world_from_cam * direction_cam
+    distance = depth[pixel] / direction_cam[2]
+    toward = view.center + distance * direction - right_center
+    reach = wp.length(toward)
+    toward = toward / reach
+    wall = surround_distance(view, view.center, direction)
+    clear = wp.bool(True)
+    if distance > wall * (1.0 - SAME_POINT):
+        # Nothing is behind the surround, and it has one side: anything met on the way hides it.
+        near = reach * (1.0 - SAME_POINT)
+        clear = not wp.mesh_query_ray_anyhit(surface.mesh, right_center, toward, near)
+    else:
+        hit = wp.mesh_query_ray(surface.mesh, right_center, toward, reach * (1.0 + SAME_POINT))
+        if hit.result:
+            clear = hit.t >= reach * (1.0 - SAME_POINT)
+            # A thin sheet may turn its other side to the right eye.
+            clear = clear and wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
+    visible[index] = wp.uint8(wp.where(clear, 1, 0))
+
+
+@wp.kernel
 def reflection_kernel(
     first: int,
     view: View,
@@ -144,14 +181,17 @@ class SurfaceRays:
         self._view = make_view(camera, surround_radius)
         self._threads = threads
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
 
         Nothing opaque is in the way, and the surface turns the same side to both eyes. Points outside
         the right image count as seen: its border is another matter. Rays are cast only at ``where``,
-        (height, width), bool; None: everywhere, once. The other pixels count as seen.
+        (height, width), bool; None: everywhere, once. The other pixels count as seen. Where ``depth`` tells
+        how far the points are [m], (height, width), float32, they need not be looked for.
         """
-        return self._right_visibility if where is None else self._look_from_right(where)
+        return self._right_visibility if where is None else self._look_from_right(where, depth)
 
     def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
         """Distance from the surface to what it would mirror [m], (height, width), float32.
@@ -187,10 +227,16 @@ class SurfaceRays:
         k = self._camera.intrinsics
         return np.ones((k.height, k.width), dtype=bool)
 
-    def _look_from_right(self, where: np.ndarray) -> np.ndarray:
+    def _look_from_right(self, where: np.ndarray, depth: np.ndarray | None = None) -> np.ndarray:
         right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
         visible = np.ones(where.shape, dtype=bool)
-        visible[where] = self._values(right_visibility_kernel, where, wp.uint8, right) != 0
+        # What is seen through hides in its own ways.
+        if depth is None or self._scene.surface.see_through:
+            found = self._values(right_visibility_kernel, where, wp.uint8, right)
+        else:
+            known = wp.array(depth.reshape(-1), dtype=float, device="cpu", copy=False)
+            found = self._values(right_visibility_at_depth_kernel, where, wp.uint8, right, known)
+        visible[where] = found != 0
         return visible
 
     def _cast(self, kernel: Any, where: np.ndarray) -> np.ndarray:
@@ -198,11 +244,11 @@ class SurfaceRays:
         image[where] = self._values(kernel, where, float)
         return image
 
-    def _values(self, kernel: Any, where: np.ndarray, dtype: Any, *scalars: Any) -> np.ndarray:
+    def _values(self, kernel: Any, where: np.ndarray, dtype: Any, *inputs: Any) -> np.ndarray:
         """Return what a kernel finds at the pixels of ``where``, in reading order."""
         pixels = np.flatnonzero(where).astype(np.int32)
         values = wp.empty(len(pixels), dtype=dtype, device="cpu")
         numbers = wp.from_numpy(pixels, dtype=int, device="cpu")
-        inputs = [self._view, self._scene.surface, numbers, *scalars, values]
-        launch_parallel(kernel, len(pixels), inputs, threads=self._threads)
+        arguments = [self._view, self._scene.surface, numbers, *inputs, values]
+        launch_parallel(kernel, len(pixels), arguments, threads=self._threads)
         return values.numpy()

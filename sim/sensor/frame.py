@@ -19,11 +19,14 @@ from sim.sensor.texture import Texture, measure_texture, noise_of, texture_dista
 class FrameRays(Protocol):
     """Rays that only some effects need; a renderer casts them when asked, once per frame."""
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
 
         Here and below, rays are cast only at ``where``, (height, width), bool; None: everywhere. The
-        other pixels count as seen.
+        other pixels count as seen. ``depth``: planar z [m], (height, width), float32, of what the left eye
+        sees, which then need not be looked for.
         """
         ...
 
@@ -112,7 +115,9 @@ class FrameTruth:
         opaque = self.disparity
         if clear.any():
             opaque = np.where(clear[self.material_ids], np.float32(np.nan), opaque)
-        return hidden_from_right(self.disparity, opaque, self.rays.right_visibility)
+        return hidden_from_right(
+            self.disparity, opaque, lambda where: self.rays.right_visibility(where, self.depth)
+        )
 
     @cached_property
     def texture_distance(self) -> np.ndarray:

@@ -50,7 +50,9 @@ class CountedRays:
     shape: tuple[int, int]
     asked: list[str] = field(default_factory=list)
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         self.asked.append("right_visibility")
         return np.ones(self.shape, dtype=bool)
 

@@ -17,7 +17,9 @@ class HiddenRays(CountedRays):
         super().__init__(hidden.shape)
         self.hidden = hidden
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         visible = super().right_visibility(where) & ~self.hidden
         return visible if where is None else visible | ~where
 

@@ -136,3 +136,25 @@ def test_rays_are_cast_once() -> None:
     rays, _ = rays_of(wall(0.0, 0.2))
     assert rays.right_visibility() is rays.right_visibility()
     assert rays.depth_behind() is rays.depth_behind()
+
+
+def test_points_of_known_depth_are_seen_as_those_that_are_looked_for() -> None:
+    """A plate, a sheet seen from its two sides, a wall that ends, and the surround behind all."""
+    sheet = plate((0.2, 0.06, 0), (0.1, 0, 0), (0, 0, 0.1), Material("paper", np.ones(3)))
+    rays, depth = rays_of(join_scenes(wall(0.4, 0.1), sheet, wall(-0.5, 0.6)))
+    everywhere = np.ones((90, 160), dtype=bool)
+    looked_for = rays.right_visibility()
+    np.testing.assert_array_equal(rays.right_visibility(everywhere, depth), looked_for)
+    assert 0.02 < (~looked_for).mean() < 0.5
+    # Another depth is another point: what is told is used.
+    assert (rays.right_visibility(everywhere, 0.5 * depth) != looked_for).any()
+
+
+def test_known_depth_makes_no_difference_among_things_that_are_seen_through() -> None:
+    rays, depth = rays_of(
+        join_scenes(
+            wall(0.4, 0.1, transmission=1.0, name="glass"), wall(0.2, 0.05), wall(-0.5, 3.0)
+        )
+    )
+    everywhere = np.ones((90, 160), dtype=bool)
+    np.testing.assert_array_equal(rays.right_visibility(everywhere, depth), rays.right_visibility())

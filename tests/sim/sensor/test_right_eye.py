@@ -19,7 +19,9 @@ class NoRays(CountedRays):
 
     count: int = 0
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         assert where is not None
         self.count += int(np.count_nonzero(where))
         return np.ones(self.shape, dtype=bool)

@@ -40,7 +40,9 @@ LABELS = {
 class StepRays(CountedRays):
     """The right eye does not see the strip left of the near square."""
 
-    def right_visibility(self, where: np.ndarray | None = None) -> np.ndarray:
+    def right_visibility(
+        self, where: np.ndarray | None = None, depth: np.ndarray | None = None
+    ) -> np.ndarray:
         visible = super().right_visibility(where)
         visible[60:180, 70:110] = False
         return visible
