@@ -26,6 +26,8 @@ What keeps the inner loops fast: no libm calls, no branches (`wp.where`), no var
 loops, and all pixel state of a tile, copies of its gradient planes included, in one array whose stride LLVM
 knows (a read from a Warp array, whose stride is known only at run time, becomes a gather). How that state
 lies in memory, and why, stands in `digs_warp.splat.tile`.
+Splats are drawn in groups: which blocks of the tile each one touches is found for the group at once
+(`digs_warp.splat.tile_blocks`), and kept for the backward pass.
 The options are constants of the kernel, and what a view does not ask for is not in it: there is one kernel
 per set of options.
 A test compiles both passes with LLVM's vectorization remarks on and fails when a loop falls out.

@@ -41,7 +41,6 @@ BLOCK_ROW_SHIFT = wp.constant((TILE_SIZE // BLOCK_HEIGHT).bit_length() - 1)
 # third of the time of a row goes into index checks.
 BLOCKS_MASK = wp.constant(TILE_PIXELS // (BLOCK_HEIGHT * BLOCK_WIDTH) - 1)
 BLOCK_ROW_MASK = wp.constant(TILE_SIZE // BLOCK_HEIGHT - 1)
-NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 # Splats of a tile are drawn in groups of so many; which pixels are saturated is looked up before each.
 GROUP = wp.constant(16)
 # Blocks of a tile; those that are not saturated are one bit each.
