@@ -18,9 +18,8 @@ import warp as wp
 
 from digs_warp.contiguous import floats_from
 from digs_warp.kernel_options import vector_module_options
-from digs_warp.parallel import launch_parallel
 from digs_warp.warp_start import start_warp
-from sim.sensor.arrays import shared
+from sim.sensor.arrays import launch_rows, shared
 from sim.sensor.filters import enlarge
 
 start_warp()
@@ -84,7 +83,7 @@ class RowField:
         """Return the field at every pixel, (height, width), float32."""
         height, width = self.shape
         whole = wp.empty(height * self.rows.shape[1], dtype=float, device="cpu")
-        launch_parallel(_image_kernel, height, [self.for_kernels(), whole], threads=1)
+        launch_rows(_image_kernel, height, [self.for_kernels(), whole])
         return whole.numpy().reshape(height, -1)[:, :width]
 
 
@@ -112,7 +111,7 @@ def stretched(grid: np.ndarray, down: Taps, across: Taps, shape: tuple[int, int]
         shared(weights),
         pitch,
     ]
-    launch_parallel(_stretch_kernel, count, [*inputs, rows], threads=1)
+    launch_rows(_stretch_kernel, count, [*inputs, rows])
     return RowField(rows.numpy().reshape(count, pitch), down, shape)
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from digs_warp.parallel import launch_parallel
-from sim.sensor.arrays import shared
+from sim.sensor.arrays import launch_rows, shared
 from sim.sensor.slope_kernels import slope_kernel, steep_kernel
 
 
@@ -20,7 +19,7 @@ def surface_slope(disparity: np.ndarray) -> np.ndarray:
     if width < 2:
         return np.zeros(disparity.shape, dtype=np.float32)
     slopes = np.empty((height, width), dtype=np.float32)
-    launch_parallel(slope_kernel, height, [shared(disparity), width, shared(slopes)])
+    launch_rows(slope_kernel, height, [shared(disparity), width, shared(slopes)])
     return slopes
 
 
@@ -35,7 +34,7 @@ def steep_pixels(disparity: np.ndarray, slope: np.ndarray, limit: float) -> np.n
     height, width = disparity.shape
     steep = np.empty((height, width), dtype=np.uint8)
     inputs = [shared(disparity), shared(slope), height, width, limit, shared(steep)]
-    launch_parallel(steep_kernel, height, inputs)
+    launch_rows(steep_kernel, height, inputs)
     return np.flatnonzero(steep.view(bool))
 
 

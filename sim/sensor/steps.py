@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.parallel import launch_parallel
-from sim.sensor.arrays import shared
+from sim.sensor.arrays import launch_rows, shared
 from sim.sensor.slope_kernels import step_kernel
 
 
@@ -41,9 +40,7 @@ def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
     """
     height, width = disparity.shape
     marks = np.empty((height, width), dtype=np.uint8)
-    launch_parallel(
-        step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)]
-    )
+    launch_rows(step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)])
     at, values = np.flatnonzero(marks.view(bool)), disparity.reshape(-1)
     here, limit = values[at], np.float32(threshold)
     right = values[np.minimum(at + 1, values.size - 1)] - here

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.parallel import launch_parallel
-from sim.sensor.arrays import shared
+from sim.sensor.arrays import launch_rows, shared
 from sim.sensor.filters import box_mean, distance_to
 from sim.sensor.texture_kernel import BLOCK, PIECE, texture_kernel
 
@@ -65,7 +64,7 @@ def measure_texture(gray: np.ndarray, window: int) -> Texture:
     )
     scratch = wp.empty(blocks[0] * 4 * pitch, dtype=float, device="cpu")
     inputs = [shared(gray), height, width, window, pitch, scratch, gradient, logarithms, energies]
-    launch_parallel(texture_kernel, blocks[0], inputs)
+    launch_rows(texture_kernel, blocks[0], inputs)
     return Texture(
         gradient.numpy().reshape(height, width),
         logarithms.numpy().reshape(blocks),

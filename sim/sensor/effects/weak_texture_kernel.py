@@ -16,8 +16,7 @@ import warp as wp
 
 from digs_warp.contiguous import bytes_from, floats_from
 from digs_warp.kernel_options import vector_module_options
-from digs_warp.parallel import launch_parallel
-from sim.sensor.arrays import shared
+from sim.sensor.arrays import launch_rows, shared
 from sim.sensor.cause import Cause
 from sim.sensor.row_field import PIECE, RowField, Rows, sum_rows
 
@@ -76,7 +75,7 @@ def apply_weak_texture(
     rows = [field.for_kernels() for field in vars(fields).values()]
     scalars = [strip_error, strip_growth, label_from]
     frame = [shared(image) for image in (disparity, cause, confidence)]
-    launch_parallel(_weak_texture_kernel, height, [width, *rows, *scalars, *frame])
+    launch_rows(_weak_texture_kernel, height, [width, *rows, *scalars, *frame])
 
 
 @wp.func
