@@ -181,6 +181,21 @@ class Capture:
         """Whether the poses mean anything: a recording without them has the identity in every frame."""
         return bool(self.metadata.get("poses_known", True))
 
+    @property
+    def readout_time(self) -> float:
+        """How long the camera takes from the first row of an image to the last [s]; 0 if it does not say.
+
+        Raises:
+            CaptureError: the index says something that is no time.
+        """
+        found = self.metadata.get("readout_time", 0.0)
+        if not isinstance(found, int | float) or not 0 <= found < np.inf:
+            raise CaptureError(
+                f"capture '{self.folder}', digs_warp in {INDEX_NAME}: readout_time is {found!r}, expected "
+                "seconds, 0 for a camera that takes all rows at once"
+            )
+        return float(found)
+
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
         """Return (training, test) frames: every ``test_every``-th, from the first on, is held out."""
         test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]

@@ -122,6 +122,8 @@ def _structure_from_motion(
     """Pose all frames, those held out as well: without a pose they could not be compared."""
     from digs_warp.sfm.estimate import structure_from_motion
 
+    if config.readout_time is None:
+        config = replace(config, readout_time=capture.readout_time)
     result = structure_from_motion(capture.frames, config, workspace)
     log.results["sfm"] = asdict(result.quality)
     return result

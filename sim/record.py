@@ -166,6 +166,7 @@ def _metadata(session: Session, plan: SensorPlan) -> dict[str, Any]:
         "sensor": {k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
     }
     if config.plans_effects:
+        about["readout_time"] = plan.shutter(session.rig, config.strength).readout_time
         about["effects"] = plan.effects_on
         about["cause_labels"] = {str(cause.value): cause.name.lower() for cause in Cause}
     return about

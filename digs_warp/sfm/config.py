@@ -7,6 +7,9 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 
+# No video camera takes longer for an image [s]; a number above it was meant in milliseconds.
+LONGEST_READOUT = 0.5
+
 
 @dataclass(frozen=True, kw_only=True)
 class SfmConfig:
@@ -44,6 +47,10 @@ class SfmConfig:
     refine_focal: bool = False
     """Take the focal lengths of the recording for a guess and estimate them, too."""
 
+    readout_time: float | None = None
+    """Rolling shutter: time from the first row to the last [s]; poses that are estimated allow for it.
+    Default: what the recording says of itself. 0: all rows at once."""
+
     min_registered: float = 0.9
     """Share of the images that have to be placed in one model; with fewer the run stops and says why.
     Lower it to go on with the largest model, with a warning."""
@@ -65,6 +72,10 @@ class SfmConfig:
         if self.overlap < 1 or self.loop_images < 0:
             raise DigsError(
                 f"sfm.overlap: {self.overlap}, sfm.loop_images: {self.loop_images}; expected at least 1 and 0"
+            )
+        if self.readout_time is not None and not 0 <= self.readout_time < LONGEST_READOUT:
+            raise DigsError(
+                f"sfm.readout_time: {self.readout_time}, expected seconds, 0 to below {LONGEST_READOUT}"
             )
         if not 0 < self.min_registered <= 1:
             raise DigsError(

@@ -27,6 +27,7 @@ from digs_warp.sfm.quality import (
     check_motion,
     measure_quality,
 )
+from digs_warp.sfm.unrolled import correct_rolling_shutter
 from digs_warp.sfm.workspace import Workspace, stage_keys
 from digs_warp.sfm_model import SfmModel
 
@@ -61,7 +62,7 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
 
     Args:
         frames: at least three, in the order of the recording; their intrinsics are taken as known. Their
-            poses serve only where ``config.poses`` asks for them.
+            poses serve only where ``config.poses`` asks for them, their times for a rolling shutter.
         config: what to do.
         workspace: folder for COLMAP's database and model; created when missing.
 
@@ -148,6 +149,8 @@ def _make_model(
         shutil.rmtree(unfinished, ignore_errors=True)
     if not models:
         raise no_model_error(images, database)
+    if config.poses == "sfm" and config.readout_time:
+        correct_rolling_shutter(models[0], frames, images, config.readout_time)
     place.model.mkdir(parents=True, exist_ok=True)
     models[0].write(place.model)
     return {"models": len(models), "registered": [model.num_reg_images() for model in models]}

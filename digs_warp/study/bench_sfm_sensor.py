@@ -1,10 +1,12 @@
 """`digs-warp bench sfm-sensor`: which imperfection of the camera costs structure from motion exactness.
 
 The same walk photographed by an ideal camera, by the sensor that the scene calls for, and by that sensor
-with one kind of imperfection taken away, or alone. The true pose of a frame is that of its middle row.
+with one kind of imperfection taken away, or alone; where its shutter rolls, with and without the correction
+for that. The true pose of a frame is that of its middle row.
 """
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from digs_warp.study.bench_sfm import DEFAULT, measure
@@ -39,7 +41,11 @@ def bench_sfm_sensor(photographs: Photographs = WALK) -> list[Result]:
     with tempfile.TemporaryDirectory() as folder:
         for number, (name, sensor) in enumerate(sensors(planned_sensor(session))):
             frames = photograph_walk(session, Path(folder) / str(number), sensor)
-            measured = measure(frames, [(name, DEFAULT)], {"images": str(photographs)})
+            readout_time = sensor.shutter(session.rig).readout_time
+            cases = [(name, replace(DEFAULT, readout_time=readout_time))]
+            if readout_time > 0:
+                cases.append((f"{name}, not corrected", DEFAULT))
+            measured = measure(frames, cases, {"images": str(photographs)})
             results += [result for result in measured if result.unit not in COSTS]
     return results
 

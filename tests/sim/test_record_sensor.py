@@ -61,6 +61,16 @@ def test_the_plan_is_kept_with_the_recording(recording: Path, session: Session) 
     assert {figure["origin"] for figure in figures.values()} == {"measured", "vendor", "tuned"}
 
 
+@pytest.mark.parametrize(
+    ("effects", "readout_time"), [("rolling-shutter", 2 * 0.0184), ("none", 0)]
+)
+def test_a_recording_tells_how_long_its_rows_take(
+    tmp_path: Path, effects: str, readout_time: float
+) -> None:
+    capture = simulate(replace(CONFIG, frames=1, effects=effects, strength=2.0), tmp_path / "out")
+    assert capture.readout_time == pytest.approx(readout_time)
+
+
 def test_the_record_tells_times_and_hashes(recording: Path) -> None:
     record = read_json(recording / "run.json", "record")
     stages = {"load", "prepare", "plan", "render", "sense", "color", "write"}
