@@ -83,7 +83,8 @@ def rolling(frames: list[Frame]) -> Any:
     )
     tracks = [pycolmap.Track() for _ in points]
     for number, frame in enumerate(frames):
-        px = pixels(points, *around[number : number + 3], spins[number])
+        before, now, after = around[number : number + 3]
+        px = pixels(points, before, now, after, spins[number])
         image = pycolmap.Image(name=f"{frame.name}.png", camera_id=1, image_id=number + 1)
         image.points2D = pycolmap.Point2DList([pycolmap.Point2D(xy) for xy in px])
         model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(poses[number][:3]))
