@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from digs_warp.capture import BASIC_LAYERS, FrameImages
+from digs_warp.capture_writer import BASIC_LAYERS, FrameImages
 from digs_warp.images import to_uint8
 from sim.config import SimulateConfig
 from sim.sensor.color.recorded import recorded_images

@@ -7,14 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from digs_warp.capture import (
-    INDEX_NAME,
-    Capture,
-    CaptureWriter,
-    Rig,
-    file_hashes,
-    read_capture,
-)
+from digs_warp.capture import INDEX_NAME, Capture, Rig, read_capture
+from digs_warp.capture_writer import CaptureWriter, file_hashes
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.layout import RUN_RECORD, SENSOR_PLAN
 from digs_warp.log import RunLog, progress, read_json, to_json, write_atomically

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Capture, CaptureWriter, Frame, FrameImages, Rig
+from digs_warp.capture import Capture, Frame, Rig
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.log import progress
 from digs_warp.surface_metrics import SurfaceScore, surface_score
 from digs_warp.triangle_mesh import TriangleMesh

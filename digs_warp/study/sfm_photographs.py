@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import INDEX_NAME, CaptureWriter, Frame, FrameImages, read_capture
+from digs_warp.capture import INDEX_NAME, Frame, read_capture
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.log import progress
 from sim.config import SimulateConfig
 from sim.sensor.color.encoding import decode, encode

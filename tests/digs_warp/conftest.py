@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import CaptureWriter, FrameImages, Rig
+from digs_warp.capture import Rig
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import look_at
 

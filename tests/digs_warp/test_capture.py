@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import (
-    BASIC_LAYERS,
-    Capture,
-    CaptureWriter,
-    FrameImages,
-    Rig,
-    file_hashes,
-    read_capture,
-)
+from digs_warp.capture import Capture, Rig, read_capture
+from digs_warp.capture_writer import BASIC_LAYERS, CaptureWriter, FrameImages, file_hashes
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.geometry import look_at
 from digs_warp.images import read_image, write_image

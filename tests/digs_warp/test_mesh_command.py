@@ -11,7 +11,7 @@ import pytest
 from reference.tiny_capture import ball, write_tiny_capture
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import CaptureWriter, FrameImages
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.gaussians import Gaussians

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, CaptureWriter, FrameImages, Rig, read_capture
+from digs_warp.capture import Capture, Rig, read_capture
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import Gaussians
 from digs_warp.geometry import look_at

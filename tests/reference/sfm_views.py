@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Capture, CaptureWriter, Frame, FrameImages
+from digs_warp.capture import Capture, Frame
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.geometry import look_at
 from digs_warp.images import write_image
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import file_hashes, read_capture
+from digs_warp.capture import read_capture
+from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.images import write_image

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import pixel_centers
-from digs_warp.capture import file_hashes, read_capture
+from digs_warp.capture import read_capture
+from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
 from digs_warp.images import write_image
 from digs_warp.log import read_json

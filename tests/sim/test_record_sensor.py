@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Capture, file_hashes, read_capture
+from digs_warp.capture import Capture, read_capture
+from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
 from digs_warp.images import read_image
 from digs_warp.log import read_json

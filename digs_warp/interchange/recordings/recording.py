@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, CaptureWriter, FrameImages, Rig
+from digs_warp.capture import Capture, Rig
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import CaptureError
 from digs_warp.geometry import rigid
 from digs_warp.images import read_image

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import CaptureWriter, Frame, FrameImages, Rig
+from digs_warp.capture import Frame, Rig
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import DigsError
 from digs_warp.images import to_uint8, write_image
 from digs_warp.init.config import InitConfig

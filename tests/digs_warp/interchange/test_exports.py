@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.capture import Capture, CaptureWriter, FrameImages
+from digs_warp.capture import Capture
+from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.commands.convert import CaptureFormat, Convert
 from digs_warp.geometry import look_at, matrix_from_quat_xyzw, rigid

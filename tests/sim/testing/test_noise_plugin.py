@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Capture, file_hashes
+from digs_warp.capture import Capture
+from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
 from digs_warp.images import write_image
 from digs_warp.init.config import InitConfig
