@@ -18,6 +18,8 @@ DATA_SET = "summary.json"
 # In the folder of `digs-warp reconstruct`:
 INITIAL_POINTS = "initial_points.npz"
 CHECKPOINT = "checkpoint.npz"
+TRAINING = "training.jsonl"
+COURSE = "course"
 GAUSSIANS = "gaussians.npz"
 EVALUATION = "evaluation.json"
 

@@ -16,14 +16,13 @@ import tempfile
 import time
 from pathlib import Path
 
+from page_marks import fill
+
 from digs_warp.interchange.splats.files import write_splat_file
 from digs_warp.study.bench_usd import random_splats
 from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number, format_table
 from usd.diff import differences
-
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "usd.md"
-BEGIN, END = "<!-- comparison -->\n", "<!-- end of comparison -->\n"
 
 
 def seconds(command: list[str]) -> float:
@@ -77,11 +76,8 @@ def write_page(results: list[Result], splats: int) -> None:
         "| program | time | size |",
         "|---|---|---|",
         *(f"| {name} | {row['PLY to USD']} | {row['size']} |" for name, row in rows.items()),
-        "",
     ]
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    PAGE.write_text(before + BEGIN + "\n".join(lines) + END + after, encoding="utf-8")
+    fill("usd.md", "comparison", "\n".join(lines))
 
 
 if __name__ == "__main__":

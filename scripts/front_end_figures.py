@@ -3,22 +3,16 @@
 Usage: python scripts/front_end_figures.py [masks] [sfm] [sfm-full] [sfm-sensor]   (default: all)
 """
 
-import re
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from digs_warp.log import show_progress, write_atomically
+from page_marks import fill
+
+from digs_warp.log import show_progress
 from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.results import Result, format_number
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
-PAGES = {
-    "masks": DOCS / "masks.md",
-    "sfm": DOCS / "sfm.md",
-    "sfm-full": DOCS / "sfm.md",
-    "sfm-sensor": DOCS / "sfm.md",
-}
+PAGES = {"masks": "masks.md", "sfm": "sfm.md", "sfm-full": "sfm.md", "sfm-sensor": "sfm.md"}
 
 
 def main(names: Sequence[str]) -> None:
@@ -26,22 +20,7 @@ def main(names: Sequence[str]) -> None:
     show_progress()
     for benchmark in BENCHMARKS:
         if benchmark.name in PAGES and (not names or benchmark.name in names):
-            fill(benchmark.name, benchmark.run())
-
-
-def fill(name: str, results: Sequence[Result]) -> None:
-    """Put the table of ``results`` between the marks of its page."""
-    page = PAGES[name]
-    marks = rf"(<!-- {name}: [^>]*-->\n).*?(<!-- end -->)"
-    text, count = re.subn(
-        marks,
-        lambda found: f"{found[1]}{markdown(results)}\n{found[2]}",
-        page.read_text(encoding="utf-8"),
-        flags=re.DOTALL,
-    )
-    if count != 1:
-        raise ValueError(f"'{page}': {count} places for the table of {name}, expected 1")
-    write_atomically(page, text.encode())
+            fill(PAGES[benchmark.name], benchmark.name, markdown(benchmark.run()))
 
 
 def markdown(results: Sequence[Result]) -> str:

@@ -3,18 +3,15 @@
 Usage: python scripts/splat_pages.py   (about five minutes; keep the machine quiet meanwhile)
 """
 
-from pathlib import Path
+from page_marks import fill
 
-from digs_warp.log import show_progress, versions, write_atomically
+from digs_warp.log import show_progress, versions
 from digs_warp.study.bench_mesh import measure_meshes
 from digs_warp.study.bench_render import measure_films
 from digs_warp.study.bench_splat_files import measure_formats
 from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number
 from digs_warp.study.trained_object import trained_object
-
-DOCS = Path(__file__).resolve().parent.parent / "docs"
-BEGIN, END = "<!-- figures -->\n", "<!-- end of figures -->\n"
 
 FILES = """`digs-warp bench splat-files`, {splats:,} Gaussians of degree 3 (the built-in object), {where}.
 PSNR is over the pixels that the object covers, against renders of what was written (100 dB: equal to the
@@ -55,12 +52,7 @@ def main() -> None:
 
 def insert(page: str, text: str, results: list[Result], keys: tuple[str, ...], about: dict) -> None:
     """Put ``text`` with a table of the results between the marks of a page."""
-    path = DOCS / page
-    before, mark, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    assert mark and end, f"{page} has no marks for its figures"
-    figures = text.format(table=table(results, keys), **about)
-    write_atomically(path, (before + BEGIN + figures + END + after).encode())
+    fill(page, "figures", text.format(table=table(results, keys), **about))
 
 
 def table(results: list[Result], keys: tuple[str, ...]) -> str:

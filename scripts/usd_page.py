@@ -3,14 +3,13 @@
 Usage: python scripts/usd_page.py   (about two minutes; keep the machine quiet meanwhile)
 """
 
-from pathlib import Path
+from page_marks import fill
 
 from digs_warp.log import show_progress, versions
 from digs_warp.study.bench_usd import PICTURED_SPLATS, SPLATS, bench_usd
 from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number
 
-TARGET = Path(__file__).resolve().parent.parent / "docs" / "usd.md"
 _COLUMNS = (
     "write",
     "np.save",
@@ -22,7 +21,6 @@ _COLUMNS = (
     "size",
     "PSNR",
 )
-BEGIN, END = "<!-- figures -->\n", "<!-- end of figures -->\n"
 
 TEXT = """Times are for {splats:,} splats of degree 3: from memory to a new file, back to Gaussians, and
 validation with our rules and those of OpenUSD; np.save and np.load are what NumPy takes for as many bytes
@@ -47,10 +45,7 @@ def main() -> None:
         usd=found["usd-core"],
         table=precision_table(bench_usd()),
     )
-    before, _, rest = TARGET.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    TARGET.write_text(before + BEGIN + figures + END + after, encoding="utf-8")
-    print(TARGET)  # noqa: T201 (a script)
+    print(fill("usd.md", "figures", figures))  # noqa: T201 (a script)
 
 
 def precision_table(results: list[Result]) -> str:

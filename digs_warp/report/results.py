@@ -10,7 +10,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import Gaussians
-from digs_warp.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD
+from digs_warp.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD, TRAINING
 from digs_warp.log import read_json
 
 METRICS = ("psnr", "ssim", "psnr_masked", "ssim_masked")
@@ -64,7 +64,7 @@ def read_results(folder: Path) -> Results:
         folder=folder,
         views=views,
         mean=mean,
-        training=_read_training(folder / "training.jsonl"),
+        training=_read_training(folder / TRAINING),
         splats=len(Gaussians.load(folder / GAUSSIANS)),
         initial_points=_count_points(folder / INITIAL_POINTS),
         run=read_json(folder / RUN_RECORD, "run record"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from digs_warp.capture import Frame
 from digs_warp.gaussians import Gaussians
-from digs_warp.layout import CHECKPOINT, GAUSSIANS
+from digs_warp.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.log import RunLog, progress
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
@@ -15,9 +15,6 @@ from digs_warp.train.evaluate import TestView
 from digs_warp.train.interruption import deferred_interrupt
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-
-# What a run leaves in its folder (docs/reconstruction-format.md).
-TRAINING = "training.jsonl"
 
 # A finished scene keeps Gaussians from this opacity on: less changes no pixel by more than 3 of 255.
 MIN_OPACITY = 0.01

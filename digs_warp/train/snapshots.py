@@ -7,14 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from digs_warp.gaussians import Gaussians
-
-SNAPSHOTS = "course"
+from digs_warp.layout import COURSE
 
 
 def save_snapshot(folder: Path, iteration: int, gaussians: Gaussians) -> None:
     """Keep the Gaussians of an iteration in the folder of a reconstruction."""
     plain = replace(gaussians, sh=gaussians.sh[:, :1])
-    plain.save(folder / SNAPSHOTS / f"{iteration:08d}.npz")
+    plain.save(folder / COURSE / f"{iteration:08d}.npz")
 
 
 def load_snapshots(folder: Path) -> tuple[tuple[int, Gaussians], ...]:
@@ -34,4 +33,4 @@ def drop_snapshots_after(folder: Path, iteration: int) -> None:
 
 
 def _files(folder: Path) -> list[Path]:
-    return sorted(path for path in (folder / SNAPSHOTS).glob("*.npz") if path.stem.isdecimal())
+    return sorted(path for path in (folder / COURSE).glob("*.npz") if path.stem.isdecimal())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from digs_warp.capture import Capture, Frame
 from digs_warp.gaussians import Gaussians
-from digs_warp.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD
+from digs_warp.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
 from digs_warp.log import read_json, to_json, versions, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.study.engine.case import Case, digest
@@ -95,7 +95,7 @@ def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
 
 def _measure(work: Path) -> dict[str, Any]:
     run = read_json(work / RUN_RECORD, "run record")
-    lines = (work / "training.jsonl").read_text(encoding="utf-8").splitlines()
+    lines = (work / TRAINING).read_text(encoding="utf-8").splitlines()
     course = [line for line in map(json.loads, lines) if "psnr" in line]
     return {
         "metrics": read_json(work / EVALUATION, "evaluation")["mean"],

@@ -17,11 +17,11 @@ from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.gaussians import FIELDS, Gaussians
-from digs_warp.layout import CHECKPOINT, GAUSSIANS
+from digs_warp.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.log import RunLog
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import load_test_views
-from digs_warp.train.session import TRAINING, train_gaussians
+from digs_warp.train.session import train_gaussians
 from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
 
