@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.sfm.config import SfmConfig
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.charts import Chart, Curve
 from digs_warp.study.engine.page import Section, Table
@@ -21,18 +22,20 @@ CURVES: dict[str, Sequence[Any]] = {
 }
 ONE_THREAD = "one thread"
 
+# The longest side in which features are sought.
+FEATURE_WIDTH = SfmConfig.feature_size
+SEARCHED = f"frame pixels up to {FEATURE_WIDTH} wide"
+
 # What each stage's seconds, and the peak memory [MB], are a sum of; coefficients are fitted, none below zero.
 LAWS: dict[str, tuple[str, ...]] = {
     "render": ("frames", "frame pixels"),
-    "structure from motion": ("frames", "frame pixels up to 1600 wide"),
+    "structure from motion": ("frames", SEARCHED),
     "initialize": ("frames", "frame pixels"),
     "train": ("steps", "step pixels", "step splats"),
     "memory": ("1", "frame pixels", "pixels", "splats"),
 }
 # Terms that are not counted in millions.
 SINGLE = {"1": ("always", 1.0), "frames": ("per frame", 1.0), "steps": ("per step", 1.0)}
-# The longest side in which features are sought (`SfmConfig.feature_size`).
-FEATURE_WIDTH = 1600
 # Stages that work on one frame at a time.
 PER_FRAME = ("render", "initialize")
 
@@ -59,7 +62,7 @@ class Load:
             "splats": self.splats,
             "steps": self.steps,
             "frame pixels": self.frames * pixels,
-            "frame pixels up to 1600 wide": self.frames * small,
+            SEARCHED: self.frames * small,
             "step pixels": self.steps * pixels,
             "step splats": float(self.steps) * self.splats,
         }
