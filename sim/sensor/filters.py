@@ -87,6 +87,35 @@ def shrink(image: np.ndarray, factor: int) -> np.ndarray:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
+# Variance of the filters of `halved` and of `doubled`, in pixels of the smaller image.
+HALVED_VARIANCE = DOUBLED_VARIANCE = 1 / 4
+
+# What the filter of `doubled` makes of the smaller image at its own pixels.
+DOUBLED_KERNEL = np.array([1, 6, 1]) / 8
+
+
+def halved(image: np.ndarray) -> np.ndarray:
+    """Return every second pixel of every second row, from the first on, after a binomial filter, float32.
+
+    The weights 1, 4, 6, 4, 1 along rows and columns keep fine patterns from turning up as coarse ones;
+    mirrored at the borders.
+    """
+    import cv2
+
+    return cv2.pyrDown(np.asarray(image, np.float32))
+
+
+def doubled(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Return an image of ``shape`` of which ``image`` is every second pixel of every second row, float32.
+
+    One step of the subdivision of cubic B-splines, with the weights of `halved`: the pixels pull at each
+    other, and their range is not left.
+    """
+    import cv2
+
+    return cv2.pyrUp(image, dstsize=(shape[1], shape[0]))
+
+
 def enlarge_smoothly(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Return a coarse float32 image stretched to ``shape`` (height, width), bicubic."""
     import cv2

@@ -69,8 +69,8 @@ def smooth_normal(
     Args:
         rng: draws the field.
         shape: (height, width).
-        correlation: along rows [px], >= 2.
-        vertical_correlation: along columns [px], >= 2; by default the same.
+        correlation: along rows [px], >= 1.5.
+        vertical_correlation: along columns [px], >= 1.5; by default the same.
     """
     vertical = vertical_correlation or correlation
     step, vertical_step = _grid_step(correlation), _grid_step(vertical)

@@ -8,13 +8,33 @@ import numpy as np
 from sim.rig import StereoRig
 from sim.sensor.effects.protocol import Choice, choose_above
 from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import blur, box_mean, enlarge, shrink
+from sim.sensor.filters import (
+    DOUBLED_KERNEL,
+    DOUBLED_VARIANCE,
+    HALVED_VARIANCE,
+    blur,
+    box_mean,
+    doubled,
+    halved,
+    separable,
+)
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.noise_field import smooth_normal
 
 # The texture's share follows the grey values in a band: details finer than the noise's own correlation
 # and shading coarser than twice that carry none of it.
 BAND_RATIO = 2.0
+
+# From this correlation length on, noise is drawn on a grid of half the size [px]: a quarter of the work.
+HALF_GRID_FROM = 4.0
+
+# What evens out the difference between the pixels of that grid and those between them, which would otherwise
+# show in a pattern that moves; its variance in pixels of the grid.
+EVEN_KERNEL = np.array([1, 2, 1]) / 4
+EVEN_VARIANCE = 1 / 8
+
+# What `doubled` and it make of the grid at the grid's own pixels.
+SEEN_KERNEL = np.array([3, 10, 3]) / 16
 
 # Region over which the band is brought to variance 1, in correlation lengths.
 REGION = 8
@@ -55,13 +75,46 @@ class CorrelatedNoise:
         """Add noise to the disparity; ``strength`` is a factor on its standard deviation."""
         rig = truth.rig
         sigma = strength * rig.disparity_sigma
-        noise = smooth_normal(rng, truth.depth.shape, rig.noise_correlation)
+        noise = temporal_noise(rng, truth.depth.shape, rig.noise_correlation)
         noise *= np.float32(sigma * np.sqrt(rig.temporal_share))
         if rig.temporal_share < 1:
             fixed = texture_pattern(truth.gray, rig.noise_correlation)
             fixed *= np.float32(sigma * np.sqrt(1 - rig.temporal_share))
             noise += fixed
         return sensed.shifted(noise)
+
+
+def temporal_noise(
+    rng: np.random.Generator, shape: tuple[int, int], correlation: float
+) -> np.ndarray:
+    """Return a normal field of variance 1, new in every frame, (height, width), float32.
+
+    Args:
+        rng: draws the field.
+        shape: (height, width).
+        correlation: over which it is smooth [px], >= 2.
+    """
+    if correlation < HALF_GRID_FROM:
+        return smooth_normal(rng, shape, correlation)
+    half = 2 * np.sqrt(np.square(0.25 * correlation) - DOUBLED_VARIANCE)
+    field = smooth_normal(rng, (-(-shape[0] // 2), -(-shape[1] // 2)), half)
+    field /= np.float32(_share_left(half))
+    return doubled(field, shape)
+
+
+def _share_left(correlation: float) -> float:
+    """Return the share of a field's variance that `doubled` leaves along one axis.
+
+    Between two pixels their mean is taken, at a pixel the weights are those of `DOUBLED_KERNEL`: the
+    variances differ by 1.5 %.
+
+    Args:
+        correlation: at which the correlation has fallen to 1/e as a Gaussian [px of the smaller image].
+    """
+    next_one, second = np.exp(-np.square(np.array([1.0, 2.0]) / correlation))
+    side, middle, _ = DOUBLED_KERNEL
+    at = middle**2 + 2 * side**2 + 4 * side * middle * next_one + 2 * side**2 * second
+    return float(0.5 * at + 0.25 * (1 + next_one))
 
 
 def texture_pattern(gray: np.ndarray, correlation: float) -> np.ndarray:
@@ -71,14 +124,24 @@ def texture_pattern(gray: np.ndarray, correlation: float) -> np.ndarray:
 
     Args:
         gray: left image, (height, width), uint8.
-        correlation: over which it is smooth [px].
+        correlation: over which it is smooth [px], >= 2.
     """
-    fine = blur(gray, 0.5 * correlation)
-    # Twice as coarse, and a quarter of the work, on a grid of half the size.
-    half = shrink(fine, 2)
-    band = fine
-    band -= enlarge(blur(half, 0.5 * BAND_RATIO * 0.5 * correlation), gray.shape)
-    energy = box_mean(shrink(np.square(band), 4), int(REGION * correlation / 4) | 1)
-    scale = 1 / np.sqrt(np.maximum(energy, np.float32(0)) + np.float32(NO_TEXTURE**2))
-    band *= enlarge(scale, gray.shape)
-    return np.clip(band, -LARGEST, LARGEST, out=band)
+    if correlation < HALF_GRID_FROM:
+        smooth = blur(gray, 0.5 * correlation)
+        band = smooth - blur(smooth, BAND_RATIO * 0.5 * correlation)
+        pattern = band / _contrast(band, correlation)
+    else:
+        sigma = 0.25 * correlation  # in pixels of the grid
+        done = HALVED_VARIANCE + DOUBLED_VARIANCE + EVEN_VARIANCE
+        smooth = blur(halved(gray), np.sqrt(sigma**2 - done))
+        band = smooth - blur(smooth, BAND_RATIO * sigma)
+        seen = separable(band, SEEN_KERNEL, SEEN_KERNEL, 0.0)
+        band /= _contrast(seen, 0.5 * correlation)
+        pattern = separable(doubled(band, gray.shape), EVEN_KERNEL, EVEN_KERNEL, 0.0)
+    return np.clip(pattern, -LARGEST, LARGEST, out=pattern)
+
+
+def _contrast(band: np.ndarray, correlation: float) -> np.ndarray:
+    """Return the standard deviation of ``band`` in the region around each pixel, with that of the noise."""
+    energy = box_mean(np.square(band), int(REGION * correlation) | 1)
+    return np.sqrt(np.maximum(energy, np.float32(0)) + np.float32(NO_TEXTURE**2))

@@ -9,6 +9,7 @@ from scipy.stats import kstest
 
 from sim.rig import StereoRig
 from sim.sensor.cause import Cause
+from sim.sensor.effects.correlated_noise import temporal_noise, texture_pattern
 from sim.sensor.effects.mis_rectification import MisRectification
 from sim.sensor.effects.static_field import unit_field
 from sim.sensor.frame import FrameTruth
@@ -104,6 +105,25 @@ def test_noise_splits_into_a_fixed_and_a_temporal_part() -> None:
     fixed = errors.mean(axis=0).var() - temporal / 24
     assert temporal == pytest.approx(0.4 * 0.1**2, rel=0.05)
     assert fixed == pytest.approx(0.6 * 0.1**2, rel=0.1)
+
+
+@pytest.mark.parametrize("length", [3.0, 4.0, 9.0])
+def test_noise_is_the_same_on_and_between_the_pixels_of_its_grid(length: float) -> None:
+    shape = (481, 639)  # no whole number of cells
+    temporal = temporal_noise(np.random.default_rng(0), shape, length)
+    fixed = texture_pattern(broadband(shape)[..., 0], length)
+    for field in (temporal, fixed):
+        parts = [field[y::2, x::2].std() for y in (0, 1) for x in (0, 1)]
+        np.testing.assert_allclose(parts, 1, atol=0.035)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (2, 2), (5, 3)])
+@pytest.mark.parametrize("length", [3.0, 4.0])
+def test_noise_of_tiny_images_has_their_shape(shape: tuple[int, int], length: float) -> None:
+    temporal = temporal_noise(np.random.default_rng(0), shape, length)
+    fixed = texture_pattern(np.zeros(shape, np.uint8), length)
+    assert temporal.shape == fixed.shape == shape
+    assert np.isfinite(temporal).all() and (fixed == 0).all()
 
 
 def test_fixed_noise_moves_with_the_texture() -> None:
