@@ -25,6 +25,11 @@ HOLE_SHARES_NEAR = (0.15, 0.20, 0.25, 0.30, 0.33, 0.36, 0.36, 0.36, 0.36)
 HOLE_SHARES_FAR = (0.15, 0.20, 0.45, 0.65, 0.80, 0.82, 0.86, 0.89, 0.97)
 NEAR_REACH, FAR_REACH = 1.0, 12.0
 
+# The same for every whole length: a look-up takes a fraction of the time of an interpolation.
+_LENGTHS = np.arange(RUN_LENGTHS[-1] + 1)
+_NEAR_BY_LENGTH = np.interp(_LENGTHS, RUN_LENGTHS, HOLE_SHARES_NEAR)
+_FAR_BY_LENGTH = np.interp(_LENGTHS, RUN_LENGTHS, HOLE_SHARES_FAR)
+
 # Right beside what hides them the texture decides: where the window's gradient is close to the image noise,
 # the wrong match is not unique enough, and is dropped; a strong outline in the window carries it across.
 # Share of holes within 4 px by gradient / image noise, over their mean, on the same frames (the shares of
@@ -81,15 +86,21 @@ class Occlusion:
         runs = find_runs(truth.hidden)
         rows, columns, run = runs.pixels()
 
+        at = rows * shape[1] + columns
+        distance = runs.end[run] - columns
+
         touched = rng.random(len(rows)) < strength
-        snr = truth.texture_snr[rows, columns]
-        share = hole_share(runs.lengths[run], runs.end[run] - columns, snr)
+        share = hole_share(runs.lengths[run], distance, truth.texture_snr.reshape(-1)[at])
         share = 1.0 - (1.0 - share) ** max(strength, 1.0)
         lost = coherent_uniform(rng, shape, rows, columns, COHERENCE) < share
-        guess = _guess(sensed.disparity, runs, rows, columns, run, rng)
-        guess[lost] = np.nan
-        at = rows * shape[1] + columns
-        changed = touched & (guess != sensed.disparity.reshape(-1)[at])
+        own = sensed.disparity.reshape(-1)[at]
+        guess = np.full_like(own, np.nan)
+        # What a pixel draws does not depend on how many others are asked.
+        kept = np.flatnonzero(~lost)
+        drawn = coherent_uniform(rng, shape, rows[kept], columns[kept], COHERENCE)
+        hiding = _hiding(sensed.disparity, runs)[run[kept]]
+        guess[kept] = _guess(own[kept], hiding, distance[kept], drawn)
+        changed = touched & (guess != own)
         # Wrong, and the sensor does not know.
         confidence = np.where(np.isnan(guess), np.float32(0.0), np.float32(0.8))
         return sensed.with_pixels(at[changed], guess[changed], Cause.OCCLUDED, confidence[changed])
@@ -99,31 +110,33 @@ def hole_share(run_length: np.ndarray, distance: np.ndarray, snr: np.ndarray) ->
     """Return the probability that a hidden pixel has no value, shape (n,).
 
     Args:
-        run_length: of the hidden pixels in its row [px].
+        run_length: of the hidden pixels in its row [px], whole numbers.
         distance: to what hides it, 1 for its neighbour [px].
         snr: gradient over image noise in the matching window.
     """
-    near = np.interp(run_length, RUN_LENGTHS, HOLE_SHARES_NEAR)
-    near *= np.interp(snr, NEAR_SNRS, NEAR_GAINS)
-    far = np.interp(run_length, RUN_LENGTHS, HOLE_SHARES_FAR)
-    away = np.clip((distance - NEAR_REACH) / (FAR_REACH - NEAR_REACH), 0.0, 1.0)
-    return near + (far - near) * away
+    length = np.minimum(run_length, RUN_LENGTHS[-1]).astype(np.intp)
+    share = _FAR_BY_LENGTH[length]
+    # Beyond, what lies near has no say.
+    close = np.flatnonzero(distance < FAR_REACH)
+    near = _NEAR_BY_LENGTH[length[close]] * np.interp(snr[close], NEAR_SNRS, NEAR_GAINS)
+    away = np.maximum((distance[close] - NEAR_REACH) / (FAR_REACH - NEAR_REACH), 0.0)
+    share[close] = near + (share[close] - near) * away
+    return share
 
 
 def _guess(
-    disparity: np.ndarray,
-    runs: Runs,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    run: np.ndarray,
-    rng: np.random.Generator,
+    own: np.ndarray, hiding: np.ndarray, distance: np.ndarray, drawn: np.ndarray
 ) -> np.ndarray:
-    """Return the disparities that hidden pixels get; NaN where nothing seems to hide them."""
-    hiding = _hiding(disparity, runs)[run]
-    own = disparity[rows, columns]
-    drawn = coherent_uniform(rng, disparity.shape, rows, columns, COHERENCE)
+    """Return the disparities that hidden pixels get; NaN where nothing seems to hide them.
+
+    Args:
+        own: disparity before [px], (n,).
+        hiding: that of what hides them [px], (n,), NaN: none.
+        distance: to what hides them [px], (n,).
+        drawn: uniform over 0 to 1, (n,).
+    """
     # Dividing a uniform number by a share leaves that share of it below any limit.
-    drawn = drawn / np.minimum((runs.end[run] - columns) / FREE_FROM, 1.0)
+    drawn = drawn / np.minimum(distance / FREE_FROM, 1.0)
     between = own + (hiding - own) * (drawn - RIGHT_SHARE) / BETWEEN_SHARE
     guess = np.where(drawn < RIGHT_SHARE + BETWEEN_SHARE, between, hiding)
     return np.where(drawn < RIGHT_SHARE, own, guess)

@@ -8,7 +8,17 @@ from reference.stereo_frames import make_frame, make_rig
 from reference.stereo_pairs import HiddenRays, box_frame
 
 from sim.sensor.cause import Cause
-from sim.sensor.effects.occlusion import Occlusion, hole_share
+from sim.sensor.effects.occlusion import (
+    FAR_REACH,
+    HOLE_SHARES_FAR,
+    HOLE_SHARES_NEAR,
+    NEAR_GAINS,
+    NEAR_REACH,
+    NEAR_SNRS,
+    RUN_LENGTHS,
+    Occlusion,
+    hole_share,
+)
 from sim.sensor.frame import FrameTruth, Sensed
 from sim.sensor.landings import SEEN, classify
 
@@ -65,16 +75,28 @@ def test_wrong_depth_lies_between_the_far_and_the_near_side() -> None:
 
 
 def test_long_runs_lose_more_than_short_ones_and_far_pixels_more_than_near_ones() -> None:
-    plenty = np.array(16.0)  # gradient over noise at an outline
+    plenty = 16.0  # gradient over noise at an outline
     lengths = np.arange(1.0, 150.0)
-    assert (np.diff(hole_share(lengths, np.full_like(lengths, 20.0), plenty)) >= 0).all()
+    far, outline = np.full_like(lengths, 20.0), np.full_like(lengths, plenty)
+    assert (np.diff(hole_share(lengths, far, outline)) >= 0).all()
     distance = np.arange(1.0, 60.0)
-    assert (np.diff(hole_share(np.full_like(distance, 60.0), distance, plenty)) >= 0).all()
+    long, outline = np.full_like(distance, 60.0), np.full_like(distance, plenty)
+    assert (np.diff(hole_share(long, distance, outline)) >= 0).all()
     # Texture decides beside what hides a pixel, and has no say far from it.
     snr = np.array([0.5, 3.0, 10.0, 50.0])
     ones = np.ones_like(snr)
     assert (np.diff(hole_share(60 * ones, 2 * ones, snr)) < 0).all()
     assert np.ptp(hole_share(60 * ones, 20 * ones, snr)) == 0
+
+
+def test_shares_of_holes_lie_on_the_measured_curves() -> None:
+    length, distance = (axis.ravel() for axis in np.meshgrid(np.arange(1, 131), np.arange(1, 21)))
+    snr = np.random.default_rng(0).uniform(0, 60, length.size)
+    near = np.interp(length, RUN_LENGTHS, HOLE_SHARES_NEAR) * np.interp(snr, NEAR_SNRS, NEAR_GAINS)
+    far = np.interp(length, RUN_LENGTHS, HOLE_SHARES_FAR)
+    away = np.clip((distance - NEAR_REACH) / (FAR_REACH - NEAR_REACH), 0, 1)
+    expected = near * (1 - away) + far * away
+    np.testing.assert_allclose(hole_share(length, distance, snr), expected, rtol=1e-12)
 
 
 def test_holes_grow_with_strength() -> None:
