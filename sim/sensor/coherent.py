@@ -33,12 +33,13 @@ def coherent_normal(
     lattice = white_normal(rng, ((int(height / cell) + 3) * across,))
     offset = rng.random(2)  # else the lattice would stand still from frame to frame
     # Per row and per column first: there are far fewer of them than pixels.
-    top, upper, lower = (table[rows] for table in _weights(height, cell, offset[0]))
-    left, near, far = (table[columns] for table in _weights(width, cell, offset[1]))
+    top, upper, lower = (np.take(table, rows) for table in _weights(height, cell, offset[0]))
+    left, near, far = (np.take(table, columns) for table in _weights(width, cell, offset[1]))
     corner = top * across + left
-    above = near * lattice[corner] + far * lattice[corner + 1]
+    after = lattice[1:]
+    above = near * np.take(lattice, corner) + far * np.take(after, corner)
     corner += across
-    below = near * lattice[corner] + far * lattice[corner + 1]
+    below = near * np.take(lattice, corner) + far * np.take(after, corner)
     return upper * above + lower * below
 
 

@@ -56,7 +56,8 @@ class Textureless:
         beyond *= np.float32(strength * SLOPE_GAIN)
         beyond += np.float32(strength)
         beyond *= truth.texture_distance
-        at = np.flatnonzero((beyond > TEXTURE_REACH) & sensed.known)
+        at = np.flatnonzero(beyond > TEXTURE_REACH)
+        at = at[~np.isnan(sensed.disparity.reshape(-1)[at])]
         if len(at) == 0:
             return sensed
         shape = truth.depth.shape
