@@ -15,6 +15,7 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.splat.config import TILE_SIZE, RasterOptions
+from digs_warp.splat.elementary import exp_of, larger, smaller
 
 wp.set_module_options({"enable_backward": False})
 
@@ -89,9 +90,7 @@ def view_params(
 def rotation_of(quat: wp.vec4) -> wp.mat33:
     """Rotation of a quaternion xyzw that is not normalized; a zero quaternion is no rotation."""
     n = wp.length(quat)
-    if n == 0.0:
-        return wp.identity(n=3, dtype=float)
-    q = quat / n
+    q = quat / wp.where(n == 0.0, 1.0, n)
     x = q[0]
     y = q[1]
     z = q[2]
@@ -138,7 +137,9 @@ def clamped_tangent(
 ) -> float:
     """x/z, kept within the image plus a margin; asymmetric for an off-centre principal point."""
     margin = share * 0.5 * size / focal
-    return wp.clamp(tangent, -center / focal - margin, (size - center) / focal + margin)
+    low = -center / focal - margin
+    high = (size - center) / focal + margin
+    return smaller(larger(tangent, low), high)
 
 
 @wp.struct
@@ -173,7 +174,7 @@ def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.ve
     f.zoom_x = cam.fx * f.inverse_z
     f.zoom_y = cam.fy * f.inverse_z
     f.axes = cam.rotation * rotation_of(quat)
-    f.sizes = wp.vec3(wp.exp(log_scale[0]), wp.exp(log_scale[1]), wp.exp(log_scale[2]))
+    f.sizes = wp.vec3(exp_of(log_scale[0]), exp_of(log_scale[1]), exp_of(log_scale[2]))
     f.m0 = f.zoom_x * wp.cw_mul(f.axes[0] - f.limited_x * f.axes[2], f.sizes)
     f.m1 = f.zoom_y * wp.cw_mul(f.axes[1] - f.limited_y * f.axes[2], f.sizes)
     return f

@@ -1,6 +1,6 @@
 # type: ignore
 # (device code, which Warp's stubs do not type)
-"""Projection of Gaussians to splats on the image, one thread per Gaussian.
+"""Projection of Gaussians to splats on the image, one by one and in groups.
 
 The notation is that of `digs_warp.splat.footprint`. The determinant of the covariance is taken as
 |m0 x m1|^2 + dilation (|m0|^2 + |m1|^2) + dilation^2 (Cauchy-Binet): a sum of squares, so that a needle of
@@ -17,6 +17,7 @@ from digs_warp.splat.config import (
     MIN_COMPENSATION,
     TILE_SIZE,
 )
+from digs_warp.splat.elementary import larger, log_of, sigmoid, smaller
 from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -50,15 +51,135 @@ _ROUNDING = wp.constant(1.0 + 2e-5)
 
 
 @wp.func
-def sigmoid(logit: float) -> float:
-    """Opacity of a logit."""
-    return 1.0 / (1.0 + wp.exp(-logit))
-
-
-@wp.func
 def compensation(det_before: float, det: float) -> float:
     """Antialiasing factor of the opacity, sqrt(det before / det after the dilation)."""
     return wp.max(wp.sqrt(det_before / det), _MIN_COMPENSATION)
+
+
+@wp.struct
+class Projection:
+    """A Gaussian on the image but for its colour: fields of `digs_warp.splat.records`, and where it lies."""
+
+    drawn: int  # 0: nothing else of this means anything
+    z: float
+    u: float
+    v: float
+    a: float
+    b: float
+    c: float
+    opacity: float
+    half_width: float
+    half_height: float
+    tau: float
+    slope: float
+    chord: float
+    taper: float
+    peak: float
+    top_row: int  # first and last tile row
+    bottom_row: int
+
+
+@wp.func
+def projection_of(
+    cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4, opacity_logit: float
+) -> Projection:
+    """Project one Gaussian; straight-line code, so that several are done at once."""
+    p = Projection()
+    f = footprint_of(cam, mean, log_scale, quat)
+    p.z = f.point[2]
+    opacity = sigmoid(opacity_logit)
+    aa = wp.dot(f.m0, f.m0)
+    cc = wp.dot(f.m1, f.m1)
+    b = wp.dot(f.m0, f.m1)
+    cross = wp.cross(f.m0, f.m1)
+    det_before = wp.dot(cross, cross)
+    det = det_before + cam.dilation * (aa + cc) + cam.dilation * cam.dilation
+    opacity = wp.where(cam.antialias != 0, opacity * compensation(det_before, det), opacity)
+    var_x = aa + cam.dilation
+    var_y = cc + cam.dilation
+    p.tau = 2.0 * log_of(opacity / cam.min_alpha)
+    p.half_width = wp.sqrt(p.tau * var_x) + _SLACK
+    p.half_height = wp.sqrt(p.tau * var_y) + _SLACK
+    p.u = cam.fx * f.tangent_x + cam.cx
+    p.v = cam.fy * f.tangent_y + cam.cy
+    # The drawn tiles, cut off at the image.
+    left = float(cam.first_column * _TILE) + 0.5
+    right = float(wp.min(cam.end_column * _TILE, cam.width)) - 0.5
+    upper = float(cam.first_row * _TILE) + 0.5
+    lower = float(wp.min(cam.end_row * _TILE, cam.height)) - 0.5
+    # Clamped as floats: a huge splat would overflow an integer.
+    first = wp.ceil(p.v - p.half_height - 0.5)
+    last = wp.floor(p.v + p.half_height - 0.5)
+    top = int(smaller(larger(first, upper - 0.5), lower))
+    bottom = int(larger(smaller(last, lower - 0.5), upper - 1.5))
+    p.top_row = top // _TILE
+    p.bottom_row = bottom // _TILE
+    # Written so that NaN anywhere ends as not drawn, too.
+    drawn = wp.where(p.z > cam.near, 1, 0)
+    drawn &= wp.where(p.z < _MAX_VARIANCE, 1, 0)
+    drawn &= wp.where(opacity > cam.min_alpha, 1, 0)
+    drawn &= wp.where(aa < _MAX_VARIANCE, 1, 0)
+    drawn &= wp.where(cc < _MAX_VARIANCE, 1, 0)
+    drawn &= wp.where(p.u + p.half_width > left, 1, 0)
+    drawn &= wp.where(p.u - p.half_width < right, 1, 0)
+    drawn &= wp.where(p.v + p.half_height > upper, 1, 0)
+    drawn &= wp.where(p.v - p.half_height < lower, 1, 0)
+    p.drawn = drawn & wp.where(top <= bottom, 1, 0)
+    p.a = var_y / det
+    p.b = -b / det
+    p.c = var_x / det
+    p.opacity = opacity
+    p.slope = b / var_x
+    p.chord = _ROUNDING * p.tau * (det / var_x)
+    p.taper = (det / var_x) / var_x
+    p.peak = b * wp.sqrt(p.tau / var_y)
+    return p
+
+
+@wp.func
+def put_record(p: Projection, record: wp.array[float], first: int, step: int):
+    """Write a splat's record but for its colour: field k to ``record[first + k * step]``."""
+    record[first + SPLAT_U * step] = p.u
+    record[first + SPLAT_V * step] = p.v
+    record[first + SPLAT_A * step] = p.a
+    record[first + SPLAT_B * step] = p.b
+    record[first + SPLAT_C * step] = p.c
+    record[first + SPLAT_OPACITY * step] = p.opacity
+    record[first + SPLAT_HALF_WIDTH * step] = p.half_width
+    record[first + SPLAT_HALF_HEIGHT * step] = p.half_height
+    record[first + SPLAT_TAU * step] = p.tau
+    record[first + SPLAT_SLOPE * step] = p.slope
+    record[first + SPLAT_CHORD * step] = p.chord
+    record[first + SPLAT_TAPER * step] = p.taper
+    record[first + SPLAT_PEAK * step] = p.peak
+
+
+@wp.func
+def color_is_finite(coefficients: wp.array2d[wp.vec3], g: int, degree: int) -> bool:
+    """Whether the colour is no overflow: what cancels in it would still be one in the gradient."""
+    size = float(0.0)
+    for k in range((degree + 1) * (degree + 1)):
+        size = size + wp.dot(wp.abs(coefficients[g, k]), wp.vec3(1.0, 1.0, 1.0))
+    return size < _MAX_COLOR
+
+
+@wp.func
+def put_color(
+    cam: ViewParams,
+    g: int,
+    mean: wp.vec3,
+    coefficients: wp.array2d[wp.vec3],
+    degree: int,
+    splats: wp.array2d[float],
+):
+    """Write the colour of a splat as this camera sees it."""
+    direction = wp.vec3(0.0, 0.0, 0.0)
+    if degree > 0:
+        direction = wp.normalize(mean - cam.center_world)
+    color = sh_color(coefficients, g, degree, direction)
+    splats[g, SPLAT_RED] = wp.max(color[0], 0.0)
+    splats[g, SPLAT_GREEN] = wp.max(color[1], 0.0)
+    splats[g, SPLAT_BLUE] = wp.max(color[2], 0.0)
 
 
 @wp.kernel
@@ -78,74 +199,18 @@ def project_kernel(
     row_counts: wp.array[int],  # [n] tile rows that the splat touches, 0 if it is not drawn
     normals: wp.array[wp.vec3],  # [n] in the camera, facing it; empty: not wanted
 ):
-    """Project Gaussians; one that is not drawn gets ``row_counts`` 0 and nothing else."""
+    """Project a Gaussian; one that is not drawn gets ``row_counts`` 0 and nothing else."""
     g = first + wp.tid()
     row_counts[g] = 0
     depths[g] = 0.0
     cam = views[0]
-    z = (cam.rotation * means[g] + cam.translation)[2]
-    opacity = sigmoid(opacity_logits[g])
-    # Written so that NaN anywhere ends here, too.
-    if not (z > cam.near and z < _MAX_VARIANCE and opacity > cam.min_alpha):
+    p = projection_of(cam, means[g], log_scales[g], quats[g], opacity_logits[g])
+    if p.drawn == 0 or not color_is_finite(coefficients, g, degree):
         return
-    f = footprint_of(cam, means[g], log_scales[g], quats[g])
-    aa = wp.dot(f.m0, f.m0)
-    cc = wp.dot(f.m1, f.m1)
-    if not (aa < _MAX_VARIANCE and cc < _MAX_VARIANCE):
-        return
-    b = wp.dot(f.m0, f.m1)
-    cross = wp.cross(f.m0, f.m1)
-    det_before = wp.dot(cross, cross)
-    det = det_before + cam.dilation * (aa + cc) + cam.dilation * cam.dilation
-    if cam.antialias != 0:
-        opacity *= compensation(det_before, det)
-        if not opacity > cam.min_alpha:
-            return
-    tau = 2.0 * wp.log(opacity / cam.min_alpha)
-    half_width = wp.sqrt(tau * (aa + cam.dilation)) + _SLACK
-    half_height = wp.sqrt(tau * (cc + cam.dilation)) + _SLACK
-    pu = cam.fx * f.tangent_x + cam.cx
-    pv = cam.fy * f.tangent_y + cam.cy
-    # The drawn tiles, cut off at the image.
-    left = float(cam.first_column * _TILE) + 0.5
-    right = float(wp.min(cam.end_column * _TILE, cam.width)) - 0.5
-    upper = float(cam.first_row * _TILE) + 0.5
-    lower = float(wp.min(cam.end_row * _TILE, cam.height)) - 0.5
-    if not (pu + half_width > left and pu - half_width < right):
-        return
-    if not (pv + half_height > upper and pv - half_height < lower):
-        return
-    # Clamped as floats: a huge splat would overflow an integer.
-    top = int(wp.max(wp.ceil(pv - half_height - 0.5), upper - 0.5))
-    bottom = int(wp.min(wp.floor(pv + half_height - 0.5), lower - 0.5))
-    if top > bottom:
-        return
-    # Coefficients that cancel in the colour would still overflow in the gradient.
-    size = float(0.0)
-    for k in range((degree + 1) * (degree + 1)):
-        size = size + wp.dot(wp.abs(coefficients[g, k]), wp.vec3(1.0, 1.0, 1.0))
-    if not size < _MAX_COLOR:
-        return
-    color = sh_color(coefficients, g, degree, wp.normalize(means[g] - cam.center_world))
-    splats[g, SPLAT_U] = pu
-    splats[g, SPLAT_V] = pv
-    splats[g, SPLAT_A] = (cc + cam.dilation) / det
-    splats[g, SPLAT_B] = -b / det
-    splats[g, SPLAT_C] = (aa + cam.dilation) / det
-    splats[g, SPLAT_OPACITY] = opacity
-    splats[g, SPLAT_RED] = wp.max(color[0], 0.0)
-    splats[g, SPLAT_GREEN] = wp.max(color[1], 0.0)
-    splats[g, SPLAT_BLUE] = wp.max(color[2], 0.0)
-    splats[g, SPLAT_HALF_WIDTH] = half_width
-    splats[g, SPLAT_HALF_HEIGHT] = half_height
-    splats[g, SPLAT_TAU] = tau
-    var_x = aa + cam.dilation
-    splats[g, SPLAT_SLOPE] = b / var_x
-    splats[g, SPLAT_CHORD] = _ROUNDING * tau * (det / var_x)
-    splats[g, SPLAT_TAPER] = (det / var_x) / var_x
-    splats[g, SPLAT_PEAK] = b * wp.sqrt(tau / (cc + cam.dilation))
-    depths[g] = z
-    first_tile_rows[g] = top // _TILE
-    row_counts[g] = bottom // _TILE - top // _TILE + 1
+    put_record(p, splats[g], 0, 1)
+    put_color(cam, g, means[g], coefficients, degree, splats)
+    depths[g] = p.z
+    first_tile_rows[g] = p.top_row
+    row_counts[g] = p.bottom_row - p.top_row + 1
     if normals.shape[0] > 0:
-        normals[g] = facing_normal(f)
+        normals[g] = facing_normal(footprint_of(cam, means[g], log_scales[g], quats[g]))

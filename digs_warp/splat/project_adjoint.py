@@ -15,6 +15,7 @@ axial(K) = (K21 - K12, K02 - K20, K10 - K01). The colour sees the camera's centr
 import warp as wp
 
 from digs_warp.splat.config import MIN_COMPENSATION
+from digs_warp.splat.elementary import sigmoid
 from digs_warp.splat.footprint import (
     Footprint,
     ViewParams,
@@ -23,7 +24,7 @@ from digs_warp.splat.footprint import (
     rotation_adjoint,
     shortest_axis,
 )
-from digs_warp.splat.project import compensation, sigmoid
+from digs_warp.splat.project import compensation
 from digs_warp.splat.records import SPLAT_A, SPLAT_B, SPLAT_C, SPLAT_RED
 from digs_warp.splat.shade import sh_adjoint
 

@@ -26,6 +26,7 @@ from digs_warp.splat.project_adjoint import (
     project_backward_kernel,
     sum_camera_kernel,
 )
+from digs_warp.splat.project_group import PROJECT_GROUP, project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
 from digs_warp.splat.rasterize_reference import (
@@ -297,9 +298,10 @@ class SplatRenderer:
         self._degree = degree
         lists = self.binner.lists
         outputs = [lists.splats, lists.depths, lists.first_tile_rows, lists.row_counts]
+        count = len(self.gaussians)
         self._project = self._launch(
-            project_kernel,
-            len(self.gaussians),
+            project_group_kernel if self.vectorized else project_kernel,
+            -(-count // PROJECT_GROUP) if self.vectorized else count,
             [self._views, *self.gaussians.arrays, degree, *outputs, self._normals],
         )
         self._generation = -1

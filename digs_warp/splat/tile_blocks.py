@@ -10,6 +10,7 @@ import warp as wp
 
 from digs_warp.contiguous import floats_from
 from digs_warp.splat.config import EXTENT_SLACK
+from digs_warp.splat.elementary import larger, smaller
 from digs_warp.splat.tile import (
     BLOCK,
     BLOCK_COLUMNS,
@@ -36,18 +37,6 @@ def live_blocks(transmittances: wp.array[float]) -> int:
             total += pixels[lane]
         live |= wp.where(total > 0.0, 1 << block, 0)
     return live
-
-
-@wp.func
-def smaller(a: float, b: float) -> float:
-    """The smaller of two numbers that are not NaN: one instruction, where `wp.min` looks for NaN."""
-    return wp.where(a < b, a, b)
-
-
-@wp.func
-def larger(a: float, b: float) -> float:
-    """The larger of two numbers that are not NaN."""
-    return wp.where(a > b, a, b)
 
 
 @wp.func

@@ -13,8 +13,8 @@ reference's factor was found: the noise does not depend on the unit of the scene
 
 import warp as wp
 
+from digs_warp.splat.elementary import sigmoid
 from digs_warp.splat.footprint import rotation_of
-from digs_warp.splat.project import sigmoid
 from digs_warp.train.density.relocation import DEAD_OPACITY
 
 wp.set_module_options({"enable_backward": False})

@@ -74,3 +74,15 @@ wp.config.cpu_compiler_flags = "-Rpass=loop-vectorize"
 wp.load_module(importlib.import_module({module!r}), device="cpu")
 """
     assert_vectorized(code, MODULES[module], tmp_path)
+
+
+def test_several_gaussians_are_projected_at_once(tmp_path: Path) -> None:
+    code = f"""
+import warp as wp
+wp.config.kernel_cache_dir = {str(tmp_path)!r}
+import digs_warp.splat.project_group
+module = wp.get_module("digs_warp.splat.project_group")
+module.options["cpu_compiler_flags"] += " -Rpass=loop-vectorize"
+wp.load_module(module, device="cpu")
+"""
+    assert_vectorized(code, "for i in range(_GROUP):", tmp_path)
