@@ -108,11 +108,13 @@ def _measure(work: Path) -> dict[str, Any]:
 def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
     """Keep structure from motion for the next case, or note the time that it took the first one."""
     stage = "structure from motion"
+    if stage not in seconds:  # this case takes its poses from the recording, and no sparse points
+        return
     note = matched / "study.json"
     if note.is_file():
         seconds[stage] = read_json(note, "note")["seconds"]
-    elif (work / "sfm").is_dir():
-        shutil.copytree(work / "sfm", matched)
+    else:
+        shutil.copytree(work / "sfm", matched, dirs_exist_ok=True)
         write_atomically(note, to_json({"seconds": seconds[stage]}).encode())
 
 
