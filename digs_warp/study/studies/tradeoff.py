@@ -36,12 +36,15 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
 # These mean something only with estimated poses, and are priced against them.
 OF_SFM = ("features per image", "pairs of images", "mapper")
 
+# How true to a real camera the recording is: shown, but no setting to choose for its quality.
+REALISM = ("sensor tier",)
+
 # What is bought with the seconds, a sentence per knob.
 BUYS = {
     "iterations": "Training steps: the knob to turn first; what a second buys falls quickly.",
     "frames": "More views cover more of the object and take longer to record, not to train.",
-    "image width": "Finer images: recording and training both pay for every pixel.",
-    "voxel size [mm]": "Finer points to start from: more Gaussians, so every step is slower.",
+    "image width": "Finer images: recording and training both pay for every pixel, and need more steps.",
+    "voxel size [mm]": "Finer points to start from: more Gaussians, slower steps, and more of them needed.",
     "initialization": "Where the Gaussians start: seconds once, saved again in the training.",
     "density control": "Adding and removing Gaussians while training; a dense start hardly needs it.",
     "sensor tier": "How the depth is made: from no error to a real matcher. Buys realism, not quality.",
@@ -94,7 +97,7 @@ def sections(records: Sequence[Record]) -> list[Section]:
     if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
     usual = [r for r in records if r["labels"]["knob"] == USUAL]
-    return [_front(measured), *_knob_sections(measured), *finish_sections(usual)]
+    return [_front(_choices(measured)), *_knob_sections(measured), *finish_sections(usual)]
 
 
 def total_seconds(record: Record) -> float:
@@ -132,7 +135,8 @@ class Best:
 
 def best_within(records: Sequence[Record], budget: float) -> Best | None:
     """Return the setting of the highest quality whose mean time is within ``budget`` seconds."""
-    within = {key: m for key, m in _measured(records).items() if m[0].mean <= budget}
+    measured = _choices(_measured(records))
+    within = {key: m for key, m in measured.items() if m[0].mean <= budget}
     if not within:
         return None
     key = max(within, key=lambda k: within[k][1].mean)
@@ -170,6 +174,11 @@ def _measured(records: Sequence[Record]) -> Measured:
         if seconds and quality:
             found[key] = (seconds, quality)
     return found
+
+
+def _choices(measured: Measured) -> Measured:
+    """Return the settings among which one chooses by time and quality."""
+    return {key: values for key, values in measured.items() if key[0] not in REALISM}
 
 
 def _subject(record: Record) -> tuple[Any, Any]:
