@@ -19,6 +19,9 @@ from sim.shutter import Shutter
 # Frames that are looked at before the recording, evenly spaced: two on each of the three orbits.
 SAMPLE_FRAMES = 6
 
+# Effects on the photographs, then those on depth.
+ALL_EFFECT_NAMES = tuple(effect.name for effect in (*COLOR_EFFECTS, *EFFECTS))
+
 
 @dataclass(frozen=True)
 class SensorPlan:
@@ -100,4 +103,4 @@ def check_effects(config: SimulateConfig) -> None:
 
 def _wanted(selection: str) -> frozenset[str] | None:
     """Return the names that are asked for; None: what the scene calls for."""
-    return wanted_effects(selection, [effect.name for effect in (*COLOR_EFFECTS, *EFFECTS)])
+    return wanted_effects(selection, ALL_EFFECT_NAMES)

@@ -152,13 +152,13 @@ def test_laws_find_the_costs_that_made_the_seconds() -> None:
 
 
 def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
-    from sim.sensor.planner import EFFECT_NAMES
+    from sim.sensor_plan import ALL_EFFECT_NAMES
 
     study = BY_NAME["robustness"]
     cases = study.cases(1, 1, 300)
-    assert {case.labels["effect"] for case in cases} == {*EFFECT_NAMES, "none", "all together"}
+    assert {case.labels["effect"] for case in cases} == {*ALL_EFFECT_NAMES, "none", "all together"}
     records = [record_of(case, 0) for case in cases]
-    mild, harmful, idle = EFFECT_NAMES[0], EFFECT_NAMES[3], EFFECT_NAMES[5]
+    mild, harmful, idle = ALL_EFFECT_NAMES[0], ALL_EFFECT_NAMES[3], ALL_EFFECT_NAMES[5]
     for record in records:
         loss = {mild: 0.001, harmful: 4.0}.get(record["labels"]["effect"], 0.0)
         record["yardstick"]["psnr"] -= loss
