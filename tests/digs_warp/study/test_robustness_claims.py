@@ -42,12 +42,14 @@ class Walk:
     frames: tuple[Frame, ...]
     held_out: list[evaluate.TestView]
 
-    def quality(self, folder: Path, effects: Sequence[str], strength: float) -> float:
+    def quality(
+        self, folder: Path, effects: Sequence[str], strength: float, seed: int = 0
+    ) -> float:
         """The PSNR [dB] of held-out views after a short training from depth with errors."""
         frames = []
         for number, (frame, truth) in enumerate(zip(self.frames, self.truths, strict=True)):
             if number % 4:
-                depth = depth_of(sense_effects(truth, effects, strength=strength), truth)
+                depth = depth_of(sense_effects(truth, effects, seed, strength), truth)
                 path = folder / f"{frame.name}.exr"
                 write_image(path, depth)
                 frames.append(replace(frame, files={**frame.files, "depth_file_path": path}))
@@ -97,11 +99,13 @@ def test_four_times_an_effect_costs_no_more_than_its_bound(
     assert walk.quality(tmp_path, [name], 4.0) > clean - WORST[name]
 
 
-@pytest.mark.parametrize(("strength", "bound"), [(1.0, 1.5), (4.0, 11.0)])
+@pytest.mark.parametrize(("strength", "bound"), [(1.0, 1.5), (4.0, 9.0)])
 def test_all_effects_together_cost_no_more_than_their_bound(
     walk: Walk, clean: float, tmp_path: Path, strength: float, bound: float
 ) -> None:
-    assert walk.quality(tmp_path, NAMES, strength) > clean - bound
+    # A single draw may put a stray point before a camera, which costs decibels.
+    found = [walk.quality(tmp_path, NAMES, strength, seed) for seed in range(3)]
+    assert np.median(found) > clean - bound
 
 
 def test_depth_of_which_nothing_is_left_is_told(walk: Walk, tmp_path: Path) -> None:
