@@ -1,6 +1,7 @@
 """COLMAP's model, which takes images for moments, corrected for a rolling shutter."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -76,9 +77,7 @@ def _start(views: RollingViews, model: SfmModel) -> RollingModel:
         spins=np.zeros((len(cams_from_world), 3)),
         points=model.points.points_world.astype(np.float64),
     )
-    return RollingModel(
-        still.rotations, still.translations, walking_spins(views, still), still.points
-    )
+    return replace(still, spins=walking_spins(views, still))
 
 
 def _write_poses(
