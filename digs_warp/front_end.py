@@ -144,7 +144,8 @@ def _in_metres(
     """Scale the model by what the depth maps say (eq. 6 and 7), and choose its world."""
     if sparse.is_metric:
         return _Model(sparse.model, 1.0)
-    scale = estimate_scale(local_scales(sparse.model, frames.training, config))
+    ratios = local_scales(sparse.model, frames.training, config)
+    scale = estimate_scale(ratios, config.scale)
     log.results["scale"] = asdict(scale)
     sfm = sparse.model.in_metres(scale.sfm_per_metre)
     return _Model(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre)

@@ -9,6 +9,7 @@ from digs_warp.init.seed_gaussians import INITIAL_OPACITY
 Strategy = Literal["default", "random", "depth", "highdepth", "fusion"]
 VoxelUnit = Literal["metre", "object", "sfm"]
 Shape = Literal["round", "flat", "ray"]
+ScaleStatistic = Literal["mode", "mean"]
 
 # Edge length of the voxel grid without a wish of the user's: (high density, low density). The paper's are
 # in units of structure from motion; ours in metres keep their ratio, and so do shares of the object.
@@ -46,6 +47,18 @@ class InitConfig:
 
     target_points: int | None = None
     """Choose the voxel size that gives about this many points, instead of naming one."""
+
+    max_points: int | None = None
+    """Keep at most this many of the points from depth, drawn at random: bounds the time of a training step
+    without a coarser grid."""
+
+    scale: ScaleStatistic = "mode"
+    """What the ratios between depth in structure from motion and measured depth agree on: their 'mode' (paper
+    eq. 7), or, for comparison, their 'mean', which every mismatch pulls at."""
+
+    mask_filter: bool = True
+    """Leave out depth outside the object's mask (paper eq. 9). Without it only the other filters tell the
+    object from its surround; the training keeps to the masks all the same."""
 
     mask_threshold: int = 20
     """A pixel belongs to the object where its mask (0 to 255) is above this (paper section 4.1)."""
@@ -94,6 +107,8 @@ class InitConfig:
         check_positive("init.disparity_noise", self.disparity_noise)
         if self.target_points is not None and self.target_points < 1:
             raise DigsError(f"init.target_points: {self.target_points}, expected at least 1")
+        if self.max_points is not None and self.max_points < 1:
+            raise DigsError(f"init.max_points: {self.max_points}, expected at least 1")
         if self.target_points is not None and self.voxel_size is not None:
             raise DigsError("init.voxel_size and init.target_points: give one of them")
         if not self.background_weight >= 1:
@@ -119,6 +134,11 @@ class InitConfig:
         if self.splat_width is not None:
             return self.splat_width
         return DENSE_WIDTH if self.strategy in DENSE_STRATEGIES else 1.0
+
+    @property
+    def mask_level(self) -> int:
+        """Mask values above this are the object's: all of them without the filter."""
+        return self.mask_threshold if self.mask_filter else -1
 
     @property
     def voxel_edge(self) -> float:

@@ -119,6 +119,9 @@ def depth_points(
             visible = not_seen_through(voxels.points_world, seen, report.voxel_size)
         voxels = voxels.select(visible) if visible.any() else voxels
         report.voxels["not seen through"] = len(voxels)
+    if config.max_points is not None and len(voxels) > config.max_points:
+        voxels = voxels.select(_drawn(len(voxels), config.max_points))
+        report.voxels["drawn"] = len(voxels)
     return _to_points(voxels, config, report.voxel_size), report
 
 
@@ -154,6 +157,13 @@ class _GrowingGrid:
 
     def merged(self) -> VoxelSums:
         return merge_voxel_sums(self._batches)
+
+
+def _drawn(count: int, wanted: int) -> np.ndarray:
+    """Return a mask, shape (count,), of ``wanted`` places drawn at random; always the same."""
+    keep = np.zeros(count, dtype=bool)
+    keep[np.random.default_rng(0).choice(count, size=wanted, replace=False)] = True
+    return keep
 
 
 def _to_points(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:

@@ -33,7 +33,7 @@ def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> 
     Args:
         sfm: the model in [sfm]; only its observations in ``frames`` serve.
         frames: frames with depth; held-out ones must not be among them.
-        config: its mask threshold and edge filter.
+        config: its mask and edge filters.
 
     Raises:
         DigsError: the model knows none of the frames.
@@ -81,7 +81,7 @@ def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarr
     in_mask = np.ones(len(px), dtype=bool)
     if frame.has("mask_path"):
         columns, rows = _nearest(px[usable], width, height)
-        in_mask = frame.load_mask()[rows, columns] > config.mask_threshold
+        in_mask = frame.load_mask()[rows, columns] > config.mask_level
     else:
         in_mask = in_mask[usable]
     return np.stack([sfm_depths[usable] / measured[usable], in_mask])

@@ -74,7 +74,7 @@ def initialize(
 
     # Fusion: P_fusion = P_BB united with P*.
     from_sfm = unmasked_points_in_box(
-        _needed(sfm, config), frames, config.mask_threshold, from_depth.bounds
+        _needed(sfm, config), frames, config.mask_level, from_depth.bounds
     )
     sources = {"depth": len(from_depth), "sfm": len(from_sfm)}
     return Initialization(_union(from_depth, from_sfm, report.voxel_size), sources, report)

@@ -74,7 +74,7 @@ def view_points(
     mask = frame.load_mask()
     confidence = frame.load_confidence() if config.weight_by_confidence else None
     laps.lap("read")
-    in_mask = mask > config.mask_threshold
+    in_mask = mask > config.mask_level
     rows, columns = box = box_of(in_mask)
     camera, near = frame.camera.cropped(rows, columns), depth[box]  # what the mask is about
     keep = in_mask[box] & ~np.isnan(near)

@@ -37,7 +37,7 @@ def first_voxel_size(
         DigsError: a size in units of structure from motion, but no scale.
     """
     if config.target_points is not None or config.voxel_unit == "object":
-        return _fine_size(frames, config.mask_threshold)
+        return _fine_size(frames, config.mask_level)
     if config.voxel_unit == "metre":
         return config.voxel_edge
     if sfm_per_metre is None:
@@ -70,10 +70,10 @@ def object_size(voxels: VoxelSums) -> float:
     return float((high - low).max())
 
 
-def _fine_size(frames: Sequence[Frame], mask_threshold: int) -> float:
+def _fine_size(frames: Sequence[Frame], mask_level: int) -> float:
     """Return what `FINE_PIXELS` pixels cover at the object's distance in the first view that has any."""
     for frame in frames:
-        depth = frame.load_depth()[frame.load_mask() > mask_threshold]
+        depth = frame.load_depth()[frame.load_mask() > mask_level]
         depth = depth[~np.isnan(depth)]
         if depth.size:
             return FINE_PIXELS * float(np.median(depth)) / frame.camera.intrinsics.fx

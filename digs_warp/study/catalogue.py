@@ -72,6 +72,14 @@ STUDIES = (
         iterations=300,
     ),
     Study(
+        "ablation",
+        "What each component of the start is worth",
+        "the paper's Highdepth without one component, or with one addition: points, scale, quality along the "
+        "iterations",
+        objects=2,
+        iterations=1000,
+    ),
+    Study(
         "segmentation",
         "Wrong masks",
         "spoiled object masks at rising strength, by strategy",

@@ -9,11 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from digs_warp.capture import Capture, Frame
 from digs_warp.gaussians import Gaussians
 from digs_warp.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
 from digs_warp.log import read_json, to_json, versions, write_atomically
 from digs_warp.point_cloud import PointCloud
+from digs_warp.posed_frames import PosedFrames
 from digs_warp.study.engine.case import Case, digest
 from digs_warp.study.engine.finish import score_finishes
 from digs_warp.study.engine.overrides import with_settings
@@ -22,7 +25,7 @@ from digs_warp.study.machine import processor
 from sim.config import SimulateConfig
 
 if TYPE_CHECKING:
-    from digs_warp.init.config import InitConfig
+    from digs_warp.reconstruct import ReconstructConfig
 
 CAPTURES = "captures"
 SFM = "sfm"
@@ -49,8 +52,8 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk: comparable between
     recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
-    `engine.finish`), ``scale_error`` (share that the sensor's depth misses the scale by), ``seconds`` (of
-    stages; compiling kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
+    `engine.finish`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
+    kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
     process), ``versions``, ``machine``.
 
     Args:
@@ -69,13 +72,14 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         shutil.copytree(matched, work / "sfm")
     with _CompileTimes() as compiled:
         gaussians = reconstruct(capture, config, work)
+    posed = PosedFrames.load(capture, work)
     measured = _measure(work)
     _share_sfm(work, matched, measured["seconds"])
     yardstick = _yardstick(case, folder)
     measured |= {
         "yardstick": score_on_yardstick(gaussians, yardstick),
         "finishes": score_finishes(gaussians, yardstick) if case.finishes else {},
-        "scale_error": _scale_error(capture, config.init),
+        "scale_error": _scale_error(capture, config, posed),
         "surface": _surface_scores(capture, work, gaussians),
         "recording_seconds": read_json(capture.folder / RUN_RECORD, "run record")["seconds"],
         "memory_mb": _peak_memory_mb(),
@@ -125,19 +129,28 @@ def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:
     return _recorded(config, f"yardstick-{digest(scene)}", folder).frames
 
 
-def _scale_error(capture: Capture, config: "InitConfig") -> float:
-    """Return by what share the scale is missed that the depth gives to a perfect model of the poses.
+def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFrames) -> float:
+    """Return by what share the scale is missed.
 
-    What the sensor alone does to the scale: structure from motion adds its own errors.
+    Estimated poses show it: their centres are the true ones, that much larger or smaller. Where a case has
+    none, it is that of the scale that the depth gives to a perfect model of the poses: what the sensor alone
+    does.
     """
     from digs_warp.init.local_scales import local_scales
     from digs_warp.init.scale import estimate_scale
+    from digs_warp.sfm.evaluate import umeyama
     from digs_warp.study.synthetic_sfm import sfm_from_truth
 
+    if config.sfm.poses == "sfm":
+        true = {frame.name: frame.camera.center_world for frame in capture.frames}
+        frames = (*posed.training, *posed.held_out)
+        found = np.array([frame.camera.center_world for frame in frames])
+        metres = umeyama(found, np.array([true[frame.name] for frame in frames])).scale
+        return abs(1 / metres - 1)
     training, _ = capture.split()
     model = sfm_from_truth(training, SFM_PER_METRE)
-    found = estimate_scale(local_scales(model, training, config))
-    return abs(found.sfm_per_metre / SFM_PER_METRE - 1)
+    scale = estimate_scale(local_scales(model, training, config.init), config.init.scale)
+    return abs(scale.sfm_per_metre / SFM_PER_METRE - 1)
 
 
 def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:

@@ -37,6 +37,7 @@ class Chart:
         name: of its files, without suffix.
         title: stands above it.
         log_x, log_y: logarithmic axes.
+        rows: names of the y values 0, 1, ..., the first at the top; empty: y is a number.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Chart:
     y_label: str
     log_x: bool = False
     log_y: bool = False
+    rows: Sequence[str] = ()
 
     def png(self) -> bytes:
         """Return the picture as PNG."""
@@ -82,6 +84,9 @@ class Chart:
         axes.set_xlabel(self.x_label)
         axes.set_ylabel(self.y_label)
         self._scale(axes)
+        if self.rows:
+            axes.set_yticks(range(len(self.rows)), self.rows, fontsize=8)
+            axes.invert_yaxis()
         axes.grid(alpha=0.3)
         if len(self.curves) > 1:
             axes.legend(frameon=False, fontsize=8)

@@ -1,5 +1,6 @@
 """The objects that studies record: the built-in one, and meshes of the sample data where they lie."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from digs_warp.study.sample_data import sample_data
@@ -15,16 +16,20 @@ SAMPLE_OBJECTS = (
 ENVIRONMENT = "forest_slope"
 
 
-def objects(count: int) -> dict[str, dict[str, Any]]:
-    """Return the first ``count`` objects by name, as settings of a recording.
+def objects(count: int, first: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
+    """Return ``count`` objects by name, as settings of a recording.
 
     Without sample data there is the built-in object alone.
+
+    Args:
+        count: how many; the built-in object comes last.
+        first: sample objects that come before the others.
     """
     data = sample_data()
     environment = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
     surround = {"environment": environment} if environment.is_file() else {}
     found: dict[str, dict[str, Any]] = {}
-    for name in SAMPLE_OBJECTS:
+    for name in dict.fromkeys((*first, *SAMPLE_OBJECTS)):
         mesh = data / "meshes" / name / f"{name}.glb"
         if mesh.is_file():
             found[name] = {"mesh": mesh} | surround

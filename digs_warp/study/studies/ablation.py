@@ -1,0 +1,232 @@
+"""What each component of the initialization is worth: what the paper leaves to future work (its section 5).
+
+Each case changes one thing in the paper's Highdepth: a component is taken out, or an addition of ours put in.
+Poses are estimated, as in the paper. With spoilt masks the initialization sees what a segmentation that fails
+now and then gives it, with true ones what is left for the other filters to do.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.charts import Chart, Curve
+from digs_warp.study.engine.page import Section, Table
+from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
+from digs_warp.study.studies.scenes import objects
+
+# Smooth and well textured; thin legs, and parts that hide each other.
+FIRST_OBJECTS = ("ycb_mustard_bottle", "armchair")
+
+RECORDING: dict[str, Any] = {"frames": 48, "width": 480, "height": 270, "samples_per_pixel": 4}
+
+SPOILT, TRUE = "spoilt", "true"
+MASKS: dict[str, dict[str, Any]] = {SPOILT: {"segment.masks": "degraded"}, TRUE: {}}
+
+ITERATIONS = (100, 300, 1000)
+
+# No two measurements share a voxel of this size [m]; as many points are drawn from them as the grid leaves.
+NO_GRID: dict[str, Any] = {"init.voxel_size": 1e-4, "init.max_points": 60_000}
+FEW_POINTS = 20_000
+
+RECIPE = "paper's Highdepth"
+AGAIN = "the same, other order of views"
+PAPER: dict[str, Any] = {"init.min_support": 0.0, "init.visibility_check": False}
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    RECIPE: {},
+    AGAIN: {},
+    "no masks": {"init.mask_filter": False},
+    "no edge filter": {"init.edge_filter": False},
+    "no k-means": {"init.foreground_filter": False},
+    "k-means, equal weights": {"init.background_weight": 1.0},
+    "mean scale, not mode": {"init.scale": "mean"},
+    "no voxel grid": NO_GRID,
+    "+ minimal support": {"init.min_support": 0.15},
+    "+ visibility check": {"init.visibility_check": True},
+    "+ both (our default)": {"init.min_support": 0.15, "init.visibility_check": True},
+    "+ uncertainty weights": {"init.weight_by_uncertainty": True},
+    "+ confidence weights": {"init.weight_by_confidence": True},
+    "+ flat Gaussians": {"init.shape": "flat"},
+    "+ Gaussians along rays": {"init.shape": "ray"},
+    f"+ voxels for {FEW_POINTS:,} points": {"init.target_points": FEW_POINTS},
+}
+
+
+def cases(objects_count: int = 2, seeds: int = 1, iterations: int = 1000) -> list[Case]:
+    """Return the cases: all variants with spoilt masks, object by object, then with true ones."""
+    return [
+        _case(name, scene, masks, variant, seed, iterations)
+        for seed in range(seeds)
+        for masks in MASKS
+        for name, scene in objects(objects_count, FIRST_OBJECTS).items()
+        for variant in VARIANTS
+    ]
+
+
+def _case(
+    name: str, scene: Mapping[str, Any], masks: str, variant: str, seed: int, iterations: int
+) -> Case:
+    # Another order of the views is that of no other repetition.
+    seeds = {"train.seed": 1000 + seed if variant == AGAIN else seed, "segment.mask_seed": seed}
+    return Case(
+        labels={"object": name, "masks": masks, "variant": variant, "seed": seed},
+        recording={**scene, **RECORDING, "seed": seed},
+        reconstruction={"sfm.poses": "sfm", "train.iterations": iterations}
+        | (MASKS[masks] | PAPER | VARIANTS[variant] | seeds),
+    )
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column of the table.
+
+    Attributes:
+        heading: above it.
+        decimals: of its values.
+        value: of a record; None where it was not measured.
+        compared: the difference to the recipe stands beside the value.
+    """
+
+    heading: str
+    decimals: int
+    value: Callable[[Record], float | None]
+    compared: bool = True
+
+
+def _course(metric: str, iteration: int) -> Callable[[Record], float | None]:
+    return lambda record: at_iteration(record, iteration, metric)
+
+
+def _of_points(name: str, factor: float) -> Callable[[Record], float | None]:
+    return lambda record: factor * record["surface"]["points"][name] if record["surface"] else None
+
+
+def _end(record: Record) -> float | None:
+    return record["yardstick"].get("psnr")
+
+
+QUANTITIES = (
+    Quantity("points", 0, lambda record: record["results"]["initial_points"], compared=False),
+    Quantity("Chamfer [mm]", 2, _of_points("chamfer", 1e3)),
+    Quantity("F-score at 5 mm [%]", 1, _of_points("f_score", 1e2)),
+    Quantity("scale error [%]", 3, lambda record: 100 * record["scale_error"], compared=False),
+    *(Quantity(f"PSNR after {i} [dB]", 2, _course("psnr", i)) for i in ITERATIONS),
+    *(Quantity(f"SSIM after {i}", 4, _course("ssim", i)) for i in ITERATIONS),
+    Quantity("PSNR, perfect camera [dB]", 2, _end),
+)
+END = QUANTITIES[-1]
+
+
+def sections(records: Sequence[Record]) -> list[Section]:
+    """Return a table and a chart for each kind of masks, and the weights of the k-means."""
+    found = group_by(records, "masks")
+    shown = [_of_masks(masks, found[masks,]) for masks in MASKS if (masks,) in found]
+    return [*shown, _weights(records)]
+
+
+def _of_masks(masks: str, records: Sequence[Record]) -> Section:
+    titles = {SPOILT: "With masks of a usual failure", TRUE: "With true masks"}
+    texts = {
+        SPOILT: "Masks with wrong borders, leaks into the surround and missing pieces, for the "
+        "initialization and the training alike; the views that measure have true masks.",
+        TRUE: "The masks of the simulator, without an error.",
+    }
+    text = (
+        f"{texts[masks]} In brackets: the difference to the first row of the same object. "
+        "PSNR and SSIM are those of held-out views, and, at the end, of a perfect camera. "
+        f"{_findings(records)}"
+    )
+    headings = ["object", "variant", *(quantity.heading for quantity in QUANTITIES)]
+    rows = [
+        [name, variant, *_cells(group, by_variant.get((RECIPE,), []))]
+        for (name,), found in group_by(records, "object").items()
+        for by_variant in [group_by(found, "variant")]
+        for (variant,), group in by_variant.items()
+    ]
+    table = Table(f"ablation_{masks}", headings, rows)
+    return Section(titles[masks], text, [table], [_chart(masks, records)])
+
+
+def _cells(group: Sequence[Record], recipe: Sequence[Record]) -> list[str]:
+    cells = []
+    for quantity in QUANTITIES:
+        value, usual = spread(group, quantity.value), spread(recipe, quantity.value)
+        text = f"{value.mean:,.{quantity.decimals}f}" if value else ""
+        if value and usual and quantity.compared and group is not recipe:
+            text += f" ({value.mean - usual.mean:+.{quantity.decimals}f})"
+        cells.append(text)
+    return cells
+
+
+def _changes(
+    records: Sequence[Record], value: Callable[[Record], float | None]
+) -> dict[str, float]:
+    """Return by variant the mean difference to the recipe with the same object, masks and seed."""
+    same = ("object", "masks", "seed")
+    usual = {
+        tuple(record["labels"][label] for label in same): value(record)
+        for record in records
+        if record["labels"]["variant"] == RECIPE
+    }
+
+    def change(record: Record) -> float | None:
+        here, there = value(record), usual.get(tuple(record["labels"][label] for label in same))
+        return None if here is None or there is None else here - there
+
+    found = {
+        variant: spread(group, change) for (variant,), group in group_by(records, "variant").items()
+    }
+    return {variant: s.mean for variant, s in found.items() if s and variant != RECIPE}
+
+
+def _findings(records: Sequence[Record]) -> str:
+    """Say which variants change most, and how much of that is chance."""
+    early, end = (_changes(records, q) for q in (_course("psnr", ITERATIONS[0]), END.value))
+    sentences = []
+    for when, changes in ((f"after {ITERATIONS[0]} steps", early), ("at the end", end)):
+        ranked = sorted((v for v in changes if v != AGAIN), key=lambda v: changes[v])
+        worse = [f"{v} ({changes[v]:+.2f} dB)" for v in ranked[:3] if changes[v] < 0]
+        better = [f"{v} ({changes[v]:+.2f} dB)" for v in ranked[:-4:-1] if changes[v] > 0]
+        if worse:
+            sentences.append(f"Lost most {when}: {', '.join(worse)}.")
+        if better:
+            sentences.append(f"Gained most {when}: {', '.join(better)}.")
+    if AGAIN in early and AGAIN in end:
+        sentences.append(
+            "Training with the views in another order alone changes "
+            f"{early[AGAIN]:+.2f} and {end[AGAIN]:+.2f} dB: less than that tells nothing."
+        )
+    return " ".join(sentences)
+
+
+def _chart(masks: str, records: Sequence[Record]) -> Chart:
+    names = [variant for variant in VARIANTS if variant != RECIPE]
+    curves = []
+    for iteration in ITERATIONS:
+        changes = _changes(records, _course("psnr", iteration))
+        known = [(changes[name], row) for row, name in enumerate(names) if name in changes]
+        label = f"after {iteration} steps"
+        curves.append(Curve(label, [x for x, _ in known], [y for _, y in known], line=False))
+    title = f"Difference to the {RECIPE}, {masks} masks"
+    x_label = "PSNR of held-out views, less that of the recipe [dB]"
+    return Chart(f"ablation_{masks}", title, curves, x_label, "", rows=names)
+
+
+def _weights(records: Sequence[Record]) -> Section:
+    """Compare the k-means' weights 1:3 with equal ones and with no k-means."""
+    variants = {RECIPE: "1 : 3", "k-means, equal weights": "1 : 1", "no k-means": "no k-means"}
+    by_case = group_by(records, "masks", "object", "variant")
+    rows = [
+        [masks, name, title, *_cells(group, by_case.get((masks, name, RECIPE), []))]
+        for (masks, name) in group_by(records, "masks", "object")
+        for variant, title in variants.items()
+        if (group := by_case.get((masks, name, variant)))
+    ]
+    text = (
+        "The weights of foreground and background in the k-means of the paper's eq. 9; it leaves open how "
+        "they enter. Here a pixel is background where it is three times as near to the background's mean "
+        "depth as to the foreground's."
+    )
+    headings = ["masks", "object", "weights", *(quantity.heading for quantity in QUANTITIES)]
+    return Section("The weights of the k-means", text, [Table("weights", headings, rows)])
