@@ -22,3 +22,18 @@ def floats_from(values: wp.array[float], first: int, count: int) -> wp.array[flo
 def bytes_from(values: wp.array[wp.uint8], first: int, count: int) -> wp.array[wp.uint8]:
     """``count`` bytes of a contiguous array, from ``first`` on."""
     return wp.array(ptr=values.ptr + wp.uint64(first), shape=(count,), dtype=wp.uint8)
+
+
+# No fault where an address lies outside of the array; on CUDA other threads hide the latency.
+_PREFETCH = """
+#if !defined(__CUDA_ARCH__)
+for (int i = 0; i < count; i += 16)
+    __builtin_prefetch(values.data + first + i);
+#endif
+"""
+
+
+@wp.func_native(_PREFETCH)
+def prefetch_floats(values: wp.array[float], first: int, count: int):
+    """Ask for ``count`` floats from ``first`` on before they are read: lines of 64 bytes that hold 16."""
+    ...

@@ -24,7 +24,7 @@ Where pixels have weights w, the sum is that of w SSIM: the three derivatives ar
 are blurred.
 
 One thread walks down a strip of 64 columns of one channel, at most `SEGMENT_ROWS` rows of it, and keeps only
-the last rows of every stage, in rings of 16 of which a window reads 11: image line -> moments, blurred along
+the last rows of every stage, in rings as high as a window: image line -> moments, blurred along
 the row -> blurred along the column, SSIM and its derivatives -> blurred along the row -> blurred along the
 column, gradient. Nothing in between goes through memory, at the price of derivatives computed twice in the
 columns around a strip. Only where blocks are active it is computed: elsewhere image and target are the same
@@ -35,7 +35,7 @@ import math
 
 import warp as wp
 
-from digs_warp.contiguous import floats_from
+from digs_warp.contiguous import floats_from, prefetch_floats
 
 # Products and sums are not contracted: fused, the variance of two equal constants would not cancel, and SSIM
 # would miss 1 by 1e-4.
@@ -80,12 +80,16 @@ _LINE_COLUMNS = _WIDE_COLUMNS + 2 * REACH
 _LINE = wp.constant(_LINE_COLUMNS)
 _LINES = wp.constant(4 * _LINE_COLUMNS)
 _LINES_TWICE = wp.constant(8 * _LINE_COLUMNS)
+# Rows that are asked for ahead: a pitch apart, the processor does not foresee them.
+_AHEAD = wp.constant(4)
 # Rings of blurred rows: of the four moments, and of the three derivatives.
-_RING_ROWS = wp.constant(15)  # row & 15 is the row's place
-_MOMENT_RING = wp.constant(16 * _WIDE_COLUMNS)
-_MOMENT_RINGS = wp.constant(4 * 16 * _WIDE_COLUMNS)
-_GRADIENT_RING = wp.constant(16 * BLOCK_COLUMNS)
-_GRADIENT_RINGS = wp.constant(3 * 16 * BLOCK_COLUMNS)
+_RING_ROWS = wp.constant(WINDOW)
+_SEVERAL_RINGS = wp.constant(4 * WINDOW)
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+_MOMENT_RING = wp.constant(WINDOW * _WIDE_COLUMNS)
+_MOMENT_RINGS = wp.constant(4 * WINDOW * _WIDE_COLUMNS)
+_GRADIENT_RING = wp.constant(WINDOW * BLOCK_COLUMNS)
+_GRADIENT_RINGS = wp.constant(3 * WINDOW * BLOCK_COLUMNS)
 # Lines of the derivatives of a row and of 1 - SSIM, twice; then which columns exist, the weights of a row,
 # the sums of each column, and the gradient of a row.
 _DERIVATIVES = wp.constant(4 * _WIDE_COLUMNS)
@@ -101,6 +105,17 @@ _ROW_MEMORY = wp.constant(15 * _WIDE_COLUMNS)
 def window_sum(d5: float, d4: float, d3: float, d2: float, d1: float, d0: float) -> float:
     """Weighted sum of eleven taps, given as sums of the two at distance 5, 4, 3, 2, 1 and the middle one."""
     return _W5 * d5 + _W4 * d4 + _W3 * d3 + _W2 * d2 + _W1 * d1 + _W0 * d0
+
+
+@wp.func
+def ring_place(row: int) -> int:
+    """Where a row lies in a ring.
+
+    Of 11 rows, not 16: in a ring of a power of two, LLVM derives places from each other bit by bit, and the
+    loops that read there become gathers.
+    """
+    # Rows above the image are negative; a mask tells LLVM that the sum is not.
+    return ((row + _SEVERAL_RINGS) & _NOT_NEGATIVE) % _RING_ROWS
 
 
 @wp.kernel
@@ -159,6 +174,8 @@ def similarity_kernel(
     for turn in range(top - _TWICE, end + _TWICE + 2):
         half = (turn & 1) * _LINES
         source = base + turn * pitch - _MARGIN - _REACH
+        prefetch_floats(image, source + _AHEAD * pitch, _LINE)
+        prefetch_floats(target, source + _AHEAD * pitch, _LINE)
         image_line = floats_from(image, source, _LINE)
         target_line = floats_from(target, source, _LINE)
         for i in range(_LINE):
@@ -169,7 +186,7 @@ def similarity_kernel(
             line[half + 2 * _LINE + i] = x * x + y * y
             line[half + 3 * _LINE + i] = x * y
         if turn > top - _TWICE:
-            to_row = ((turn - 1) & _RING_ROWS) * _WIDE
+            to_row = ring_place(turn - 1) * _WIDE
             for moment in range(4):
                 o = _LINES - half + moment * _LINE
                 b = moment * _MOMENT_RING + to_row
@@ -185,17 +202,17 @@ def similarity_kernel(
         row = turn - 1 - _REACH
         present = (row & 1) * _DERIVATIVES
         if row >= top - _REACH:
-            u5 = ((row - 5) & _RING_ROWS) * _WIDE
-            u4 = ((row - 4) & _RING_ROWS) * _WIDE
-            u3 = ((row - 3) & _RING_ROWS) * _WIDE
-            u2 = ((row - 2) & _RING_ROWS) * _WIDE
-            u1 = ((row - 1) & _RING_ROWS) * _WIDE
-            u0 = (row & _RING_ROWS) * _WIDE
-            v1 = ((row + 1) & _RING_ROWS) * _WIDE
-            v2 = ((row + 2) & _RING_ROWS) * _WIDE
-            v3 = ((row + 3) & _RING_ROWS) * _WIDE
-            v4 = ((row + 4) & _RING_ROWS) * _WIDE
-            v5 = ((row + 5) & _RING_ROWS) * _WIDE
+            u5 = ring_place(row - 5) * _WIDE
+            u4 = ring_place(row - 4) * _WIDE
+            u3 = ring_place(row - 3) * _WIDE
+            u2 = ring_place(row - 2) * _WIDE
+            u1 = ring_place(row - 1) * _WIDE
+            u0 = ring_place(row) * _WIDE
+            v1 = ring_place(row + 1) * _WIDE
+            v2 = ring_place(row + 2) * _WIDE
+            v3 = ring_place(row + 3) * _WIDE
+            v4 = ring_place(row + 4) * _WIDE
+            v5 = ring_place(row + 5) * _WIDE
             for moment_v in range(4):
                 p = moment_v * _MOMENT_RING
                 m = present + moment_v * _WIDE
@@ -252,7 +269,7 @@ def similarity_kernel(
                     )
                     rows[_SUM_DSSIM + j] = rows[_SUM_DSSIM + j] + rows[present + 3 * _WIDE + at]
         if row > top - _REACH:
-            to_gradients = ((row - 1) & _RING_ROWS) * _COLUMNS
+            to_gradients = ring_place(row - 1) * _COLUMNS
             for derivative in range(3):
                 og = _DERIVATIVES - present + derivative * _WIDE + _MARGIN - _REACH
                 bg = derivative * _GRADIENT_RING + to_gradients
@@ -267,17 +284,17 @@ def similarity_kernel(
                     )
         done = row - 1 - _REACH
         if done >= top:
-            s5 = ((done - 5) & _RING_ROWS) * _COLUMNS
-            s4 = ((done - 4) & _RING_ROWS) * _COLUMNS
-            s3 = ((done - 3) & _RING_ROWS) * _COLUMNS
-            s2 = ((done - 2) & _RING_ROWS) * _COLUMNS
-            s1 = ((done - 1) & _RING_ROWS) * _COLUMNS
-            s0 = (done & _RING_ROWS) * _COLUMNS
-            t1 = ((done + 1) & _RING_ROWS) * _COLUMNS
-            t2 = ((done + 2) & _RING_ROWS) * _COLUMNS
-            t3 = ((done + 3) & _RING_ROWS) * _COLUMNS
-            t4 = ((done + 4) & _RING_ROWS) * _COLUMNS
-            t5 = ((done + 5) & _RING_ROWS) * _COLUMNS
+            s5 = ring_place(done - 5) * _COLUMNS
+            s4 = ring_place(done - 4) * _COLUMNS
+            s3 = ring_place(done - 3) * _COLUMNS
+            s2 = ring_place(done - 2) * _COLUMNS
+            s1 = ring_place(done - 1) * _COLUMNS
+            s0 = ring_place(done) * _COLUMNS
+            t1 = ring_place(done + 1) * _COLUMNS
+            t2 = ring_place(done + 2) * _COLUMNS
+            t3 = ring_place(done + 3) * _COLUMNS
+            t4 = ring_place(done + 4) * _COLUMNS
+            t5 = ring_place(done + 5) * _COLUMNS
             for derivative_v in range(3):
                 pg = derivative_v * _GRADIENT_RING
                 mg = _GRADIENT + derivative_v * _COLUMNS
