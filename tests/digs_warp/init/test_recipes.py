@@ -94,6 +94,31 @@ def test_foreground_filter_removes_the_wall_that_a_mask_lets_in(
     assert np.linalg.norm(unfiltered.points_world, axis=1).max() > 2.5
 
 
+def test_without_the_mask_filter_the_wall_beside_the_ball_comes_in(
+    tmp_path: Path, views: list[View]
+) -> None:
+    capture = write_capture(tmp_path, views)
+    config = replace(CONFIG, min_support=0.0, mask_filter=False)
+    near = initial_points(capture.frames, config)
+    everything = initial_points(capture.frames, replace(config, foreground_filter=False))
+    radii = np.linalg.norm(everything.points_world, axis=1)
+    assert np.count_nonzero(radii > 2.5) > 0.3 * len(radii)
+    # The k-means tells the ball from the wall without a mask.
+    assert np.linalg.norm(near.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
+
+
+def test_a_cap_draws_from_the_points_that_would_be_there(tmp_path: Path, views: list[View]) -> None:
+    capture = write_capture(tmp_path, views)
+    every = initial_points(capture.frames, CONFIG)
+    few = initial_points(capture.frames, replace(CONFIG, max_points=100))
+    assert len(few) == 100 < len(every)
+    assert {tuple(p) for p in few.points_world} <= {tuple(p) for p in every.points_world}
+    # From everywhere, not from one end of the grid.
+    assert np.ptp(few.points_world, axis=0).min() > 0.7 * np.ptp(every.points_world, axis=0).min()
+    many = initial_points(capture.frames, replace(CONFIG, max_points=len(every)))
+    np.testing.assert_array_equal(many.points_world, every.points_world)
+
+
 def test_a_view_without_foreground_is_skipped_with_a_warning(
     tmp_path: Path,
     views: list[View],
@@ -173,6 +198,7 @@ def test_no_frames_raise() -> None:
         {"voxel_size": float("nan")},
         {"mask_threshold": 255},
         {"mask_threshold": -1},
+        {"max_points": 0},
         {"min_support": 1.5},
         {"opacity": 0.0},
         {"opacity": 1.0},

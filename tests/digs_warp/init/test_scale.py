@@ -29,6 +29,14 @@ def test_a_million_values_tell_the_mode_to_a_thousandth(deviation: float, outlie
     assert (found.modes, found.warning, found.values) == (1, "", 1_000_000)
 
 
+def test_outliers_move_the_mean_that_one_may_ask_for() -> None:
+    values = noisy(10_000, 0.01, 0.3)
+    found = estimate_scale(values, "mean")
+    assert found.sfm_per_metre == pytest.approx(values.mean(), rel=1e-12)
+    assert abs(found.sfm_per_metre / TRUE - 1) > 0.2
+    assert found.width == estimate_scale(values).width
+
+
 @pytest.mark.parametrize("outliers", [0.0, 0.5])
 def test_the_bandwidth_is_the_rule_for_the_derivative_of_a_normal_density(outliers: float) -> None:
     found = estimate_scale(noisy(200_000, 0.02, outliers))

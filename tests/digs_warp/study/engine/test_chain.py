@@ -1,10 +1,17 @@
-"""Structure from motion is shared between cases: its time counts where a case has it, and only there."""
+"""Structure from motion is shared between cases, with its time; the scale is judged by the poses it gave."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from reference.ball_capture import ball_views, write_capture
 
-from digs_warp.study.engine.chain import _share_sfm
+from digs_warp.camera import Camera
+from digs_warp.posed_frames import PosedFrames
+from digs_warp.reconstruct import ReconstructConfig
+from digs_warp.sfm.config import SfmConfig
+from digs_warp.study.engine.chain import _scale_error, _share_sfm
 
 STAGE = "structure from motion"
 
@@ -29,3 +36,18 @@ def test_a_case_without_the_stage_does_not_count_it(shared: Path, tmp_path: Path
     seconds = {"train": 3.0}
     _share_sfm(tmp_path / "next", shared, seconds)
     assert seconds == {"train": 3.0}
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.03, 0.98])
+def test_the_scale_error_of_estimated_poses_is_that_of_their_size(
+    tmp_path: Path, factor: float
+) -> None:
+    capture = write_capture(tmp_path, ball_views(5))
+    moved = []
+    for frame in capture.frames:
+        world_from_cam = frame.camera.world_from_cam.copy()
+        world_from_cam[:3, 3] = factor * world_from_cam[:3, 3] + np.array([0.1, -2.0, 0.4])
+        moved.append(replace(frame, camera=Camera(frame.camera.intrinsics, world_from_cam)))
+    posed = PosedFrames(tuple(moved[1:]), (moved[0],))
+    config = ReconstructConfig(sfm=SfmConfig(poses="sfm"))
+    assert _scale_error(capture, config, posed) == pytest.approx(abs(factor - 1), abs=1e-9)
