@@ -56,10 +56,11 @@ docs: setup ## The documentation as a site in build/site; fails when a link lead
 performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py
 
-studies: setup ## Run the studies within their budgets and write docs/study; an hour and a half, quiet
+studies: setup ## Run the studies within their budgets and write docs/study; under two hours, quiet
 	$(BIN)/digs-warp study run initialization --budget 20min
 	$(BIN)/digs-warp study run tradeoff --budget 20min
 	$(BIN)/digs-warp study run robustness --budget 12min
+	$(BIN)/digs-warp study run ablation --budget 20min
 	$(BIN)/digs-warp study run segmentation --budget 10min
 	$(BIN)/digs-warp study run scaling --budget 10min
 	$(BIN)/python scripts/study_pages.py

@@ -114,12 +114,6 @@ BENCHMARKS = (
         wide=True,
     ),
     Benchmark(
-        "init-ablation",
-        "digs_warp.study.ablation:init_ablation",
-        "what each component of the initialization is worth: distances, and PSNR after 100 steps",
-        wide=True,
-    ),
-    Benchmark(
         "usd",
         "digs_warp.study.bench_usd:bench_usd",
         "USD scenes of a million splats: write, read, validate; what each precision saves and loses",

@@ -60,20 +60,16 @@ class ScaledCapture:
     true_per_metre: float
 
 
-def scaled(
-    capture: Capture, sfm: SfmModel, true_scale: float, found: float | None = None
-) -> ScaledCapture:
+def scaled(capture: Capture, sfm: SfmModel, true_scale: float) -> ScaledCapture:
     """Put the training frames into recovered metres.
 
     Args:
         capture: gives the depth that tells the scale.
         sfm: the model in [sfm].
         true_scale: what the scale should be [sfm / m].
-        found: the scale to take; None: recover it from the depth.
     """
     frames = training_frames(capture)
-    if found is None:
-        found = estimate_scale(local_scales(sfm, frames, InitConfig())).sfm_per_metre
+    found = estimate_scale(local_scales(sfm, frames, InitConfig())).sfm_per_metre
     metric = sfm.in_metres(found)
     return ScaledCapture(with_cameras(frames, metric), metric, found, found / true_scale)
 
