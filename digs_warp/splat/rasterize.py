@@ -39,6 +39,7 @@ import warp as wp
 
 from digs_warp.contiguous import floats_from
 from digs_warp.kernel_options import vector_module_options
+from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
@@ -123,8 +124,9 @@ def write_row(count: int, source: wp.array[float], first: int, start: int, plane
 
 
 @cache
-def forward_kernel(options: RasterOptions) -> wp.Kernel:
+def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kernel:
     """Return the kernel that composites one tile."""
+    alpha_of = cut.alpha
     with_depth, with_normals = options.has_depth, options.has_normals
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
@@ -267,8 +269,8 @@ def forward_kernel(options: RasterOptions) -> wp.Kernel:
                         dx = float(i & COLUMN_MASK) + left
                         dy = float(i >> BLOCK_SHIFT) + top
                         power = wp.min(dx * (a_half * dx) + dy * (c_half * dy - b * dx), 0.0)
-                        alpha = wp.min(opacity * exp_in_range(power), wp.static(max_alpha))
-                        alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
+                        raw = opacity * exp_in_range(power)
+                        alpha = alpha_of(raw, wp.static(min_alpha), wp.static(max_alpha))
                         before = state[block + i]
                         after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)

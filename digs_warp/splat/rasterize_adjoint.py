@@ -7,6 +7,7 @@ from functools import cache
 import warp as wp
 
 from digs_warp.kernel_options import vector_module_options
+from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
@@ -72,11 +73,14 @@ _ADJ_NZ = wp.constant(8 * PLANE_FLOATS)
 
 
 @cache
-def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
+def backward_kernel(
+    options: RasterOptions, with_absolute: bool, cut: AlphaCut = STEP_CUT
+) -> wp.Kernel:
     """Return the kernel that writes the gradient records of one tile.
 
     ``with_absolute`` adds the sums of the absolute values of the gradient in u and v (AbsGS).
     """
+    alpha_of, slope_of = cut.alpha, cut.slope
     with_depth, with_normals = options.has_depth, options.has_normals
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
@@ -225,8 +229,7 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                         dy = float(i >> BLOCK_SHIFT) + top
                         power = wp.min(dx * (a_half * dx) + dy * (c_half * dy - b * dx), 0.0)
                         raw = opacity * exp_in_range(power)
-                        alpha = wp.min(raw, wp.static(max_alpha))
-                        alpha = wp.where(alpha >= wp.static(min_alpha), alpha, 0.0)
+                        alpha = alpha_of(raw, wp.static(min_alpha), wp.static(max_alpha))
                         before = state[block + i]
                         after = before - before * alpha
                         weight = wp.where(after >= wp.static(least), alpha * before, 0.0)
@@ -252,9 +255,9 @@ def backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
                         rest = state[_AHEAD + block + i] - weight * shine
                         state[_AHEAD + block + i] = rest
                         d_alpha = before * shine - rest / (1.0 - alpha)
-                        # d_alpha * alpha = dL/dpower; zero where capped, cut, or stopped
-                        moving = wp.where(raw <= wp.static(max_alpha), alpha, 0.0)
-                        d_power = wp.where(after >= wp.static(least), d_alpha * moving, 0.0)
+                        # dL/dpower: zero where capped, cut, or stopped
+                        slope = slope_of(raw, alpha, wp.static(min_alpha), wp.static(max_alpha))
+                        d_power = wp.where(after >= wp.static(least), d_alpha * slope, 0.0)
                         if wp.static(with_absolute):
                             d_u = wp.abs(d_power * (a * dx + b * dy))
                             d_v = wp.abs(d_power * (b * dx + c * dy))

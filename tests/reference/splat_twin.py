@@ -3,7 +3,8 @@
 Rendering is not differentiable where a splat enters or leaves a pixel (the alpha cut), where alpha is
 capped, where a pixel stops, and where a clamp switches. `render_twin` returns every such decision; passing
 them back freezes them, and with them frozen the image is a smooth function whose central differences are
-the gradient that the kernels compute.
+the gradient that the kernels compute. With a ``cut_width`` the alpha cut is no decision: it is a smooth step
+(`cut_share`) of that width above min_alpha, and is differentiated like the rest.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -56,12 +57,13 @@ class Layer:
     """One splat on the image: alpha per pixel before cap and cut, features, and its decisions."""
 
     raw: np.ndarray  # (..., height, width)
+    share: np.ndarray  # (..., height, width) what a smooth cut lets through; 1 with a hard one
     features: np.ndarray  # (..., FEATURES)
     decisions: Decisions
 
     def alpha(self, max_alpha: float) -> np.ndarray:
         d = self.decisions
-        return np.where(d.drawn, np.where(d.capped, max_alpha, self.raw), 0.0)
+        return np.where(d.drawn, np.where(d.capped, max_alpha, self.raw) * self.share, 0.0)
 
     def over(
         self, behind: np.ndarray, through: np.ndarray, max_alpha: float
@@ -83,6 +85,7 @@ class TwinImage:
     layers: dict[int, Layer]
     # Pixels where a decision is so close that float32 may take it the other way.
     ambiguous: np.ndarray
+    cut_width: float
 
 
 @dataclass
@@ -142,12 +145,21 @@ class TwinView:
         return TwinView(k + changes[:, 6:], camera.world_from_cam @ motions, i.width, i.height)
 
 
+def cut_share(raw: np.ndarray, min_alpha: float, cut_width: float) -> np.ndarray:
+    """Smooth cut: t^2 (3 - 2 t), t from 0 at min_alpha to 1 at ``cut_width`` above it; 1 for a hard cut."""
+    if cut_width == 0:
+        return np.ones_like(raw)
+    t = np.clip((raw - min_alpha) / cut_width, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
 def layer_of(
     p: Parameters,
     view: TwinView,
     options: RasterOptions,
     frozen: Decisions | None = None,
     shift: np.ndarray | None = None,
+    cut_width: float = 0.0,
 ) -> Layer:
     """One splat on the image; without ``frozen`` nothing is drawn or capped yet.
 
@@ -214,7 +226,8 @@ def layer_of(
         z,
         *np.moveaxis(frozen.normal_sign * axes[..., :, axis], -1, 0),
     )
-    return Layer(raw, np.stack(parts, axis=-1), frozen)
+    share = cut_share(raw, options.min_alpha, cut_width)
+    return Layer(raw, share, np.stack(parts, axis=-1), frozen)
 
 
 def render_twin(
@@ -223,6 +236,7 @@ def render_twin(
     near: float,
     background: np.ndarray,
     options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
+    cut_width: float = 0.0,
 ) -> TwinImage:
     """Composite all splats; ``background`` is a colour, (3,), or an image, (height, width, 3)."""
     k = camera.intrinsics
@@ -241,13 +255,13 @@ def render_twin(
     alive = np.ones(shape, dtype=bool)
     ambiguous = np.zeros(shape, dtype=bool)
     for i in order:
-        layer = layer_of(p.splat(i), view, options)
+        layer = layer_of(p.splat(i), view, options, cut_width=cut_width)
         raw = layer.raw
         capped = raw > options.max_alpha
-        alpha = np.where(capped, options.max_alpha, raw)
-        inside = alive & (alpha >= options.min_alpha)
+        alpha = np.where(capped, options.max_alpha, raw) * layer.share
+        inside = alive & ((alpha >= options.min_alpha) | (cut_width > 0))
         stops = inside & (transmittance * (1 - alpha) < options.min_transmittance)
-        near_cut = np.abs(alpha / options.min_alpha - 1) < 1e-4
+        near_cut = (np.abs(alpha / options.min_alpha - 1) < 1e-4) & (cut_width == 0)
         near_cap = np.abs(raw / options.max_alpha - 1) < 1e-4
         after = transmittance * (1 - alpha)
         near_stop = np.abs(after / options.min_transmittance - 1) < 1e-3
@@ -264,7 +278,10 @@ def render_twin(
         transmittance = after
     image = sums[..., :3] + transmittance[..., None] * background
     depth = _expected(sums[..., 3], transmittance)
-    return TwinImage(image, transmittance, depth, median, sums[..., 4:], order, layers, ambiguous)
+    normals = sums[..., 4:]
+    return TwinImage(
+        image, transmittance, depth, median, normals, order, layers, ambiguous, cut_width
+    )
 
 
 def twin_gradients(
@@ -282,6 +299,7 @@ def twin_gradients(
     gradients = Parameters(*(np.zeros_like(getattr(p, f.name)) for f in fields(Parameters)))
     centers, absolute = np.zeros((len(p.means), 2)), np.zeros((len(p.means), 2))
     view, shape = TwinView.of(camera), twin.transmittance.shape
+    cut = twin.cut_width
     behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
     for position in range(len(twin.order) - 1, -1, -1):
         layer = twin.layers[twin.order[position]]
@@ -303,10 +321,10 @@ def twin_gradients(
             size = np.broadcast_to(size, value.shape).reshape(-1)
             steps = _steps(size).reshape(-1, *value.shape)
             variants = replace(splat, **{f.name: value + steps})
-            losses = loss(layer_of(variants, view, options, frozen)).sum(axis=(-1, -2))
+            losses = loss(layer_of(variants, view, options, frozen, None, cut)).sum(axis=(-1, -2))
             getattr(gradients, f.name)[i] = _slopes(losses, size).reshape(value.shape)
         size = np.full(2, 1e-5)
-        slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size))), size)
+        slopes = _slopes(loss(layer_of(splat, view, options, frozen, _steps(size), cut)), size)
         centers[i], absolute[i] = slopes.sum(axis=(-1, -2)), np.abs(slopes).sum(axis=(-1, -2))
         alpha = twin.layers[i].alpha(options.max_alpha)
         sums = sums + (through * alpha)[..., None] * twin.layers[i].features
@@ -316,7 +334,7 @@ def twin_gradients(
     moved = TwinView.of(camera, _steps(size))
     features, left = np.zeros((20, *shape, FEATURES)), np.ones((20, *shape))
     for i in reversed(twin.order):
-        layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions)
+        layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions, None, cut)
         features, left = layer.over(features, left, options.max_alpha)
     losses = adjoints.loss_per_pixel(features, left, background).sum(axis=(-1, -2))
     return TwinGradients(gradients, _slopes(losses, size), centers, absolute)
