@@ -1,0 +1,66 @@
+"""Folders from which no report can be made: the error names the file, and no page is left behind."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference.report_folder import write_and_parse
+
+from digs_warp.capture import Capture
+from digs_warp.checks import DigsError
+from digs_warp.images import write_image
+from digs_warp.report import write_report
+
+NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
+
+
+@pytest.mark.parametrize("name", NEEDED)
+def test_a_missing_file_is_named(run: tuple[Capture, Path, Path], name: str) -> None:
+    (run[1] / name).unlink()
+    with pytest.raises(DigsError, match=re.escape(name)):
+        write_report(*run)
+    assert not run[2].exists()
+
+
+@pytest.mark.parametrize("name", [*NEEDED, "initial_points.npz"])
+def test_a_truncated_file_is_named(run: tuple[Capture, Path, Path], name: str) -> None:
+    path = run[1] / name
+    path.write_bytes(path.read_bytes()[:-10])
+    with pytest.raises(DigsError, match=re.escape(name)):
+        write_report(*run)
+    assert not run[2].exists()
+
+
+@pytest.mark.parametrize(
+    "content", ["{}", '{"views": [], "mean": 3}', '{"views": [{}], "mean": {}}']
+)
+def test_an_evaluation_of_another_form_is_named(
+    run: tuple[Capture, Path, Path], content: str
+) -> None:
+    (run[1] / "evaluation.json").write_text(content)
+    with pytest.raises(DigsError, match=r"evaluation '.*evaluation\.json'"):
+        write_report(*run)
+
+
+def test_another_capture_or_other_renders_are_refused(run: tuple[Capture, Path, Path]) -> None:
+    (run[1] / "renders/0018.png").unlink()
+    with pytest.raises(DigsError, match=r"rendered view '.*0018\.png': no such file"):
+        write_report(*run)
+    write_image(run[1] / "renders/0018.png", np.zeros((8, 8, 3), np.uint8))
+    with pytest.raises(
+        DigsError, match=r"0018\.png': \(8, 8, 3\) of uint8, expected \(32, 48, 3\)"
+    ):
+        write_report(*run)
+    evaluation = json.loads((run[1] / "evaluation.json").read_text())
+    evaluation["views"][0]["name"] = "../../secret"
+    (run[1] / "evaluation.json").write_text(json.dumps(evaluation))
+    with pytest.raises(DigsError, match=r"names view '\.\./\.\./secret', which capture"):
+        write_report(*run)
+
+
+def test_a_broken_sensor_plan_is_named(run: tuple[Capture, Path, Path]) -> None:
+    (run[0].folder / "sensor_plan.json").write_text('{"depth": [{}]}')
+    with pytest.raises(DigsError, match=r"sensor_plan\.json'.*expected lists"):
+        write_and_parse(run)

@@ -1,0 +1,219 @@
+"""The report: complete, self-contained, honest numbers."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from reference.report_folder import (
+    HEIGHT,
+    TEST_EVERY,
+    WIDTH,
+    decoded,
+    write_and_parse,
+    write_capture,
+    write_reconstruction,
+)
+
+from digs_warp.capture import Capture, read_capture
+from digs_warp.images import read_image, write_image
+from digs_warp.log import RunLog
+from digs_warp.report import write_report
+
+
+def test_the_page_holds_everything_itself(run: tuple[Capture, Path, Path], tmp_path: Path) -> None:
+    page = write_and_parse(run)
+    text = run[2].read_text(encoding="utf-8")
+    assert all(link.startswith(("data:", "#")) for link in page.links)
+    assert "@import" not in text
+    assert not re.search(r"url\((?!#)", text)
+    assert page.scripts == 0
+    for image in page.images:
+        assert image["alt"]
+        pixels = decoded(image, tmp_path)
+        assert pixels.shape == (int(str(image["height"])), int(str(image["width"])), 3)
+
+
+def test_key_numbers_times_and_settings_are_there(run: tuple[Capture, Path, Path]) -> None:
+    text = write_and_parse(run).text
+    for expected in (
+        *("34.50 dB", "0.9000", "20.25 dB", "0.8125", "1,234", "from 987 points", "4 iterations"),
+        *("simulation: render", "9.50", "reconstruction: train", "20.25", "export", "32.5 s"),
+        *("init.voxel_size", "0.004", "tier", "law", "warp-lang", "Built-in object"),
+    ):
+        assert expected in text, expected
+
+
+def test_contact_sheet_shows_every_kind_of_image_of_six_frames(
+    run: tuple[Capture, Path, Path],
+) -> None:
+    page = write_and_parse(run)
+    kinds = ["left", "right", "true depth", "sensed depth", "sensed minus", "object mask"]
+    for kind in kinds:
+        shown = [
+            image for image in page.images if re.search(rf"Frame \d+: {kind}", str(image["alt"]))
+        ]
+        assert len(shown) == 6, kind
+    assert "depth [m]" in page.text
+    assert "sensed minus true depth [mm]" in page.text
+
+
+CHOICE = {
+    "effect": "occlusion",
+    "on": True,
+    "statistic": "occluded_share = 0.09",
+    "threshold": "> 0.0001",
+    "reason": "near things hide <far> ones",
+}
+
+
+def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path]) -> None:
+    before = write_and_parse(run)
+    assert "effects of the depth camera" not in before.text
+    capture = run[0]
+    cause = np.zeros((HEIGHT, WIDTH), np.uint8)
+    cause[:, : WIDTH // 4] = 2
+    for frame in capture.frames:
+        write_image(capture.folder / f"cause/{frame.name}.png", cause)
+    index = json.loads((capture.folder / "transforms.json").read_text())
+    for number, entry in enumerate(index["frames"]):
+        entry["cause_file_path"] = f"cause/{number:04d}.png"
+    index["digs_warp"]["cause_labels"] = {"0": "ok", "2": "occluded"}
+    (capture.folder / "transforms.json").write_text(json.dumps(index))
+    plan = {"depth": [CHOICE], "color": [{**CHOICE, "effect": "shot-noise", "on": False}]}
+    (capture.folder / "sensor_plan.json").write_text(json.dumps(plan))
+    page = write_and_parse((read_capture(capture.folder), *run[1:]))
+    assert "1 of 2 effects of the depth camera" in page.text
+    assert all(str(CHOICE[key]) in page.text for key in CHOICE if key != "on")
+    assert "occluded 25.0%" in page.text and "ok 75.0%" in page.text
+    assert len(page.images) == len(before.images) + 6
+
+
+def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> None:
+    path = run[1] / "run.json"
+    record = json.loads(path.read_text())
+    record["results"] |= {
+        "sfm": {
+            **{"images": 20, "registered": 19, "models": 1, "points": 12345},
+            **{"track_length": 5.27, "reprojection_error_px": 0.44, "ray_angle_deg": 11.9},
+        },
+        "scale": {
+            **{"sfm_per_metre": 4.2434, "width": 0.0212, "values": 2664, "modes": 2},
+            "warning": "a second mode is near as high",
+        },
+        "initialization": {
+            "sources": {"depth": 51234, "sfm": 77},
+            "voxel_size": 0.004,
+            "pixels": {"in the mask": 999000},
+        },
+    }
+    path.write_text(json.dumps(record))
+    text = write_and_parse(run).text
+    for expected in ("19 of 20", "12,345", "0.44 px", "4.2434", "0.50 %", "51,234", "999,000"):
+        assert expected in text
+    assert "4.00 mm" in text and "second mode" in text
+
+
+def test_columns_that_the_capture_lacks_are_left_out(tmp_path: Path) -> None:
+    capture = write_capture(tmp_path / "capture", full=False)
+    write_reconstruction(tmp_path / "reconstruction", capture)
+    page = write_and_parse((capture, tmp_path / "reconstruction", tmp_path / "report.html"))
+    alts = " ".join(str(image["alt"]) for image in page.images)
+    assert "sensed depth" in alts
+    for lacking in ("right image", "true depth"):
+        assert lacking not in alts
+    assert "Depth error" not in page.text
+    assert "simulation" not in page.text
+
+
+def test_a_colour_only_capture_without_masks_is_fine(tmp_path: Path) -> None:
+    capture = write_capture(tmp_path / "capture")
+    write_reconstruction(tmp_path / "reconstruction", capture)
+    index = json.loads((capture.folder / "transforms.json").read_text())
+    for frame in index["frames"]:
+        for key in ("depth_file_path", "depth_true_file_path", "mask_path", "right_file_path"):
+            del frame[key]
+    (capture.folder / "transforms.json").write_text(json.dumps(index))
+    capture = read_capture(capture.folder)
+    page = write_and_parse((capture, tmp_path / "reconstruction", tmp_path / "report.html"))
+    assert {str(i["alt"]).split(": ")[1] for i in page.images if "Frame" in str(i["alt"])} == {
+        "left image"
+    }
+    assert "depth [m]" not in page.text
+
+
+def test_six_views_are_shown_from_worst_to_best_beside_the_truth(
+    run: tuple[Capture, Path, Path], tmp_path: Path
+) -> None:
+    page = write_and_parse(run)
+    shown = [image for image in page.images if str(image["alt"]).startswith("View")]
+    names = [str(image["alt"]).split(": ")[0].removeprefix("View ") for image in shown]
+    assert names[::3] == names[1::3] == names[2::3]
+    # PSNR ascends with the frame in this folder: 10 views, ranks 0, 2, 4, 5, 7, 9.
+    assert names[::3] == ["0000", "0004", "0008", "0010", "0014", "0018"]
+    truth, rendered, difference = (decoded(image, tmp_path) for image in shown[:3])
+    np.testing.assert_array_equal(truth, rendered)
+    assert difference.max() <= 8  # nothing differs: the dark end of the colour map
+    for frame in run[0].split(TEST_EVERY)[1]:
+        assert frame.name in page.text
+
+
+def test_a_difference_is_where_the_render_is_wrong(
+    run: tuple[Capture, Path, Path], tmp_path: Path
+) -> None:
+    path = run[1] / "renders/0000.png"
+    pixels = read_image(path)
+    pixels[4:12, 30:40] ^= 0x80
+    write_image(path, pixels)
+    page = write_and_parse(run)
+    alt = "View 0000: absolute difference in colours"
+    (image,) = [image for image in page.images if image["alt"] == alt]
+    bright = decoded(image, tmp_path).min(axis=2) > 100
+    assert bright[5:11, 31:39].all()
+    assert not bright[:, :28].any()
+
+
+def test_same_input_gives_the_same_bytes(run: tuple[Capture, Path, Path]) -> None:
+    write_report(*run)
+    first = run[2].read_bytes()
+    write_report(*run)
+    assert run[2].read_bytes() == first
+
+
+def test_text_from_files_is_escaped(run: tuple[Capture, Path, Path]) -> None:
+    evil = "<script>alert('x')</script>&$x_2$"
+    record: dict[str, Any] = {evil: evil, "nested": {evil: 1}}
+    RunLog("reconstruct", record, {evil: 1.0}).save(run[1] / "run.json")
+    RunLog("simulate", {"mesh": f"/x/{evil.replace('/', '')}.glb"}).save(run[0].folder / "run.json")
+    page = write_and_parse(run)
+    assert page.scripts == 0
+    assert page.text.count("alert('x')") >= 5
+
+
+def test_what_is_not_known_shows_as_a_dash(run: tuple[Capture, Path, Path]) -> None:
+    evaluation = json.loads((run[1] / "evaluation.json").read_text())
+    evaluation["mean"]["psnr"] = None  # infinite: JSON has no number for it
+    evaluation["views"][3]["psnr"] = None
+    (run[1] / "evaluation.json").write_text(json.dumps(evaluation))
+    (run[1] / "initial_points.npz").unlink()
+    text = write_and_parse(run).text
+    assert "from – points" in text  # noqa: RUF001
+
+
+def test_a_run_without_held_out_views_or_training_has_a_report(
+    run: tuple[Capture, Path, Path],
+) -> None:
+    (run[1] / "evaluation.json").write_text('{"views": [], "mean": {}}')
+    (run[1] / "training.jsonl").write_text("")
+    text = write_and_parse(run).text
+    assert "No view was held out." in text
+    assert "too few records" in text
+
+
+def test_own_records_beside_the_report_are_not_counted_twice(
+    run: tuple[Capture, Path, Path],
+) -> None:
+    page = write_and_parse((run[0], run[1], run[1] / "report.html"))
+    assert "31.2 seconds in all" in page.text  # 9.5 + 1.5 + 20.25
+    assert "whole run" not in page.text

@@ -1,0 +1,123 @@
+"""A recording and its reconstruction as files, small, and a reader of the report's page."""
+
+import base64
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.capture import Capture, Rig
+from digs_warp.capture_writer import CaptureWriter, FrameImages
+from digs_warp.gaussians import Gaussians
+from digs_warp.geometry import look_at
+from digs_warp.images import read_image, write_image
+from digs_warp.log import RunLog, to_json
+from digs_warp.report import write_report
+from digs_warp.report.pictures import over_white
+
+WIDTH, HEIGHT, FRAMES, TEST_EVERY = 48, 32, 20, 2
+VOID_TAGS = {"meta", "img", "br", "link"}
+
+
+class Page(HTMLParser):
+    """Collects what a page holds, and checks that its tags nest."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.images: list[dict[str, str | None]] = []
+        self.links: list[str] = []
+        self.text = ""
+        self.scripts = 0
+        self._open: list[str] = []
+        self.feed(text)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        if tag == "img":
+            self.images.append(values)
+        self.scripts += tag == "script"
+        outside = [values.get(key) for key in ("src", "href", "xlink:href", "action")]
+        self.links += [link for link in outside if link]
+        if tag not in VOID_TAGS:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID_TAGS:
+            self.handle_endtag(tag)
+
+    def handle_data(self, data: str) -> None:
+        if self._open and self._open[-1] != "style":
+            self.text += data + " "
+
+
+def write_capture(folder: Path, full: bool = True) -> Capture:
+    """A disc on noise; ``full``: a stereo recording with true depth, else left images and masks only."""
+    rng = np.random.default_rng(0)
+    writer = CaptureWriter(
+        folder, Intrinsics.from_fov(WIDTH, HEIGHT, 60), Rig(0.1) if full else None
+    )
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    mask = ((rows - 16) ** 2 + (columns - 24) ** 2 < 100).astype(np.uint8) * 255
+    for number in range(FRAMES):
+        image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+        depth_true = np.where(mask > 0, 1.0 + 0.01 * rows, 4.0).astype(np.float32)
+        depth = depth_true + rng.normal(0, 0.002, depth_true.shape).astype(np.float32)
+        depth[:, :5] = np.nan
+        extra = {"right": image[:, ::-1], "depth_true": depth_true} if full else {}
+        writer.write_frame(number, FrameImages(image, depth, mask, **extra))
+        eye = np.array([np.cos(number), np.sin(number), 0.3])
+        writer.add_pose(number, look_at(eye, np.zeros(3), np.array([0.0, 0, 1])), number / 4)
+    return writer.finish()
+
+
+def write_reconstruction(folder: Path, capture: Capture) -> None:
+    _, test = capture.split(TEST_EVERY)
+    views = []
+    for rank, frame in enumerate(test):
+        truth = over_white(frame.load_image(), frame.load_mask())
+        write_image(folder / f"renders/{frame.name}.png", truth)
+        metrics = {"psnr": 30.0 + rank, "ssim": 0.9, "psnr_masked": 20.25, "ssim_masked": 0.8125}
+        views.append({"name": frame.name, **metrics})
+    mean = {"psnr": 34.5, "ssim": 0.9, "psnr_masked": 20.25, "ssim_masked": 0.8125}
+    (folder / "evaluation.json").write_text(to_json({"views": views, "mean": mean}))
+    log = [
+        {"iteration": i, "seconds": i / 10, "loss": 1 / (1 + i), "splats": 7 + i}
+        | ({"psnr": 20.0 + i, "ssim": 0.5} if i % 2 == 0 else {})
+        for i in range(5)
+    ]
+    (folder / "training.jsonl").write_text("".join(json.dumps(line) + "\n" for line in log))
+    count = 1234
+    Gaussians(
+        np.zeros((count, 3)),
+        np.zeros((count, 3)),
+        np.zeros((count, 4)),
+        np.zeros(count),
+        np.zeros((count, 1, 3)),
+    ).save(folder / "gaussians.npz")
+    np.savez(
+        folder / "initial_points.npz", points_world=np.zeros((987, 3)), colors=np.zeros((987, 3))
+    )
+    record = RunLog(
+        "reconstruct", {"init": {"voxel_size": 0.004}}, {"initialize": 1.5, "train": 20.25}
+    )
+    record.save(folder / "run.json")
+
+
+def write_and_parse(run: tuple[Capture, Path, Path]) -> Page:
+    write_report(*run)
+    return Page(run[2].read_text(encoding="utf-8"))
+
+
+def decoded(image: dict[str, str | None], folder: Path) -> np.ndarray:
+    head, _, data = str(image["src"]).partition(",")
+    assert head == "data:image/jpeg;base64"
+    path = folder / "decoded.jpg"
+    path.write_bytes(base64.b64decode(data, validate=True))
+    return read_image(path)
