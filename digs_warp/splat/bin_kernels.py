@@ -5,6 +5,7 @@
 import warp as wp
 
 from digs_warp.splat.config import TILE_SIZE
+from digs_warp.splat.elementary import larger, smaller
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
@@ -19,16 +20,16 @@ from digs_warp.splat.records import (
 wp.set_module_options({"enable_backward": False})
 
 _TILE = wp.constant(TILE_SIZE)
+_TILE_BITS = wp.constant(TILE_SIZE.bit_length() - 1)
 # A span packs the first and one past the last tile column into one integer: images up to 2^19 px wide.
 _SPAN_BITS = wp.constant(15)
 MAX_TILE_COLUMNS = 1 << 15
 
 
 @wp.func
-def half_chord(dy: float, half_height: float, tau: float, a: float) -> float:
-    """Half the width of the ellipse at height dy from its centre."""
-    share = dy / half_height
-    return wp.sqrt(wp.max(0.0, tau * (1.0 - share * share)) / a)
+def half_chord(share: float, widest: float) -> float:
+    """Half the width of the ellipse, at a height as a share of its half height, -1 .. 1."""
+    return widest * wp.sqrt(larger(0.0, 1.0 - share * share))
 
 
 @wp.kernel
@@ -57,28 +58,29 @@ def span_kernel(
         v = splats[g, SPLAT_V]
         a = splats[g, SPLAT_A]
         shear = splats[g, SPLAT_B] / a
-        tau = splats[g, SPLAT_TAU]
+        widest = wp.sqrt(splats[g, SPLAT_TAU] / a)
         half_width = splats[g, SPLAT_HALF_WIDTH]
         half_height = splats[g, SPLAT_HALF_HEIGHT]
+        per_height = 1.0 / half_height
         # Height above the centre at which the ellipse is furthest to the right.
         right_dy = -half_width * splats[g, SPLAT_B] / splats[g, SPLAT_A + 2]
         for row in range(begin, end):
             top = float((first_tile_rows[g] + row - begin) * _TILE) + 0.5 - v
-            low = wp.max(top, -half_height)
-            high = wp.min(top + float(_TILE - 1), half_height)
-            dy_right = wp.clamp(right_dy, low, high)
-            dy_left = wp.clamp(-right_dy, low, high)
-            right = -shear * dy_right + half_chord(dy_right, half_height, tau, a)
-            left = -shear * dy_left - half_chord(dy_left, half_height, tau, a)
-            right = wp.min(right, half_width) + slack
-            left = wp.max(left, -half_width) - slack
+            low = larger(top, -half_height)
+            high = smaller(top + float(_TILE - 1), half_height)
+            dy_right = larger(smaller(right_dy, high), low)
+            dy_left = larger(smaller(-right_dy, high), low)
+            right = -shear * dy_right + half_chord(dy_right * per_height, widest)
+            left = -shear * dy_left - half_chord(dy_left * per_height, widest)
+            right = smaller(right, half_width) + slack
+            left = larger(left, -half_width) - slack
             # Pixel centres lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
-            x0 = int(wp.max(wp.ceil(u + left - 0.5), left_pixel))
-            x1 = int(wp.min(wp.floor(u + right - 0.5), right_pixel))
-            t0 = x0 // _TILE
+            x0 = int(larger(wp.ceil(u + left - 0.5), left_pixel))
+            x1 = int(smaller(wp.floor(u + right - 0.5), right_pixel))
+            t0 = x0 >> _TILE_BITS
             t1 = t0
             if low <= high and x0 <= x1:
-                t1 = x1 // _TILE + 1
+                t1 = (x1 >> _TILE_BITS) + 1
             spans[row] = wp.vec2i(t0 | (t1 << _SPAN_BITS), pairs)
             pairs += t1 - t0
     pair_counts[g] = pairs
@@ -159,14 +161,27 @@ def tile_count_kernel(
                 tile_counts[base + column] = tile_counts[base + column] + 1
 
 
-@wp.kernel
-def depth_key_kernel(
-    first: int, depths: wp.array[float], keys: wp.array[int], order: wp.array[int]
-):
-    """Sort keys: the bits of a positive float order like the float itself."""
-    g = first + wp.tid()
-    keys[g] = wp.cast(depths[g], wp.int32)
-    order[g] = g
+# While one splat is dealt out, what others will need is asked for: in the order of depth they lie anywhere.
+_RANGES_AHEAD = wp.constant(16)
+_SPANS_AHEAD = wp.constant(8)
+
+_PREFETCH = """
+#if !defined(__CUDA_ARCH__)
+__builtin_prefetch(values.data + index);
+#endif
+"""
+
+
+@wp.func_native(_PREFETCH)
+def prefetch_range(values: wp.array[wp.vec4i], index: int):
+    """Ask for the range of a splat before it is read."""
+    ...
+
+
+@wp.func_native(_PREFETCH)
+def prefetch_span(values: wp.array[wp.vec2i], index: int):
+    """Ask for a span before it is read."""
+    ...
 
 
 @wp.kernel
@@ -174,8 +189,8 @@ def emit_kernel(
     first: int,
     views: wp.array[ViewParams],
     bands: int,
-    count: int,
-    order: wp.array[int],  # [n] splats, nearest first
+    counts: wp.array[int],  # [1] length of the order
+    order: wp.array[wp.vec2i],  # sorting key and splat, nearest first
     ranges: wp.array[wp.vec4i],
     spans: wp.array[wp.vec2i],
     tile_starts: wp.array[int],
@@ -191,8 +206,11 @@ def emit_kernel(
     band_end = band_start(views, band + 1, bands)
     for tile in range(band_first * columns, band_end * columns):
         cursors[tile] = tile_starts[tile]
+    count = counts[0]
     for i in range(count):
-        g = order[i]
+        prefetch_range(ranges, order[wp.min(i + _RANGES_AHEAD, count - 1)][1])
+        prefetch_span(spans, ranges[order[wp.min(i + _SPANS_AHEAD, count - 1)][1]][1])
+        g = order[i][1]
         drawn = ranges[g]
         top = drawn[0]
         for tile_row in range(wp.max(top, band_first), wp.min(top + drawn[2], band_end)):

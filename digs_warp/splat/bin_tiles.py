@@ -19,7 +19,6 @@ from digs_warp.checks import DigsError
 from digs_warp.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.bin_kernels import (
     MAX_TILE_COLUMNS,
-    depth_key_kernel,
     emit_kernel,
     exclusive_scan_kernel,
     pair_key_kernel,
@@ -29,6 +28,7 @@ from digs_warp.splat.bin_kernels import (
     unpack_kernel,
 )
 from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
+from digs_warp.splat.depth_sort import HISTOGRAM, depth_sort_kernel
 from digs_warp.splat.records import COLOR_FIELDS, SPLAT_FIELDS
 
 # Buffers grow by half when a view needs more: a few growths, then none.
@@ -97,8 +97,10 @@ class TileBinner:
         self.generation = 0
         self.total_rows = 0
         self.total_pairs = 0
-        self._keys = self._zeros(2 * max(count, 1))
-        self._order = self._zeros(2 * max(count, 1))
+        self._order = wp.zeros(max(count, 1), dtype=wp.vec2i, device=device)
+        self._spare = wp.zeros_like(self._order)
+        self._histogram = self._zeros(HISTOGRAM)
+        self._sorted_count = self._zeros(1)
         self.lists = self._allocate()
 
     def resize(self, width: int, height: int) -> None:
@@ -112,12 +114,12 @@ class TileBinner:
     def bin(self) -> TileLists:
         """Build the lists from ``splats``, ``depths``, ``first_tile_rows`` and ``row_counts``."""
         lists = self.lists
-        self._scan(lists.row_counts, self.count, lists.row_starts)
+        self._row_scan.launch()
         self.total_rows = self._last(lists.row_starts)
         if self.total_rows > len(lists.spans):
             self._grow_rows()
         self._span_launch.run()
-        self._number_pairs()
+        self._number_pairs.launch()
         self.total_pairs = self._last(lists.pair_starts)
         if self.total_pairs > len(lists.tile_splats):
             self._grow_pairs()
@@ -146,10 +148,8 @@ class TileBinner:
         # Tiles that are not drawn: those of no band.
         self.lists.tile_counts.zero_()
         self._count_launch.run()
-        self._scan(self.lists.tile_counts, self.tiles, self.lists.tile_starts)
-        self._key_launch.run()
-        if self.count:
-            wp.utils.radix_sort_pairs(self._keys, self._order, self.count)
+        self._scan_tiles()
+        self._sort.launch()
         self._emit_launch.run()
 
     def _bin_by_sorting(self) -> None:
@@ -177,7 +177,7 @@ class TileBinner:
             device=self.device,
             record_tape=False,
         )
-        self._scan(lists.tile_counts, self.tiles, lists.tile_starts)
+        self._scan_tiles()
 
     def _allocate(self) -> TileLists:
         n = max(self.count, 1)
@@ -227,51 +227,51 @@ class TileBinner:
         """Record the launches on the present buffers."""
         lists = self.lists
         self.generation += 1
-        bands = [self._views, self.threads, self.count]
+        bands = [self._views, self.threads]
+        self._row_scan = self._serial(
+            exclusive_scan_kernel, [lists.row_counts, self.count, lists.row_starts]
+        )
+        self._tile_scan = self._serial(
+            exclusive_scan_kernel, [lists.tile_counts, self.tiles, lists.tile_starts]
+        )
+        self._number_pairs = self._serial(
+            pair_scan_kernel,
+            [self.count, lists.first_tile_rows, lists.row_starts, lists.pair_counts]
+            + [lists.pair_starts, lists.ranges],
+        )
+        self._sort = self._serial(
+            depth_sort_kernel,
+            [self.count, lists.depths, lists.pair_counts, self._histogram, self._spare]
+            + [self._order, self._sorted_count],
+        )
         self._span_launch = self._launch(
             span_kernel,
             self.count,
             [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
             + [lists.spans, lists.pair_counts],
         )
-        self._key_launch = self._launch(
-            depth_key_kernel, self.count, [lists.depths, self._keys, self._order]
-        )
         self._count_launch = self._launch(
             tile_count_kernel,
             self.threads,
-            [*bands, lists.ranges, lists.spans, lists.tile_counts],
+            [*bands, self.count, lists.ranges, lists.spans, lists.tile_counts],
         )
         self._emit_launch = self._launch(
             emit_kernel,
             self.threads,
-            [*bands, self._order, lists.ranges, lists.spans, lists.tile_starts]
+            [*bands, self._sorted_count, self._order, lists.ranges, lists.spans, lists.tile_starts]
             + [lists.cursors, lists.tile_splats, lists.tile_pairs],
         )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
         return ParallelLaunch(kernel, dim, inputs, self.device, self.threads)
 
-    def _scan(self, counts: wp.array, count: int, starts: wp.array) -> None:
-        wp.launch(
-            exclusive_scan_kernel,
-            dim=1,
-            inputs=[counts, count],
-            outputs=[starts],
-            device=self.device,
-            record_tape=False,
-        )
+    def _serial(self, kernel: Any, inputs: list[Any]) -> Any:
+        """Record a kernel that runs in one thread; `launch` on what is returned runs it."""
+        return wp.launch(kernel, dim=1, inputs=inputs, device=self.device, record_cmd=True)
 
-    def _number_pairs(self) -> None:
-        lists = self.lists
-        wp.launch(
-            pair_scan_kernel,
-            dim=1,
-            inputs=[self.count, lists.first_tile_rows, lists.row_starts, lists.pair_counts],
-            outputs=[lists.pair_starts, lists.ranges],
-            device=self.device,
-            record_tape=False,
-        )
+    def _scan_tiles(self) -> None:
+        self._tile_scan.set_param_at_index(1, self.tiles)
+        self._tile_scan.launch()
 
     def _make_spans(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=wp.vec2i, device=self.device)

@@ -45,7 +45,7 @@ def allocated(trainer: Trainer) -> int:
     arrays = [array for group in groups for array in group.arrays]
     binner = trainer.renderer.binner
     arrays += [getattr(binner.lists, field.name) for field in fields(binner.lists)]
-    arrays += [binner._keys, binner._order]
+    arrays += [binner._order, binner._spare]
     return sum(array.capacity for array in arrays if isinstance(array, wp.array))
 
 
