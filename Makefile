@@ -20,13 +20,13 @@ ARGS ?=
 WORKERS ?= 2
 
 help: ## Show this list
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1\t\2/' | expand -t 20
 
 setup: $(VENV)/.installed ## Make .venv and install the project into it
 
 # Installs again only when the project file or the pins have changed.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(VENV)/bin/python
-	$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[dev]'
 	@touch $@
 
 $(VENV)/bin/python:
@@ -50,7 +50,7 @@ sensor-cost: setup ## Measure the simulated camera against real matching and wri
 	$(BIN)/python scripts/sensor_cost_page.py
 
 docs: setup ## The documentation as a site in build/site; fails when a link leads nowhere
-	$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e '.[docs]'
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[docs]'
 	$(BIN)/zensical build --strict
 
 performance: setup ## Measure the rasterizer and write docs/performance.md
