@@ -1,12 +1,23 @@
-"""Gaussians as Warp arrays: what the kernels read and write."""
+"""Gaussians as Warp arrays: what the kernels read and write; and which raster kernels suit a device."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_finite
 from digs_warp.gaussians import FIELDS, Gaussians
+
+# "vectorized": a thread per tile (`digs_warp.splat.rasterize`); "cooperative": a block of threads per tile
+# (`digs_warp.splat.rasterize_cooperative`); "plain": a thread per pixel, alone
+# (`digs_warp.splat.rasterize_reference`).
+RasterKernels = Literal["vectorized", "cooperative", "plain"]
+
+
+def raster_kernels(device: str) -> RasterKernels:
+    """Return which kernels draw on a Warp device."""
+    return "vectorized" if device == "cpu" else "cooperative"
 
 
 @dataclass

@@ -8,7 +8,7 @@
     gaussians.means.grad  # dL/dmeans
 
 Every call allocates what it needs; a training loop uses `digs_warp.splat.renderer.SplatRenderer`, which does
-not. On a CUDA device the same function runs the thread-per-pixel kernels.
+not. On a CUDA device the same function runs kernels with a block of threads per tile.
 """
 
 from dataclasses import dataclass, replace

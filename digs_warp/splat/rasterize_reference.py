@@ -2,9 +2,9 @@
 # (device code, which Warp's stubs do not type)
 """Compositing in its simplest correct form: one thread per pixel, as the formulas read.
 
-The path for CUDA, and the twin that the vectorized CPU kernels of `digs_warp.splat.rasterize` (where the
-formulas stand) are tested against. Gradients are summed with atomics: exact in value, but on a GPU the
-order, and so the last bits, vary from run to run; on a CPU these kernels run on one thread.
+What `digs-warp bench raster` compares with, and what tests hold against the fast kernels:
+`digs_warp.splat.rasterize` (where the formulas stand) on a CPU, `digs_warp.splat.rasterize_cooperative` on
+CUDA. Gradients are summed with atomics: exact in value; on a CPU these kernels run on one thread.
 """
 
 import warp as wp

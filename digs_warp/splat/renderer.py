@@ -17,7 +17,7 @@ from digs_warp.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.background import add_background_kernel
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, RasterKernels, raster_kernels
 from digs_warp.splat.footprint import ViewParams, Window, view_params
 from digs_warp.splat.project import project_kernel
 from digs_warp.splat.project_adjoint import (
@@ -29,6 +29,8 @@ from digs_warp.splat.project_adjoint import (
 from digs_warp.splat.project_group import PROJECT_GROUP, project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
+from digs_warp.splat.rasterize_cooperative import forward_cooperative_kernel, launch_cooperative
+from digs_warp.splat.rasterize_cooperative_adjoint import backward_cooperative_kernel
 from digs_warp.splat.rasterize_reference import (
     backward_reference_kernel,
     forward_reference_kernel,
@@ -73,10 +75,11 @@ class SplatRenderer:
     Args:
         gaussians: the parameters; their contents may change between calls, the arrays only by
             `set_gaussians`.
-        width, height: size of the largest view [px].
+        width: width of the largest view [px].
+        height: height of the largest view [px].
         options: how splats are drawn, and what a view gives.
         camera_gradient: whether `backward` also gives the gradient of the camera.
-        vectorized: the fast CPU kernels; False: the thread-per-pixel twin. Default: by device.
+        kernels: which raster kernels draw. Default: those for the device.
         threads: CPU threads; 0 means all cores. The result does not depend on it.
 
     After `forward`, ``image``, ``transmittance``, and where ``options`` ask for them ``depth`` (channels:
@@ -93,14 +96,15 @@ class SplatRenderer:
         *,
         options: RasterOptions = DEFAULT_OPTIONS,
         camera_gradient: bool = False,
-        vectorized: bool | None = None,
+        kernels: RasterKernels | None = None,
         threads: int = 0,
     ) -> None:
         device = gaussians.device
         self.device = device
         self.options = options
-        self.vectorized = device == "cpu" if vectorized is None else vectorized
-        # The twin's atomics are plain additions on a CPU: one thread.
+        self.kernels = kernels or raster_kernels(device)
+        self.vectorized = self.kernels == "vectorized"
+        # The atomics of the plain kernels are plain additions on a CPU: one thread.
         self.threads = (threads or default_threads()) if self.vectorized else 1
 
         def planes(channels: int, wanted: bool = True) -> ImagePlanes:
@@ -212,7 +216,7 @@ class SplatRenderer:
             self._filled.assign(self._filled_tiles(content))
             self._forward.run()
         else:
-            self._forward_reference()
+            self._forward_per_pixel()
         if behind is not None:
             self._add_background(behind)
 
@@ -221,7 +225,7 @@ class SplatRenderer:
         if self.vectorized:
             self._backward.run()
         else:
-            self._backward_reference()
+            self._backward_per_pixel()
         self._project_backward.run()
 
     def camera_gradient(self) -> CameraGradient:
@@ -247,8 +251,8 @@ class SplatRenderer:
         return {
             "project": self._project.run,
             "bin": self.binner.bin,
-            "forward": self._forward.run if self.vectorized else self._forward_reference,
-            "backward": self._backward.run if self.vectorized else self._backward_reference,
+            "forward": self._forward.run if self.vectorized else self._forward_per_pixel,
+            "backward": self._backward.run if self.vectorized else self._backward_per_pixel,
             "gather and project back": self._project_backward.run,
         }
 
@@ -349,28 +353,31 @@ class SplatRenderer:
         planes = self.adj_image, self.adj_transmittance, self.adj_depth, self.adj_normals
         return [p.data for p in planes]
 
-    def _forward_reference(self) -> None:
-        wp.launch(
-            forward_reference_kernel,
-            dim=(self.image.height, self.image.width),
-            inputs=[*self._raster_inputs(), self._background],
-            outputs=self._raster_outputs(),
-            device=self.device,
-            record_tape=False,
-        )
+    def _forward_per_pixel(self) -> None:
+        arguments = [*self._raster_inputs(), self._background, *self._raster_outputs()]
+        if self.kernels == "cooperative":
+            kernel = forward_cooperative_kernel(self.options.has_depth, self.options.has_normals)
+            launch_cooperative(kernel, self.binner.tiles, arguments, self.device)
+        else:
+            self._launch_plain(forward_reference_kernel, arguments)
 
-    def _backward_reference(self) -> None:
-        layout = self._layout
-        self.binner.lists.pair_gradients.zero_()
-        wp.launch(
-            backward_reference_kernel,
-            dim=(self.image.height, self.image.width),
-            inputs=[*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
-            + [layout.depth, layout.normal, layout.absolute, self.binner.lists.tile_pairs],
-            outputs=[self.binner.lists.pair_gradients],
-            device=self.device,
-            record_tape=False,
-        )
+    def _backward_per_pixel(self) -> None:
+        lists, layout = self.binner.lists, self._layout
+        inputs = [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
+        pairs = [lists.tile_pairs, lists.pair_gradients]
+        if self.kernels == "cooperative":
+            kernel = backward_cooperative_kernel(
+                self.options.has_depth, self.options.has_normals, layout.absolute >= 0
+            )
+            launch_cooperative(kernel, self.binner.tiles, [*inputs, *pairs], self.device)
+        else:
+            lists.pair_gradients.zero_()
+            fields = [layout.depth, layout.normal, layout.absolute]
+            self._launch_plain(backward_reference_kernel, [*inputs, *fields, *pairs])
+
+    def _launch_plain(self, kernel: Any, arguments: list[Any]) -> None:
+        size = self.image.height, self.image.width
+        wp.launch(kernel, dim=size, inputs=arguments, device=self.device, record_tape=False)
 
     def _add_background(self, behind: ImagePlanes) -> None:
         image = self.image

@@ -20,7 +20,7 @@ from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_SIZE
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, RasterKernels
 from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.machine import worth_of_threads
@@ -83,7 +83,8 @@ SCENES = (
 def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
     """Return times [ms] of every stage and kernel, and how many times faster than the plain kernel."""
     threads = sorted({1, 2, default_threads()})
-    variants = [("plain", 1), *(("vectorized", count) for count in threads)]
+    variants: list[tuple[RasterKernels, int]] = [("plain", 1)]
+    variants.extend(("vectorized", count) for count in threads)
     results: list[Result] = []
     matrix_rate = measure_matrix_product()
     with progress(len(scenes) * len(variants), "Measuring", "variant") as bar:
@@ -91,7 +92,7 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
             gaussians = DeviceGaussians.from_numpy(scene.gaussians())
             plain: dict[str, float] = {}
             for kernel, count in variants:
-                times, renderer = _measure(scene, gaussians, kernel == "vectorized", count)
+                times, renderer = _measure(scene, gaussians, kernel, count)
                 settings = {
                     "scene": scene.name,
                     "image": f"{scene.width}x{scene.height}",
@@ -117,18 +118,16 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
 
 
 def _measure(
-    scene: RasterScene, gaussians: DeviceGaussians, vectorized: bool, threads: int
+    scene: RasterScene, gaussians: DeviceGaussians, kernels: RasterKernels, threads: int
 ) -> tuple[dict[str, float], SplatRenderer]:
     """Return the times [ms] of the stages of one variant, and the renderer that drew it."""
-    renderer = SplatRenderer(
-        gaussians, scene.width, scene.height, vectorized=vectorized, threads=threads
-    )
+    renderer = SplatRenderer(gaussians, scene.width, scene.height, kernels=kernels, threads=threads)
     camera = scene.camera()
     rng = np.random.default_rng(1)
     renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
     renderer.forward(camera, near=NEAR)
     renderer.backward()
-    repeats = 7 if vectorized else 2  # the plain kernels take seconds
+    repeats = 7 if kernels == "vectorized" else 2  # the plain kernels take seconds
     stages = renderer.stages()
     clock = clock_for(threads)
     times = {name: best_time(stage, repeats, clock=clock) for name, stage in stages.items()}

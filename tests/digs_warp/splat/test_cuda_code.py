@@ -1,5 +1,7 @@
-"""The kernels that a CUDA device runs compile for one: all that can be checked without a GPU."""
+"""The kernels that a CUDA device runs: they compile for one, and what their code tells without a GPU."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -13,12 +15,49 @@ from digs_warp.splat import (
     project_adjoint,
     rasterize_reference,
 )
+from digs_warp.splat.device import raster_kernels
+from digs_warp.splat.rasterize_cooperative import BATCH, forward_cooperative_kernel
+from digs_warp.splat.rasterize_cooperative_adjoint import backward_cooperative_kernel
 
 MODULES = (background, bin_kernels, plane_kernels, project, project_adjoint, rasterize_reference)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.split(".")[-1])
 def test_a_module_compiles_for_cuda(module: object, tmp_path: Path) -> None:
-    wp.compile_aot_module(module, arch=80, module_dir=tmp_path, use_ptx=True)  # pyright: ignore
-    (code,) = tmp_path.glob("*.ptx")
-    assert ".target sm_80" in code.read_text()
+    assert ".target sm_80" in compiled(module, tmp_path)
+
+
+def compiled(module: object, folder: Path) -> str:
+    """The PTX of a module."""
+    wp.compile_aot_module(module, arch=80, module_dir=folder, use_ptx=True)  # pyright: ignore
+    (code,) = folder.glob("*.ptx")
+    return code.read_text()
+
+
+def shared_bytes(folder: Path) -> int:
+    """Shared memory that a block asks for at launch: its tiles."""
+    (meta,) = folder.glob("*.meta")
+    (size,) = json.loads(meta.read_text()).values()
+    return size
+
+
+FLOAT_ATOMICS = re.compile(r"\b(atom|red)\.\S*\.f32")
+COOPERATIVE = {
+    "forward": lambda: forward_cooperative_kernel(True, True),
+    "backward": lambda: backward_cooperative_kernel(True, True, True),
+}
+
+
+@pytest.mark.parametrize("name", COOPERATIVE)
+def test_a_block_shares_records_and_sums_without_atomics(name: str, tmp_path: Path) -> None:
+    assert raster_kernels("cuda:0") == "cooperative"
+    code = compiled(COOPERATIVE[name]().module, tmp_path)
+    # A batch of records, depths, normals and indices; 16 KB leave room for 8 blocks of 256 threads at once.
+    batch = 4 * BATCH * (9 + 1 + 3 + 1)
+    assert batch <= shared_bytes(tmp_path) < 16_384
+    assert ".local" not in code  # no variable of a thread lies in global memory
+    assert not FLOAT_ATOMICS.search(code)
+
+
+def test_the_plain_kernels_add_with_atomics(tmp_path: Path) -> None:
+    assert FLOAT_ATOMICS.search(compiled(rasterize_reference, tmp_path))

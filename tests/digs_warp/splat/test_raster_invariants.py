@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+import warp as wp
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 from reference.splat_twin import Parameters, render_twin
 
@@ -11,7 +12,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, RasterKernels
 from digs_warp.splat.renderer import CameraGradient, SplatRenderer
 
 MANY = random_gaussians(3000, seed=1)
@@ -45,8 +46,9 @@ def test_same_bits_for_any_number_of_threads(threads: int) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_both_kernels_and_both_binnings_agree() -> None:
-    fast, plain = rendered(MANY), rendered(MANY, vectorized=False)
+@pytest.mark.parametrize("kernels", ["vectorized", "cooperative"])
+def test_all_kernels_and_both_binnings_agree(kernels: RasterKernels) -> None:
+    fast, plain = rendered(MANY, kernels=kernels), rendered(MANY, kernels="plain")
     fast_lists, plain_lists = fast.binner.lists, plain.binner.lists
     pairs = fast.binner.total_pairs
     assert pairs > 10_000
@@ -60,6 +62,12 @@ def test_both_kernels_and_both_binnings_agree() -> None:
     difference = np.abs(fast.image.to_numpy() - plain.image.to_numpy())
     assert np.quantile(difference, 0.999) < 2e-6
     assert difference.max() < 1 / 255
+
+
+def test_blocks_of_threads_have_to_be_switched_on_on_a_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(wp.config, "enable_cpu_blocks", False)
+    with pytest.raises(ValueError, match="enable_cpu_blocks"):
+        rendered(random_gaussians(1, seed=0), kernels="cooperative")
 
 
 def test_no_pixel_above_the_cut_is_lost_by_the_tile_lists() -> None:

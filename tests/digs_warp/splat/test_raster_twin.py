@@ -17,7 +17,7 @@ from reference.splat_twin import (
 
 from digs_warp.camera import Camera
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, RasterKernels
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.splat.statistics import SplatStatistics
 
@@ -46,7 +46,7 @@ ANTIALIASED = RasterOptions(outputs="normals", antialias=True)
 UNUSUAL = RasterOptions(
     min_alpha=0.02, max_alpha=0.9, min_transmittance=0.01, dilation=0.1, jacobian_margin=0.1
 )
-KERNELS = pytest.mark.parametrize("vectorized", [True, False], ids=["vectorized", "per pixel"])
+KERNELS = pytest.mark.parametrize("kernels", ["vectorized", "cooperative", "plain"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +116,11 @@ def check_close(found: np.ndarray, wanted: np.ndarray, tolerance: float, name: s
 
 
 def check_against_twin(
-    scene: SplatScene, vectorized: bool, options: RasterOptions = COLOR, stiff: bool = False
+    scene: SplatScene, kernels: RasterKernels, options: RasterOptions = COLOR, stiff: bool = False
 ) -> None:
     expected = expected_of(scene, options)
     twin, clear = expected.twin, ~expected.twin.ambiguous
-    renderer = renderer_of(scene, expected.adjoints, options=options, vectorized=vectorized)
+    renderer = renderer_of(scene, expected.adjoints, options=options, kernels=kernels)
 
     # A decision within rounding of its threshold may go either way: few pixels, left out.
     assert twin.ambiguous.mean() <= 0.05
@@ -155,8 +155,8 @@ def check_against_twin(
 
 @KERNELS
 @pytest.mark.parametrize("seed", range(4))
-def test_random_scenes_equal_the_twin(seed: int, vectorized: bool) -> None:
-    check_against_twin(RANDOM[seed], vectorized)
+def test_random_scenes_equal_the_twin(seed: int, kernels: RasterKernels) -> None:
+    check_against_twin(RANDOM[seed], kernels)
 
 
 @KERNELS
@@ -165,12 +165,12 @@ def test_random_scenes_equal_the_twin(seed: int, vectorized: bool) -> None:
     "options", [ALL, ANTIALIASED, UNUSUAL], ids=["all", "antialias", "unusual"]
 )
 def test_all_outputs_and_options_equal_the_twin(
-    options: RasterOptions, seed: int, vectorized: bool
+    options: RasterOptions, seed: int, kernels: RasterKernels
 ) -> None:
-    check_against_twin(RANDOM[seed], vectorized, options)
+    check_against_twin(RANDOM[seed], kernels, options)
 
 
 @KERNELS
 @pytest.mark.parametrize("name", HARD)
-def test_hard_cases_equal_the_twin(name: str, vectorized: bool) -> None:
-    check_against_twin(HARD[name], vectorized, stiff=name in STIFF)
+def test_hard_cases_equal_the_twin(name: str, kernels: RasterKernels) -> None:
+    check_against_twin(HARD[name], kernels, stiff=name in STIFF)

@@ -7,7 +7,7 @@ from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 from digs_warp.camera import Camera
 from digs_warp.gaussians import Gaussians
 from digs_warp.image_planes import ImagePlanes
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, RasterKernels
 from digs_warp.splat.render import SplatRenderer, render
 
 MANY = random_gaussians(800, seed=1)
@@ -57,13 +57,13 @@ def test_planes_read_zero_outside_of_a_smaller_image() -> None:
         planes.resize(41, 9)
 
 
-@pytest.mark.parametrize("vectorized", [True, False], ids=["vectorized", "per pixel"])
-def test_a_window_shows_the_pixels_of_the_whole_view(vectorized: bool) -> None:
+@pytest.mark.parametrize("kernels", ["vectorized", "cooperative", "plain"])
+def test_a_window_shows_the_pixels_of_the_whole_view(kernels: RasterKernels) -> None:
     """Splitting an image changes nothing: same pixels, and gradients that add up to those of the whole."""
-    whole = pulled_back(renderer_of(vectorized=vectorized), VIEW)
+    whole = pulled_back(renderer_of(kernels=kernels), VIEW)
     image = np.full_like(whole[0], np.nan)
     sums = [np.zeros_like(a) for a in whole[1:]]
-    part = renderer_of(vectorized=vectorized)
+    part = renderer_of(kernels=kernels)
     for x0, x1 in ((0, 64), (64, 150)):
         for y0, y1 in ((0, 48), (48, 110)):
             found, *gradients = pulled_back(part, VIEW, window=(x0, y0, x1, y1))
@@ -107,12 +107,12 @@ def test_other_gaussians_take_the_place_of_the_first(count: int) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("vectorized", [True, False], ids=["vectorized", "per pixel"])
-def test_an_image_lies_behind_the_gaussians(vectorized: bool) -> None:
+@pytest.mark.parametrize("kernels", ["vectorized", "cooperative", "plain"])
+def test_an_image_lies_behind_the_gaussians(kernels: RasterKernels) -> None:
     behind = np.random.default_rng(5).uniform(size=(SIZE[1], SIZE[0], 3)).astype(np.float32)
     planes = ImagePlanes(*SIZE, 3)
     planes.assign(behind)
-    renderer = renderer_of(vectorized=vectorized)
+    renderer = renderer_of(kernels=kernels)
     renderer.forward(VIEW, near=NEAR, background=(0.0, 0.0, 0.0))
     alone, through = renderer.image.to_numpy(), renderer.transmittance.to_numpy()
     renderer.forward(VIEW, near=NEAR, background=planes)
