@@ -64,11 +64,11 @@ studies: setup ## Run the studies within their budgets and write docs/study; und
 	$(BIN)/digs-warp study run segmentation --budget 10min
 	$(BIN)/digs-warp study run scaling --budget 10min
 	$(BIN)/python scripts/study_pages.py
+	$(BIN)/python scripts/initialization_picture.py
 
 pages: setup ## Measure everything else and write the figures into its pages; an hour on a quiet machine
 	$(BIN)/python scripts/training_page.py
 	$(BIN)/python scripts/initialization_page.py
-	$(BIN)/python scripts/initialization_picture.py
 	$(BIN)/python scripts/front_end_figures.py
 	$(BIN)/python scripts/usd_page.py
 	$(BIN)/python scripts/splat_pages.py

@@ -1,11 +1,12 @@
-"""Draw docs/images/initialization.jpg: the five initializations of one recording, side by side.
+"""Draw docs/images/initialization.jpg: the points of the five initializations on four objects.
 
-Usage: python scripts/initialization_picture.py   (about a minute)
+Usage: python scripts/initialization_picture.py   (a minute after `digs-warp study run initialization`)
 
-The recording is simulated; sparse points are made from its truth, as in `digs-warp bench init-noise`.
+Recordings and estimated poses are those of that study, in out/study/initialization; what is missing there is
+made, which takes a minute or two an object. The truth is drawn by the simulator.
 """
 
-import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -13,60 +14,133 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 
 from digs_warp.camera import Camera
-from digs_warp.init.config import InitConfig
-from digs_warp.init.recipes import initialize
+from digs_warp.capture import Capture
+from digs_warp.capture_writer import FrameImages
+from digs_warp.log import show_progress
 from digs_warp.point_cloud import PointCloud
-from digs_warp.study.init_cases import render_case
-from digs_warp.study.init_strategies import SFM_PER_METRE, STRATEGIES, scaled
-from digs_warp.study.synthetic_sfm import sfm_from_truth
+from digs_warp.report.pictures import over_white
+from digs_warp.study.catalogue import STUDIES
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.chain import SURFACE_THRESHOLD, start_of_case
+from digs_warp.study.engine.overrides import with_settings
+from digs_warp.surface.true_surface import read_true_surface
+from digs_warp.surface_metrics import surface_score
 from sim.config import SimulateConfig
+from sim.frame_maker import Clock, FrameMaker
+from sim.sensor_plan import make_plan
+from sim.session import load_inputs, prepare_session
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "images" / "initialization.jpg"
-FRAMES, VIEW = 24, 5
-SPARSE_POINTS = 12_000  # about as many as 60 images of 960x540 give
-DOT_PX = 1  # a point covers this many pixels to either side
+OBJECTS = ("ycb_mustard_bottle", "avocado", "spot", "armchair")
+STRATEGIES = ("default", "random", "depth", "highdepth", "fusion")
+
+FRAME = 5  # the camera that all panels are seen from: of this frame
+SIZE = (1440, 810)  # of the drawing before it is cropped to the object [px]
+MARGIN = 0.12  # of the object's size, around it
+DOT_PX = 2  # a point covers this many pixels to either side
+HIDDEN = 0.03  # this far [m] behind what the camera truly sees, a point is hidden
+PANEL = 2.35  # [inch]
 
 
 def main() -> None:
-    """Simulate, initialize, draw."""
-    with tempfile.TemporaryDirectory() as folder:
-        case = render_case(SimulateConfig(frames=FRAMES, samples_per_pixel=2), Path(folder))
-        capture = case.capture()
-        sfm = sfm_from_truth(capture.frames, SFM_PER_METRE, points=SPARSE_POINTS)
-        seen = scaled(capture, sfm, SFM_PER_METRE)
-        frame = seen.frames[VIEW]
-        panels = {"the photograph": frame.load_image() / 255.0}
-        for strategy in STRATEGIES:
-            points = initialize(seen.frames, InitConfig(strategy=strategy), seen.sfm).points
-            title = f"{strategy}: {len(points):,} points"
-            panels[title] = points_picture(points, frame.camera)
-    figure, axes = plt.subplots(2, 3, figsize=(14, 5.9), dpi=100)
-    for axis, (title, picture) in zip(axes.flat, panels.items(), strict=True):
-        axis.imshow(picture)
-        axis.set_title(title, fontsize=13)
-        axis.axis("off")
-    figure.subplots_adjust(0.004, 0.004, 0.996, 0.95, wspace=0.02, hspace=0.1)
+    """Record, estimate the poses and initialize, or take from the study what is there; draw."""
+    show_progress()
+    (study,) = (study for study in STUDIES if study.name == "initialization")
+    cases = {
+        (case.labels["object"], case.labels["strategy"]): case
+        for case in reversed(study.cases(study.objects, 1, study.iterations))
+    }
+    columns = len(STRATEGIES) + 1
+    figure, axes = plt.subplots(
+        len(OBJECTS), columns, figsize=(columns * PANEL, len(OBJECTS) * (PANEL + 0.5)), dpi=110
+    )
+    for row, name in zip(axes, OBJECTS, strict=True):
+        truth = true_view(cases[name, STRATEGIES[0]])
+        assert truth.mask is not None and truth.depth_true is not None  # the simulator knows both
+        window = window_around(truth.mask)
+        for axis, strategy in zip(row, STRATEGIES, strict=False):
+            capture, frames, points = start_of_case(cases[name, strategy], study.folder)
+            cameras = {frame.name: frame.camera for frame in (*frames.training, *frames.held_out)}
+            camera = cameras[capture.frames[FRAME].name]
+            picture = points_picture(points, camera, truth.depth_true)
+            show(axis, picture[window], strategy, caption(points, capture))
+        object_name = name.removeprefix("ycb_").replace("_", " ")
+        show(row[-1], over_white(truth.image, truth.mask)[window], "truth", object_name)
+    figure.subplots_adjust(0.004, 0.045, 0.996, 0.965, wspace=0.03, hspace=0.28)
     TARGET.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(TARGET, pil_kwargs={"quality": 88, "optimize": True})
+    figure.savefig(TARGET, pil_kwargs={"quality": 78, "optimize": True})
     print(TARGET)  # noqa: T201 (a script)
 
 
-def points_picture(points: PointCloud, camera: Camera) -> np.ndarray:
-    """Draw the points as the camera sees them, near ones over far ones, on white."""
-    k = camera.intrinsics
-    picture = np.ones((k.height, k.width, 3))
+def true_view(case: Case) -> FrameImages:
+    """Return the frame, drawn by a perfect camera of `SIZE`."""
+    width, height = SIZE
+    config = replace(
+        with_settings(SimulateConfig(), case.recording), width=width, height=height, tier="truth"
+    )
+    session = prepare_session(config, load_inputs(config))
+    maker = FrameMaker(session, make_plan(session))
+    return maker.finish(maker.render(FRAME), Clock())
+
+
+def window_around(mask: np.ndarray) -> tuple[slice, slice]:
+    """Return rows and columns of a square around the object, within the image."""
+    rows, columns = np.nonzero(mask > 127)
+    side = int((1 + 2 * MARGIN) * max(np.ptp(rows), np.ptp(columns)))
+    side = min(side, *mask.shape)
+    top, left = (
+        int(np.clip((places.min() + places.max() - side) // 2, 0, size - side))
+        for places, size in zip((rows, columns), mask.shape, strict=True)
+    )
+    return slice(top, top + side), slice(left, left + side)
+
+
+def caption(points: PointCloud, capture: Capture) -> str:
+    """Return the number of points, and how they lie to the true surface."""
+    surface = read_true_surface(capture.folder)
+    assert surface is not None  # it was simulated
+    score = surface_score(points.points_world, surface, SURFACE_THRESHOLD)
+    return (
+        f"{len(points):,} points, {score.precision:.0%} on it\n"
+        f"cover {score.recall:.0%}, spacing {score.spacing_ratio:.2f}"
+    )
+
+
+def points_picture(points: PointCloud, camera: Camera, depth_true: np.ndarray) -> np.ndarray:
+    """Draw the points as the camera sees them, near ones over far ones, on white; shape of `SIZE`.
+
+    Points behind the true surfaces are left out: through gaps between points one would see the far side.
+    """
+    width, height = SIZE
+    camera = replace(camera, intrinsics=camera.intrinsics.resized(width, height))
+    picture = np.ones((height, width, 3))
     px, depth = camera.project(points.points_world)
     order = np.argsort(-depth)
     order = order[depth[order] > 0]
     columns, rows = np.floor(px[order]).astype(np.int64).T
+    seen = depth_true[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+    visible = ~(depth[order] > seen + HIDDEN)  # where nothing is, nothing hides
+    order, columns, rows = order[visible], columns[visible], rows[visible]
     for down in range(-DOT_PX, DOT_PX + 1):
         for right in range(-DOT_PX, DOT_PX + 1):
             u, v = columns + right, rows + down
-            inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+            inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
             picture[v[inside], u[inside]] = points.colors[order][inside]
     return picture
+
+
+def show(axis: Axes, picture: np.ndarray, title: str, below: str) -> None:
+    """Put a picture, its title and the words below it into a panel."""
+    axis.imshow(picture)
+    axis.set_title(title, fontsize=13, pad=4)
+    axis.set_xlabel(below, fontsize=10.5, labelpad=3)
+    axis.set_xticks([])
+    axis.set_yticks([])
+    for spine in axis.spines.values():
+        spine.set_color("0.8")
 
 
 if __name__ == "__main__":

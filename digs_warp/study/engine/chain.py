@@ -14,7 +14,7 @@ import numpy as np
 from digs_warp.capture import Capture, Frame
 from digs_warp.gaussians import Gaussians
 from digs_warp.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
-from digs_warp.log import read_json, to_json, versions, write_atomically
+from digs_warp.log import RunLog, read_json, to_json, versions, write_atomically
 from digs_warp.point_cloud import PointCloud
 from digs_warp.posed_frames import PosedFrames
 from digs_warp.study.engine.case import Case, digest
@@ -65,11 +65,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
-    work = folder / WORK / case.key
-    shutil.rmtree(work, ignore_errors=True)
-    matched = folder / SFM / digest([case.recording, config.sfm])
-    if matched.is_dir():
-        shutil.copytree(matched, work / "sfm")
+    work, matched = _workplace(case, config, folder)
     with _CompileTimes() as compiled:
         gaussians = reconstruct(capture, config, work)
     posed = PosedFrames.load(capture, work)
@@ -89,6 +85,36 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     measured["seconds"]["compile kernels"] = round(compiled.seconds, 3)
     shutil.rmtree(work)
     return measured
+
+
+def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, PointCloud]:
+    """Return the recording of a case, its frames as posed, and the points to start from; nothing is trained.
+
+    Args:
+        case: as in `run_case`.
+        folder: of the study; recordings and structure from motion are taken from there, or left there.
+    """
+    from digs_warp.front_end import front_end
+    from digs_warp.reconstruct import ReconstructConfig
+
+    capture = record_case(case, folder)
+    config = with_settings(ReconstructConfig(), case.reconstruction)
+    work, matched = _workplace(case, config, folder)
+    log = RunLog("reconstruct", config)
+    frames, points = front_end(capture, config, work, log)
+    _share_sfm(work, matched, log.seconds)
+    shutil.rmtree(work)
+    return capture, frames, points
+
+
+def _workplace(case: Case, config: "ReconstructConfig", folder: Path) -> tuple[Path, Path]:
+    """Return a folder for a case, empty but for structure from motion where done, and where that lies."""
+    work = folder / WORK / case.key
+    shutil.rmtree(work, ignore_errors=True)
+    matched = folder / SFM / digest([case.recording, config.sfm])
+    if matched.is_dir():
+        shutil.copytree(matched, work / "sfm")
+    return work, matched
 
 
 def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:

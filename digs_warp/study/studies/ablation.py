@@ -106,16 +106,22 @@ def _end(record: Record) -> float | None:
     return record["yardstick"].get("psnr")
 
 
-QUANTITIES = (
-    Quantity("points", 0, lambda record: record["results"]["initial_points"], compared=False),
-    Quantity("Chamfer [mm]", 2, _of_points("chamfer", 1e3)),
-    Quantity("F-score at 5 mm [%]", 1, _of_points("f_score", 1e2)),
-    Quantity("scale error [%]", 3, lambda record: 100 * record["scale_error"], compared=False),
-    *(Quantity(f"PSNR after {i} [dB]", 2, _course("psnr", i)) for i in ITERATIONS),
-    *(Quantity(f"SSIM after {i}", 4, _course("ssim", i)) for i in ITERATIONS),
-    Quantity("PSNR, perfect camera [dB]", 2, _end),
-)
-END = QUANTITIES[-1]
+def _quantities(records: Sequence[Record]) -> list[Quantity]:
+    """Return the columns; iterations that no record reached have none."""
+    reached = _reached(records)
+    return [
+        Quantity("points", 0, lambda record: record["results"]["initial_points"], compared=False),
+        Quantity("Chamfer [mm]", 2, _of_points("chamfer", 1e3)),
+        Quantity("F-score at 5 mm [%]", 1, _of_points("f_score", 1e2)),
+        Quantity("scale error [%]", 3, lambda record: 100 * record["scale_error"], compared=False),
+        *(Quantity(f"PSNR after {i} [dB]", 2, _course("psnr", i)) for i in reached),
+        *(Quantity(f"SSIM after {i}", 4, _course("ssim", i)) for i in reached),
+        Quantity("PSNR, perfect camera [dB]", 2, _end),
+    ]
+
+
+def _reached(records: Sequence[Record]) -> list[int]:
+    return [i for i in ITERATIONS if any(at_iteration(r, i, "psnr") for r in records)]
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -137,9 +143,10 @@ def _of_masks(masks: str, records: Sequence[Record]) -> Section:
         "PSNR and SSIM are those of held-out views, and, at the end, of a perfect camera. "
         f"{_findings(records)}"
     )
-    headings = ["object", "variant", *(quantity.heading for quantity in QUANTITIES)]
+    quantities = _quantities(records)
+    headings = ["object", "variant", *(quantity.heading for quantity in quantities)]
     rows = [
-        [name, variant, *_cells(group, by_variant.get((RECIPE,), []))]
+        [name, variant, *_cells(quantities, group, by_variant.get((RECIPE,), []))]
         for (name,), found in group_by(records, "object").items()
         for by_variant in [group_by(found, "variant")]
         for (variant,), group in by_variant.items()
@@ -148,9 +155,11 @@ def _of_masks(masks: str, records: Sequence[Record]) -> Section:
     return Section(titles[masks], text, [table], [_chart(masks, records)])
 
 
-def _cells(group: Sequence[Record], recipe: Sequence[Record]) -> list[str]:
+def _cells(
+    quantities: Sequence[Quantity], group: Sequence[Record], recipe: Sequence[Record]
+) -> list[str]:
     cells = []
-    for quantity in QUANTITIES:
+    for quantity in quantities:
         value, usual = spread(group, quantity.value), spread(recipe, quantity.value)
         text = f"{value.mean:,.{quantity.decimals}f}" if value else ""
         if value and usual and quantity.compared and group is not recipe:
@@ -182,7 +191,7 @@ def _changes(
 
 def _findings(records: Sequence[Record]) -> str:
     """Say which variants change most, and how much of that is chance."""
-    early, end = (_changes(records, q) for q in (_course("psnr", ITERATIONS[0]), END.value))
+    early, end = (_changes(records, value) for value in (_course("psnr", ITERATIONS[0]), _end))
     sentences = []
     for when, changes in ((f"after {ITERATIONS[0]} steps", early), ("at the end", end)):
         ranked = sorted((v for v in changes if v != AGAIN), key=lambda v: changes[v])
@@ -203,7 +212,7 @@ def _findings(records: Sequence[Record]) -> str:
 def _chart(masks: str, records: Sequence[Record]) -> Chart:
     names = [variant for variant in VARIANTS if variant != RECIPE]
     curves = []
-    for iteration in ITERATIONS:
+    for iteration in _reached(records):
         changes = _changes(records, _course("psnr", iteration))
         known = [(changes[name], row) for row, name in enumerate(names) if name in changes]
         label = f"after {iteration} steps"
@@ -217,8 +226,9 @@ def _weights(records: Sequence[Record]) -> Section:
     """Compare the k-means' weights 1:3 with equal ones and with no k-means."""
     variants = {RECIPE: "1 : 3", "k-means, equal weights": "1 : 1", "no k-means": "no k-means"}
     by_case = group_by(records, "masks", "object", "variant")
+    quantities = _quantities(records)
     rows = [
-        [masks, name, title, *_cells(group, by_case.get((masks, name, RECIPE), []))]
+        [masks, name, title, *_cells(quantities, group, by_case.get((masks, name, RECIPE), []))]
         for (masks, name) in group_by(records, "masks", "object")
         for variant, title in variants.items()
         if (group := by_case.get((masks, name, variant)))
@@ -228,5 +238,5 @@ def _weights(records: Sequence[Record]) -> Section:
         "they enter. Here a pixel is background where it is three times as near to the background's mean "
         "depth as to the foreground's."
     )
-    headings = ["masks", "object", "weights", *(quantity.heading for quantity in QUANTITIES)]
+    headings = ["masks", "object", "weights", *(quantity.heading for quantity in quantities)]
     return Section("The weights of the k-means", text, [Table("weights", headings, rows)])
