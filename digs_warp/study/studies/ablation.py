@@ -54,13 +54,13 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 
 def cases(objects_count: int = 2, seeds: int = 1, iterations: int = 1000) -> list[Case]:
-    """Return the cases: all variants with spoilt masks, object by object, then with true ones."""
+    """Return the cases: all variants with spoilt masks, each on all objects, then with true ones."""
     return [
         _case(name, scene, masks, variant, seed, iterations)
         for seed in range(seeds)
         for masks in MASKS
-        for name, scene in objects(objects_count, FIRST_OBJECTS).items()
         for variant in VARIANTS
+        for name, scene in objects(objects_count, FIRST_OBJECTS).items()
     ]
 
 
