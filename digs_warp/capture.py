@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.checks import CaptureError, check_positive
+from digs_warp.checks import CaptureError, check_positive, require_folder
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.images import read_image
 from digs_warp.log import read_json
 
 INDEX_NAME = "transforms.json"
+OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
 # Key in transforms.json -> what it is called in messages.
 _LABELS = {
@@ -187,13 +188,11 @@ def read_capture(folder: Path) -> Capture:
         CaptureError: no or broken index, no frames, missing files, unusable poses or intrinsics, or a
             path that leaves the folder. The message names the frame and the key.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise CaptureError(f"capture '{folder}': no such folder")
+    folder = require_folder(folder, "capture", f"'digs-warp simulate' writes one. {OF_A_CAMERA}")
     if not (folder / INDEX_NAME).is_file():
         raise CaptureError(
             f"capture '{folder}': no {INDEX_NAME} in it. Was 'digs-warp simulate' interrupted? "
-            "Run it again with --resume."
+            f"Run it again with --resume. {OF_A_CAMERA}"
         )
     index = read_json(folder / INDEX_NAME, "capture index")
     entries = index.get("frames")

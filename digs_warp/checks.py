@@ -34,6 +34,16 @@ def require_file(path: Path, what: str, hint: str = "") -> Path:
     return path
 
 
+def require_folder(path: Path, what: str, hint: str) -> Path:
+    """Return ``path``, or raise a `CaptureError` when it is not a folder; ``hint`` says what one holds."""
+    path = Path(path)
+    if not path.exists():
+        raise CaptureError(f"{what} '{path}': no such folder. Check the path.")
+    if not path.is_dir():
+        raise CaptureError(f"{what} '{path}': expected a folder, found a file. {hint}")
+    return path
+
+
 def check_shape(name: str, array: np.ndarray, expected: Sequence[int | None]) -> np.ndarray:
     """Return ``array``, or raise when its shape differs. ``None`` in ``expected`` fits any length."""
     fits = array.ndim == len(expected) and all(

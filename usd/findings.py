@@ -44,6 +44,11 @@ class Check:
     note: str = ""
 
 
+def counted(number: int, noun: str) -> str:
+    """Return the number with its noun, which takes an s unless there is one of it."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 @dataclass(frozen=True)
 class Report:
     """The result of a validation.
@@ -80,8 +85,10 @@ class Report:
         ]
         lines += [str(finding) for finding in self.findings]
         lines.append(
-            f"{self.path}: {self.count('error')} errors, {self.count('warning')} warnings in "
-            f"{self.combinations} combinations of variants, {self.samples} time samples of splats"
+            f"{self.path}: {counted(self.count('error'), 'error')}, "
+            f"{counted(self.count('warning'), 'warning')} in "
+            f"{counted(self.combinations, 'combination')} of variants, "
+            f"{counted(self.samples, 'time sample')} of splats"
         )
         return "\n".join(lines)
 

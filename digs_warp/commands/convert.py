@@ -12,7 +12,7 @@ from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.output import OutputFolder
-from digs_warp.layout import RUN_RECORD
+from digs_warp.layout import RUN_RECORD, find_gaussians
 from digs_warp.log import RunLog
 
 CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
@@ -67,7 +67,7 @@ class Convert:
         target = self.target or self.out
         assert target is not None
         if not self.source.exists():
-            raise DigsError(f"'{self.source}': no such file or folder")
+            raise DigsError(f"'{self.source}': no such file or folder. Check the path.")
         if self.recorded_as is not None:
             return import_recording(self.source, self.recorded_as, target, self.overwrite)
         if self.to is not None:
@@ -76,6 +76,13 @@ class Convert:
             raise DigsError(
                 f"'{self.source}': a capture; add --to with one of {', '.join(CaptureFormat.__args__)}"
             )
+        try:
+            find_gaussians(self.source)
+        except DigsError as error:
+            forms = ", ".join(RecordingFormat.__args__)
+            raise DigsError(
+                f"{error}; for a recording of a real camera add --from with one of {forms}"
+            ) from None
         return convert_splats(self.source, target, self.overwrite, self.gaussians)
 
 

@@ -34,7 +34,7 @@ def describe(path: Path) -> Facts:
     from digs_warp.commands import summaries
 
     if not path.exists():
-        raise DigsError(f"'{path}': no such file or folder")
+        raise DigsError(f"'{path}': no such file or folder. Check the path.")
     if path.is_dir():
         return _summary_of_folder(path)(path)
     by_suffix: dict[str, Callable[[Path], Facts]] = {

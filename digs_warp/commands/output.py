@@ -43,7 +43,7 @@ class OutputFolder:
         needed = [path for path in inputs if path is not None]
         for path in needed:
             if not path.exists():  # found out now, before anything is deleted
-                raise DigsError(f"'{path}': no such file or folder")
+                raise DigsError(f"'{path}': no such file or folder. Check the path.")
         if self.out.exists() and not self.out.is_dir():
             raise DigsError(f"--out '{self.out}': this is a file; name a folder")
         if self.overwrite and _is_used(self.out):
@@ -78,7 +78,11 @@ def is_ours(folder: Path) -> bool:
 
 
 def _is_used(folder: Path) -> bool:
-    return folder.is_dir() and any(folder.iterdir())
+    """Whether there is more in it than the record of a run that failed before it made anything."""
+    if not folder.is_dir():
+        return False
+    names = {path.name for path in folder.iterdir()}
+    return bool(names) and not (names == {RUN_RECORD} and is_ours(folder))
 
 
 def _check_may_delete(folder: Path, inputs: Sequence[Path]) -> None:

@@ -53,7 +53,9 @@ class Recommend:
                 "setting": best.name,
                 "seconds": best.seconds.text(1),
                 "PSNR": f"{best.quality.text(2)} dB on views of a perfect camera",
-                "command": shlex.join(["digs-warp", "run", *flags(best.settings)]),
+                "command": shlex.join(
+                    ["digs-warp", "run", "--out", "out/best", *flags(best.settings)]
+                ),
                 "left over": "" if math.isinf(budget) else f"{budget - best.seconds.mean:.0f} s",
             }
         )

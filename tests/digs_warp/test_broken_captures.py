@@ -66,8 +66,13 @@ def test_a_file_the_capture_lacks_is_named(tmp_path: Path) -> None:
 def test_no_folder_no_index_no_json(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="gone': no such folder"):
         read_capture(tmp_path / "gone")
-    with pytest.raises(CaptureError, match=r"no transforms\.json.*interrupted"):
+    with pytest.raises(
+        CaptureError, match=r"no transforms\.json.*interrupted.*convert FOLDER --from"
+    ):
         read_capture(tmp_path)
+    (tmp_path / "walk.mp4").write_bytes(b"film")
+    with pytest.raises(CaptureError, match=r"walk\.mp4': expected a folder, found a file"):
+        read_capture(tmp_path / "walk.mp4")
     (tmp_path / "transforms.json").write_text('{"frames": [')
     with pytest.raises(DigsError, match="not valid JSON"):
         read_capture(tmp_path)

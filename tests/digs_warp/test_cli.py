@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp import cli
+from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.output import OutputFolder, is_ours
 from digs_warp.commands.registry import COMMANDS
@@ -134,6 +135,25 @@ def test_a_folder_in_use_is_refused_and_left_alone(
     assert "--resume" in message
     assert "--overwrite" in message
     assert (folder / "old.txt").exists()
+
+
+def test_a_run_that_failed_at_once_leaves_its_folder_free(tmp_path: Path) -> None:
+    """Only its record lies there; the corrected command needs no flag."""
+    record = tmp_path / "run.json"
+    RunLog("run", {"frames": 3}).save(record)
+    assert OutputFolder(out=tmp_path).prepare() == tmp_path and record.is_file()
+    record.write_text("{}")  # somebody else's
+    with pytest.raises(DigsError, match="not empty"):
+        OutputFolder(out=tmp_path).prepare()
+
+
+def test_a_folder_of_pictures_needs_from_to_be_converted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "pictures").mkdir()
+    command = ["convert", str(tmp_path / "pictures"), "--out", str(tmp_path / "capture")]
+    assert main(command) == EXIT_BAD_INPUT
+    assert "recording of a real camera add --from with one of nerf" in capsys.readouterr().err
 
 
 def test_resume_keeps_what_is_there(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from digs_warp.checks import CaptureError
+from digs_warp.checks import CaptureError, require_folder
 from digs_warp.interchange.recordings.bop import read_bop
 from digs_warp.interchange.recordings.nerfstudio import read_nerfstudio
 from digs_warp.interchange.recordings.record3d import read_record3d
@@ -32,6 +32,9 @@ def read_recording(folder: Path, form: str) -> Recording:
     """
     if form not in READERS:
         raise CaptureError(f"recording format '{form}': expected one of {', '.join(READERS)}")
-    if not folder.is_dir():
-        raise CaptureError(f"recording '{folder}': no such folder")
+    require_folder(
+        folder,
+        "recording",
+        "Name the folder with its images and depth maps; a film alone has no depth.",
+    )
     return READERS[form](folder)

@@ -41,6 +41,9 @@ def test_an_empty_folder_is_no_recording(form: str, tmp_path: Path) -> None:
         read_recording(tmp_path, form)
     with pytest.raises(CaptureError, match="no such folder"):
         read_recording(tmp_path / "missing", form)
+    (tmp_path / "walk.mp4").write_bytes(b"film")
+    with pytest.raises(CaptureError, match=r"expected a folder, found a file.*has no depth"):
+        read_recording(tmp_path / "walk.mp4", form)
 
 
 def test_an_unknown_form_lists_the_known_ones(tmp_path: Path) -> None:
