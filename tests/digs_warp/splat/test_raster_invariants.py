@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import warp as wp
-from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
+from reference.splat_scenes import BACKGROUND, NEAR, camera, hard_cases, random_gaussians
 from reference.splat_twin import Parameters, render_twin
 
 from digs_warp.camera import Camera
@@ -62,6 +62,22 @@ def test_all_kernels_and_both_binnings_agree(kernels: RasterKernels) -> None:
     difference = np.abs(fast.image.to_numpy() - plain.image.to_numpy())
     assert np.quantile(difference, 0.999) < 2e-6
     assert difference.max() < 1 / 255
+    # A thousand splats in one tile: many batches of them.
+    assert np.diff(plain_lists.tile_starts.numpy()).max() > 1000
+    for a, b in zip(fast.gradients.arrays, plain.gradients.arrays, strict=True):
+        assert np.linalg.norm(a.numpy() - b.numpy()) < 1e-5 * np.linalg.norm(b.numpy())
+
+
+@pytest.mark.parametrize("kernels", ["vectorized", "cooperative"])
+def test_every_gradient_record_is_written(kernels: RasterKernels) -> None:
+    """Those behind saturated pixels, too: what an earlier view left there must not count."""
+    scene = hard_cases()["saturated tiles"]
+    renderer = rendered(scene.gaussians, scene.camera, kernels=kernels)
+    once = [array.numpy().copy() for array in renderer.gradients.arrays]
+    renderer.binner.lists.pair_gradients.fill_(np.nan)
+    renderer.backward()
+    for a, b in zip(once, renderer.gradients.arrays, strict=True):
+        np.testing.assert_array_equal(a, b.numpy())
 
 
 def test_blocks_of_threads_have_to_be_switched_on_on_a_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
