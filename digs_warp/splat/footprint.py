@@ -108,9 +108,8 @@ def rotation_of(quat: wp.vec4) -> wp.mat33:
 def rotation_adjoint(quat: wp.vec4, d: wp.mat33) -> wp.vec4:
     """Gradient of `rotation_of` with respect to the raw quaternion, given the gradient of the matrix."""
     n = wp.length(quat)
-    if n == 0.0:
-        return wp.vec4(0.0, 0.0, 0.0, 0.0)
-    q = quat / n
+    inverse = wp.where(n == 0.0, 0.0, 1.0 / n)
+    q = quat * inverse
     x = q[0]
     y = q[1]
     z = q[2]
@@ -128,7 +127,7 @@ def rotation_adjoint(quat: wp.vec4, d: wp.mat33) -> wp.vec4:
         2.0 * (x * a21 + y * a02 + z * a10),
     )
     # Only the part orthogonal to q changes the normalized quaternion.
-    return (unit - q * wp.dot(q, unit)) / n
+    return (unit - q * wp.dot(q, unit)) * inverse
 
 
 @wp.func

@@ -26,6 +26,7 @@ from digs_warp.splat.project_adjoint import (
     project_backward_kernel,
     sum_camera_kernel,
 )
+from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
 from digs_warp.splat.project_group import PROJECT_GROUP, project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
@@ -316,14 +317,21 @@ class SplatRenderer:
         lists = self.binner.lists
         layout = self._layout
         statistics = self._statistics or SplatStatistics.zeros(0, self.device)
-        self._project_backward = self._launch(
-            project_backward_kernel,
-            len(self.gaussians),
-            [self._views, *self.gaussians.arrays, self._degree, lists.splats]
-            + [lists.pair_starts, lists.pair_gradients]
-            + [layout.depth, layout.normal, layout.absolute]
-            + [*self.gradients.arrays, self._camera_shares, *statistics.arrays],
-        )
+        pulled = [self._views, *self.gaussians.arrays, self._degree, lists.splats]
+        pulled += [lists.pair_starts, lists.pair_gradients, layout.depth]
+        if self.vectorized and not self._camera_gradient and not self.options.has_normals:
+            self._project_backward = self._launch(
+                project_backward_group_kernel,
+                -(-len(self.gaussians) // PROJECT_GROUP),
+                [*pulled, layout.absolute, *self.gradients.arrays, *statistics.arrays],
+            )
+        else:
+            self._project_backward = self._launch(
+                project_backward_kernel,
+                len(self.gaussians),
+                [*pulled, layout.normal, layout.absolute]
+                + [*self.gradients.arrays, self._camera_shares, *statistics.arrays],
+            )
         if not self.vectorized:
             return
         self._forward = self._launch(

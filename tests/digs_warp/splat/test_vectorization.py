@@ -76,12 +76,13 @@ wp.load_module(importlib.import_module({module!r}), device="cpu")
     assert_vectorized(code, MODULES[module], tmp_path)
 
 
-def test_several_gaussians_are_projected_at_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["project_group", "project_adjoint_group"])
+def test_several_gaussians_are_projected_at_once_and_back(name: str, tmp_path: Path) -> None:
     code = f"""
 import warp as wp
 wp.config.kernel_cache_dir = {str(tmp_path)!r}
-import digs_warp.splat.project_group
-module = wp.get_module("digs_warp.splat.project_group")
+import digs_warp.splat.{name}
+module = wp.get_module("digs_warp.splat.{name}")
 module.options["cpu_compiler_flags"] += " -Rpass=loop-vectorize"
 wp.load_module(module, device="cpu")
 """

@@ -1,0 +1,159 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""`digs_warp.splat.project_adjoint.project_backward_kernel` for CPUs: LLVM pulls a group back at once.
+
+As in `digs_warp.splat.project_group`, a group is laid out field by field in local memory. Sums over tiles and
+the colour go splat by splat: their loops have other lengths.
+"""
+
+import warp as wp
+
+from digs_warp.splat.footprint import ViewParams, footprint_of
+from digs_warp.splat.project_group import PROJECT_GROUP, put_vec3, vec3_at
+from digs_warp.splat.records import SPLAT_A
+from digs_warp.splat.shape_gradient import (
+    SplatGradient,
+    add_statistics,
+    color_gradient,
+    gather,
+    put_zeros,
+    radius_of,
+    shape_gradient,
+)
+
+# A loop with calls is not vectorized, and the gradient is longer than what LLVM inlines by itself.
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "max_unroll": 1,
+        "optimization_level": 3,
+        "cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=9000",
+    }
+)
+
+_GROUP = wp.constant(PROJECT_GROUP)
+# Where the fields of a group begin in its memory. Parameters make room for their gradients.
+_MEAN = wp.constant(0)
+_LOG_SCALE = wp.constant(3 * PROJECT_GROUP)
+_QUAT = wp.constant(6 * PROJECT_GROUP)
+_LOGIT = wp.constant(10 * PROJECT_GROUP)
+_CONIC = wp.constant(11 * PROJECT_GROUP)
+_D_U = wp.constant(14 * PROJECT_GROUP)
+_D_V = wp.constant(15 * PROJECT_GROUP)
+_D_CONIC = wp.constant(16 * PROJECT_GROUP)
+_D_OPACITY = wp.constant(19 * PROJECT_GROUP)
+_D_DEPTH = wp.constant(20 * PROJECT_GROUP)
+_D_COLOR = wp.constant(21 * PROJECT_GROUP)
+_ABSOLUTE_U = wp.constant(24 * PROJECT_GROUP)
+_ABSOLUTE_V = wp.constant(25 * PROJECT_GROUP)
+_RADIUS = wp.constant(26 * PROJECT_GROUP)
+_MEMORY = 27 * PROJECT_GROUP
+
+
+@wp.kernel
+def project_backward_group_kernel(
+    first: int,
+    views: wp.array[ViewParams],
+    means: wp.array[wp.vec3],
+    log_scales: wp.array[wp.vec3],
+    quats: wp.array[wp.vec4],
+    opacity_logits: wp.array[float],
+    coefficients: wp.array2d[wp.vec3],
+    degree: int,
+    splats: wp.array2d[float],
+    pair_starts: wp.array[int],
+    pair_gradients: wp.array2d[float],
+    depth_field: int,
+    absolute_field: int,
+    # outputs
+    adj_means: wp.array[wp.vec3],
+    adj_log_scales: wp.array[wp.vec3],
+    adj_quats: wp.array[wp.vec4],
+    adj_opacity_logits: wp.array[float],
+    adj_coefficients: wp.array2d[wp.vec3],
+    gradient_sums: wp.array[float],
+    absolute_sums: wp.array[float],
+    counts: wp.array[float],
+    max_radii: wp.array[float],
+):
+    """Pull ``PROJECT_GROUP`` splats back; the arguments are those of `project_backward_kernel`.
+
+    Without normals and without the gradient of the camera.
+    """
+    begin = (first + wp.tid()) * _GROUP
+    size = wp.min(_GROUP, means.shape[0] - begin)
+    cam = views[0]
+    memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
+    # A view: of the local array itself, LLVM reads the address anew after every write.
+    state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
+    for member in range(size):
+        g = begin + member
+        put_vec3(means[g], state, _MEAN + member)
+        put_vec3(log_scales[g], state, _LOG_SCALE + member)
+        quat = quats[g]
+        put_vec3(wp.vec3(quat[0], quat[1], quat[2]), state, _QUAT + member)
+        state[_QUAT + 3 * _GROUP + member] = quat[3]
+        state[_LOGIT + member] = opacity_logits[g]
+        conic = wp.vec3(splats[g, SPLAT_A], splats[g, SPLAT_A + 1], splats[g, SPLAT_A + 2])
+        put_vec3(conic, state, _CONIC + member)
+        d = gather(
+            pair_starts[g], pair_starts[g + 1], pair_gradients, depth_field, -1, absolute_field
+        )
+        state[_D_U + member] = d.u
+        state[_D_V + member] = d.v
+        put_vec3(wp.vec3(d.a, d.b, d.c), state, _D_CONIC + member)
+        state[_D_OPACITY + member] = d.opacity
+        state[_D_DEPTH + member] = d.depth
+        put_vec3(d.color, state, _D_COLOR + member)
+        state[_ABSOLUTE_U + member] = d.absolute_u
+        state[_ABSOLUTE_V + member] = d.absolute_v
+    # Of a group that is not full, the rest is zeros; what becomes of them is not written.
+    for i in range(_GROUP):
+        axis = vec3_at(state, _QUAT + i)
+        q = wp.vec4(axis[0], axis[1], axis[2], state[_QUAT + 3 * _GROUP + i])
+        f = footprint_of(cam, vec3_at(state, _MEAN + i), vec3_at(state, _LOG_SCALE + i), q)
+        pulled = SplatGradient()
+        pulled.u = state[_D_U + i]
+        pulled.v = state[_D_V + i]
+        pulled.a = state[_D_CONIC + i]
+        pulled.b = state[_D_CONIC + _GROUP + i]
+        pulled.c = state[_D_CONIC + 2 * _GROUP + i]
+        pulled.opacity = state[_D_OPACITY + i]
+        pulled.depth = state[_D_DEPTH + i]
+        s = shape_gradient(
+            cam, f, q, state[_LOGIT + i], vec3_at(state, _CONIC + i), pulled, wp.mat33()
+        )
+        put_vec3(wp.transpose(cam.rotation) * s.point, state, _MEAN + i)
+        put_vec3(s.log_scale, state, _LOG_SCALE + i)
+        put_vec3(wp.vec3(s.quat[0], s.quat[1], s.quat[2]), state, _QUAT + i)
+        state[_QUAT + 3 * _GROUP + i] = s.quat[3]
+        state[_LOGIT + i] = s.opacity_logit
+        state[_RADIUS + i] = radius_of(f, cam.dilation)
+    for out in range(size):
+        g = begin + out
+        if pair_starts[g] == pair_starts[g + 1]:
+            put_zeros(g, adj_means, adj_log_scales, adj_quats, adj_opacity_logits, adj_coefficients)
+        else:
+            d_color = vec3_at(state, _D_COLOR + out)
+            d_offset = color_gradient(
+                cam, g, means[g], coefficients, degree, splats, d_color, adj_coefficients
+            )
+            adj_means[g] = vec3_at(state, _MEAN + out) + d_offset
+            adj_log_scales[g] = vec3_at(state, _LOG_SCALE + out)
+            d_axis = vec3_at(state, _QUAT + out)
+            adj_quats[g] = wp.vec4(d_axis[0], d_axis[1], d_axis[2], state[_QUAT + 3 * _GROUP + out])
+            adj_opacity_logits[g] = state[_LOGIT + out]
+            if counts.shape[0] > 0:
+                add_statistics(
+                    cam,
+                    g,
+                    state[_D_U + out],
+                    state[_D_V + out],
+                    state[_ABSOLUTE_U + out],
+                    state[_ABSOLUTE_V + out],
+                    state[_RADIUS + out],
+                    gradient_sums,
+                    absolute_sums,
+                    counts,
+                    max_radii,
+                )

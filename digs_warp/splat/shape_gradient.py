@@ -1,0 +1,244 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""From the gradient of a splat back to one Gaussian, as plain functions of the device.
+
+Written by hand: it fuses the sum over a splat's tiles, the projection and the colour in one pass, which
+Warp's generated adjoint cannot. Tests compare it with central differences of a float64 twin. The notation is
+that of `digs_warp.splat.footprint`.
+"""
+
+import warp as wp
+
+from digs_warp.splat.config import MIN_COMPENSATION
+from digs_warp.splat.elementary import sigmoid
+from digs_warp.splat.footprint import Footprint, ViewParams, rotation_adjoint
+from digs_warp.splat.project import compensation
+from digs_warp.splat.records import SPLAT_RED
+from digs_warp.splat.shade import sh_adjoint
+
+wp.set_module_options({"enable_backward": False})
+
+_MIN_COMPENSATION = wp.constant(MIN_COMPENSATION)
+
+
+@wp.struct
+class SplatGradient:
+    """dL / d(splat), summed over its tiles."""
+
+    u: float
+    v: float
+    a: float
+    b: float
+    c: float
+    opacity: float
+    color: wp.vec3
+    depth: float
+    normal: wp.vec3
+    absolute_u: float  # sums over pixels of |dL/du| and |dL/dv|
+    absolute_v: float
+
+
+@wp.func
+def gather(
+    begin: int,
+    end: int,
+    pair_gradients: wp.array2d[float],
+    depth_field: int,
+    normal_field: int,
+    absolute_field: int,
+) -> SplatGradient:
+    """Sum the records of one splat in a fixed order; a field of -1 is not there."""
+    d = SplatGradient()
+    for pair in range(begin, end):
+        d.u += pair_gradients[pair, 0]
+        d.v += pair_gradients[pair, 1]
+        d.a += pair_gradients[pair, 2]
+        d.b += pair_gradients[pair, 3]
+        d.c += pair_gradients[pair, 4]
+        d.opacity += pair_gradients[pair, 5]
+        d.color += wp.vec3(
+            pair_gradients[pair, 6], pair_gradients[pair, 7], pair_gradients[pair, 8]
+        )
+        if depth_field >= 0:
+            d.depth += pair_gradients[pair, depth_field]
+        if normal_field >= 0:
+            d.normal += wp.vec3(
+                pair_gradients[pair, normal_field],
+                pair_gradients[pair, normal_field + 1],
+                pair_gradients[pair, normal_field + 2],
+            )
+        if absolute_field >= 0:
+            d.absolute_u += pair_gradients[pair, absolute_field]
+            d.absolute_v += pair_gradients[pair, absolute_field + 1]
+    return d
+
+
+@wp.func
+def radius_of(f: Footprint, dilation: float) -> float:
+    """Three standard deviations of the longer axis on the image [px]."""
+    mean = 0.5 * (wp.dot(f.m0, f.m0) + wp.dot(f.m1, f.m1))
+    half = 0.5 * (wp.dot(f.m0, f.m0) - wp.dot(f.m1, f.m1))
+    across = wp.dot(f.m0, f.m1)
+    return 3.0 * wp.sqrt(mean + wp.sqrt(half * half + across * across) + dilation)
+
+
+@wp.struct
+class ShapeGradient:
+    """dL / d(Gaussian) but for what its colour contributes, and what the camera's gradient is made of."""
+
+    point: wp.vec3  # the centre in the camera
+    log_scale: wp.vec3
+    quat: wp.vec4
+    opacity_logit: float
+    axes: wp.mat33  # V
+    row_x: float  # dL/dm0 . m0 and dL/dm1 . m1
+    row_y: float
+    limited_x: float  # X and Y
+    limited_y: float
+
+
+@wp.func
+def shape_gradient(
+    cam: ViewParams,
+    f: Footprint,
+    quat: wp.vec4,
+    opacity_logit: float,
+    conic: wp.vec3,
+    d: SplatGradient,
+    d_normal_axes: wp.mat33,
+) -> ShapeGradient:
+    """Pull a splat's gradient back; straight-line code, so that several are done at once.
+
+    Args:
+        cam: the view.
+        f: the Gaussian's footprint in it.
+        quat: its raw quaternion.
+        opacity_logit: its opacity.
+        conic: A, B and C of the splat.
+        d: the gradient; its colour and its normal are not read.
+        d_normal_axes: what the normal contributes to dL/dV.
+    """
+    # conic -> covariance: G_cov = -Q G_Q Q with the symmetric G_Q = [[a, b/2], [b/2, c]].
+    h00 = d.a * conic[0] + 0.5 * d.b * conic[1]
+    h01 = d.a * conic[1] + 0.5 * d.b * conic[2]
+    h10 = 0.5 * d.b * conic[0] + d.c * conic[1]
+    h11 = 0.5 * d.b * conic[1] + d.c * conic[2]
+    g00 = -(conic[0] * h00 + conic[1] * h10)
+    g01 = -(conic[0] * h01 + conic[1] * h11)
+    g11 = -(conic[1] * h01 + conic[2] * h11)
+    # covariance -> M: G_M = 2 G_cov M
+    dm0 = 2.0 * (g00 * f.m0 + g01 * f.m1)
+    dm1 = 2.0 * (g01 * f.m0 + g11 * f.m1)
+
+    # With antialiasing the opacity has a factor sqrt(rho), rho = det before / det of the dilation:
+    # d ln(rho) = d det_before / det_before - d det / det
+    opacity = sigmoid(opacity_logit)
+    aa = wp.dot(f.m0, f.m0)
+    cc = wp.dot(f.m1, f.m1)
+    b = wp.dot(f.m0, f.m1)
+    cross = wp.cross(f.m0, f.m1)
+    det_before = wp.dot(cross, cross)
+    det = det_before + cam.dilation * (aa + cc) + cam.dilation * cam.dilation
+    factor = wp.where(cam.antialias != 0, compensation(det_before, det), 1.0)
+    rho = det_before / det
+    d_rho = d.opacity * opacity * 0.5 / factor
+    varies = cam.antialias != 0 and factor > _MIN_COMPENSATION
+    grow = wp.where(varies, 2.0 * d_rho * (1.0 - rho) / det, 0.0)
+    shrink_both = wp.where(varies, 2.0 * d_rho * rho * cam.dilation / det, 0.0)
+    dm0 += grow * (cc * f.m0 - b * f.m1) - shrink_both * f.m0
+    dm1 += grow * (aa * f.m1 - b * f.m0) - shrink_both * f.m1
+    out = ShapeGradient()
+    out.opacity_logit = d.opacity * factor * opacity * (1.0 - opacity)
+
+    # M -> scales (M is linear in each), rotation
+    out.log_scale = wp.cw_mul(dm0, f.m0) + wp.cw_mul(dm1, f.m1)
+    dv0 = f.zoom_x * wp.cw_mul(dm0, f.sizes)
+    dv1 = f.zoom_y * wp.cw_mul(dm1, f.sizes)
+    dv2 = -f.limited_x * dv0 - f.limited_y * dv1
+    out.axes = wp.matrix_from_rows(dv0, dv1, dv2) + d_normal_axes
+    out.quat = rotation_adjoint(quat, wp.transpose(cam.rotation) * out.axes)
+
+    # centre: through the pixel position, the factor 1/z of M, and the tangents where not clamped
+    out.limited_x = -wp.dot(dv0, f.axes[2])
+    out.limited_y = -wp.dot(dv1, f.axes[2])
+    free_x = wp.where(f.limited_x == f.tangent_x, f.inverse_z, 0.0)
+    free_y = wp.where(f.limited_y == f.tangent_y, f.inverse_z, 0.0)
+    dx = d.u * f.zoom_x + free_x * out.limited_x
+    dy = d.v * f.zoom_y + free_y * out.limited_y
+    shrink = f.inverse_z * (out.log_scale[0] + out.log_scale[1] + out.log_scale[2])
+    # x/z and y/z depend on z as on x and y, times minus the tangent.
+    dz = d.depth - (dx * f.tangent_x + dy * f.tangent_y) - shrink
+    out.point = wp.vec3(dx, dy, dz)
+    out.row_x = wp.dot(dm0, f.m0)
+    out.row_y = wp.dot(dm1, f.m1)
+    return out
+
+
+@wp.func
+def color_gradient(
+    cam: ViewParams,
+    g: int,
+    mean: wp.vec3,
+    coefficients: wp.array2d[wp.vec3],
+    degree: int,
+    splats: wp.array2d[float],
+    adj_color: wp.vec3,
+    adj_coefficients: wp.array2d[wp.vec3],
+) -> wp.vec3:
+    """Write the gradient of the coefficients; return what the colour contributes to that of the centre."""
+    # None where the clamp at 0 holds.
+    d_color = wp.vec3(
+        wp.where(splats[g, SPLAT_RED] > 0.0, adj_color[0], 0.0),
+        wp.where(splats[g, SPLAT_RED + 1] > 0.0, adj_color[1], 0.0),
+        wp.where(splats[g, SPLAT_RED + 2] > 0.0, adj_color[2], 0.0),
+    )
+    offset = mean - cam.center_world
+    distance = wp.length(offset)
+    direction = offset / distance
+    d_direction = sh_adjoint(coefficients, g, degree, direction, d_color, adj_coefficients)
+    for k in range((degree + 1) * (degree + 1), adj_coefficients.shape[1]):
+        adj_coefficients[g, k] = wp.vec3(0.0, 0.0, 0.0)
+    return (d_direction - direction * wp.dot(direction, d_direction)) / distance
+
+
+@wp.func
+def put_zeros(
+    g: int,
+    adj_means: wp.array[wp.vec3],
+    adj_log_scales: wp.array[wp.vec3],
+    adj_quats: wp.array[wp.vec4],
+    adj_opacity_logits: wp.array[float],
+    adj_coefficients: wp.array2d[wp.vec3],
+):
+    """Write the gradient of a Gaussian that is not drawn."""
+    adj_means[g] = wp.vec3(0.0, 0.0, 0.0)
+    adj_log_scales[g] = wp.vec3(0.0, 0.0, 0.0)
+    adj_quats[g] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    adj_opacity_logits[g] = 0.0
+    for k in range(adj_coefficients.shape[1]):
+        adj_coefficients[g, k] = wp.vec3(0.0, 0.0, 0.0)
+
+
+@wp.func
+def add_statistics(
+    cam: ViewParams,
+    g: int,
+    d_u: float,
+    d_v: float,
+    absolute_u: float,
+    absolute_v: float,
+    radius: float,
+    gradient_sums: wp.array[float],
+    absolute_sums: wp.array[float],
+    counts: wp.array[float],
+    max_radii: wp.array[float],
+):
+    """Add one view to `SplatStatistics`."""
+    # Half the image is one unit, as in normalized device coordinates.
+    half = wp.vec2(0.5 * float(cam.width), 0.5 * float(cam.height))
+    gradient_sums[g] = gradient_sums[g] + wp.length(wp.cw_mul(wp.vec2(d_u, d_v), half))
+    if absolute_sums.shape[0] > 0:
+        size = wp.length(wp.cw_mul(wp.vec2(absolute_u, absolute_v), half))
+        absolute_sums[g] = absolute_sums[g] + size
+    counts[g] = counts[g] + 1.0
+    max_radii[g] = wp.max(max_radii[g], radius)
