@@ -12,19 +12,21 @@ from digs_warp.interchange.recordings.read import read_recording
 from digs_warp.interchange.recordings.recording import write_capture
 
 WIDTH, HEIGHT = 21, 14
+# Nothing is symmetric: a swapped axis, a half pixel or a transposed matrix shows.
 CAMERA = Intrinsics(WIDTH, HEIGHT, fx=19.0, fy=23.0, cx=9.25, cy=7.75)
 TIMES = (0.0, 0.25, 1.5)
 
 
-def small_capture(folder: Path) -> Capture:
-    """Three noisy frames with a round object and holes in the depth; nothing is symmetric."""
+def small_capture(folder: Path, *, soft_mask: bool = False) -> Capture:
+    """Three noisy frames with a round object, its edge soft where wanted, and holes in the depth."""
     rng = np.random.default_rng(0)
     writer = CaptureWriter(folder, CAMERA)
     u, v = np.moveaxis(pixel_centers(WIDTH, HEIGHT), -1, 0)
+    inside = 4.5 - np.hypot(u - 8, v - 6)
+    mask = (255 * (np.clip(inside, 0, 1) if soft_mask else inside > 0)).astype(np.uint8)
     for number, time in enumerate(TIMES):
         depth = rng.uniform(0.6, 6.0, (HEIGHT, WIDTH)).astype(np.float32)
         depth[rng.random(depth.shape) < 0.2] = np.nan
-        mask = np.where(np.hypot(u - 8, v - 6) < 5, 255, 0).astype(np.uint8)
         image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
         writer.write_frame(number, FrameImages(image=image, depth=depth, mask=mask))
         eye = np.array([1.0 + number, 0.3 - number, 0.7])
