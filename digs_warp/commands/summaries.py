@@ -35,7 +35,9 @@ def of_capture(folder: Path) -> Facts:
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
         "baseline": f"{capture.rig.baseline * 1e3:.1f} mm" if capture.rig else "none (one camera)",
         "layers": ", ".join(name for key, name in _LAYER_NAMES.items() if first.has(key)),
-        "camera path": _extent(np.stack([f.camera.center_world for f in capture.frames])),
+        "camera path": _extent(np.stack([f.camera.center_world for f in capture.frames]))
+        if capture.knows_poses
+        else "unknown; reconstruct with --poses sfm",
     }
     return facts | _of_frame(first) | _of_record(folder)
 

@@ -10,6 +10,7 @@ from reference.recorded import check_same, converted
 from digs_warp.camera import Camera
 from digs_warp.capture import Capture
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.commands.info import describe
 from digs_warp.interchange.export import export_capture
 from digs_warp.interchange.recordings.read import READERS, read_recording
 
@@ -65,6 +66,7 @@ def test_tum_without_ground_truth_has_no_poses(capture: Capture, tmp_path: Path)
     export_capture(capture, "tum", tmp_path / "tum")
     (tmp_path / "tum/groundtruth.txt").unlink()
     assert not converted("tum", tmp_path / "tum", tmp_path / "capture").knows_poses
+    assert describe(tmp_path / "capture")["camera path"].endswith("--poses sfm")
 
 
 @pytest.mark.parametrize(
