@@ -55,7 +55,10 @@ class ParallelLaunch:
         ]
 
     def set_param(self, index: int, value: Any) -> None:
-        """Change scalar argument ``index`` of ``inputs`` for the next runs."""
+        """Change argument ``index`` of ``inputs`` for the next runs; a number that it has costs nothing."""
+        before = self._inputs[index]
+        if isinstance(value, (int, float)) and value == before:
+            return
         self._inputs[index] = value
         for launch in self.chunks:
             launch.set_param_at_index(index + 1, value)

@@ -51,7 +51,7 @@ C2 = 0.03**2
 BLOCK_ROWS = 16
 BLOCK_COLUMNS = 64
 # A thread's part of a strip: long, because each part begins with 20 rows that only fill the rings.
-SEGMENT_ROWS = 256
+SEGMENT_ROWS = 512
 
 
 def window_weights() -> list[float]:

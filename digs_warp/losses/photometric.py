@@ -10,7 +10,6 @@ import numpy as np
 import warp as wp
 
 from digs_warp.image_planes import ImagePlanes
-from digs_warp.losses.regions import loss_blocks
 from digs_warp.parallel import ParallelLaunch
 from digs_warp.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
 
@@ -63,22 +62,19 @@ class PhotometricLoss:
     def run(
         self,
         size: tuple[int, int],
-        content: np.ndarray,
-        drawn: np.ndarray,
+        blocks: np.ndarray,
         weighted: bool = False,
     ) -> None:
         """Compute the loss and its gradient.
 
         Args:
             size: width and height of the present view [px], up to those of the planes.
-            content: tiles outside of which the target shows the background, (rows, columns), bool.
-            drawn: tiles outside of which the image does; there the gradient is wanted.
+            blocks: where image and target may differ, or the gradient is wanted, as of `loss_blocks`.
             weighted: whether pixels count as much as ``weights`` say.
         """
         if size != self._size:
             self._resize(*size)
         self._similarity.set_param(_WEIGHTED, int(weighted))
-        blocks = loss_blocks(content, drawn)
         active = np.zeros(self._active.shape, dtype=np.int32)
         active[: blocks.shape[0], : blocks.shape[1]] = blocks
         self._active.assign(active)

@@ -128,39 +128,6 @@ def pair_scan_kernel(
     pair_starts[count] = total
 
 
-@wp.func
-def band_start(views: wp.array[ViewParams], band: int, bands: int) -> int:
-    """First tile row of one of ``bands`` equal parts of the drawn ones."""
-    first_row = views[0].first_row
-    return first_row + (views[0].end_row - first_row) * band // bands
-
-
-@wp.kernel
-def tile_count_kernel(
-    first: int,
-    views: wp.array[ViewParams],
-    bands: int,
-    count: int,
-    ranges: wp.array[wp.vec4i],
-    spans: wp.array[wp.vec2i],
-    # outputs
-    tile_counts: wp.array[int],  # [tiles of the largest view], 0 before
-):
-    """Count the splats of every tile of one band of tile rows."""
-    band = first + wp.tid()
-    columns = views[0].columns
-    band_first = band_start(views, band, bands)
-    band_end = band_start(views, band + 1, bands)
-    for g in range(count):
-        drawn = ranges[g]
-        top = drawn[0]
-        for tile_row in range(wp.max(top, band_first), wp.min(top + drawn[2], band_end)):
-            span = spans[drawn[1] + tile_row - top][0]
-            base = tile_row * columns
-            for column in range(span_first(span), span_end(span)):
-                tile_counts[base + column] = tile_counts[base + column] + 1
-
-
 # While one splat is dealt out, what others will need is asked for: in the order of depth they lie anywhere.
 _RANGES_AHEAD = wp.constant(16)
 _SPANS_AHEAD = wp.constant(8)
@@ -184,44 +151,97 @@ def prefetch_span(values: wp.array[wp.vec2i], index: int):
     ...
 
 
+@wp.func
+def range_in_order(
+    i: int,
+    last: int,
+    order: wp.array[wp.vec2i],
+    ranges: wp.array[wp.vec4i],
+    spans: wp.array[wp.vec2i],
+) -> wp.vec4i:
+    """Range of the ``i``-th splat; asks for what those behind it, up to ``last``, will need."""
+    prefetch_range(ranges, order[wp.min(i + _RANGES_AHEAD, last)][1])
+    prefetch_span(spans, ranges[order[wp.min(i + _SPANS_AHEAD, last)][1]][1])
+    return ranges[order[i][1]]
+
+
 @wp.kernel
-def emit_kernel(
+def tile_count_kernel(
     first: int,
     views: wp.array[ViewParams],
-    bands: int,
+    parts: int,
     counts: wp.array[int],  # [1] length of the order
     order: wp.array[wp.vec2i],  # sorting key and splat, nearest first
     ranges: wp.array[wp.vec4i],
     spans: wp.array[wp.vec2i],
-    tile_starts: wp.array[int],
     # outputs
-    cursors: wp.array[int],  # [tiles]
+    tile_counts: wp.array2d[int],  # [parts, tiles of the largest view], 0 before
+):
+    """Count the splats of every tile, in one of ``parts`` equal parts of the order."""
+    part = first + wp.tid()
+    columns = views[0].columns
+    begin = counts[0] * part // parts
+    end = counts[0] * (part + 1) // parts
+    for i in range(begin, end):
+        drawn = range_in_order(i, end - 1, order, ranges, spans)
+        for row in range(drawn[2]):
+            span = spans[drawn[1] + row][0]
+            base = (drawn[0] + row) * columns
+            for column in range(span_first(span), span_end(span)):
+                tile_counts[part, base + column] = tile_counts[part, base + column] + 1
+
+
+@wp.kernel
+def tile_scan_kernel(
+    parts: int,
+    tiles: int,
+    tile_counts: wp.array2d[int],
+    # outputs
+    cursors: wp.array2d[
+        int
+    ],  # [parts, tiles of the largest view] where a part's splats of a tile begin
+    tile_starts: wp.array[int],  # [tiles + 1]
+):
+    """Running sum over the tiles, and over the parts within each. One thread."""
+    total = int(0)
+    for tile in range(tiles):
+        tile_starts[tile] = total
+        for part in range(parts):
+            cursors[part, tile] = total
+            total += tile_counts[part, tile]
+    tile_starts[tiles] = total
+
+
+@wp.kernel
+def emit_kernel(
+    first: int,
+    views: wp.array[ViewParams],
+    parts: int,
+    counts: wp.array[int],
+    order: wp.array[wp.vec2i],
+    ranges: wp.array[wp.vec4i],
+    spans: wp.array[wp.vec2i],
+    # outputs
+    cursors: wp.array2d[int],
     tile_splats: wp.array[int],  # [pairs] splats by tile, nearest first
     tile_pairs: wp.array[int],  # [pairs] the number of each pair when counted by splat
 ):
-    """Deal the splats out to the tiles of one band of tile rows."""
-    band = first + wp.tid()
+    """Deal the splats of one part of the order out to the tiles."""
+    part = first + wp.tid()
     columns = views[0].columns
-    band_first = band_start(views, band, bands)
-    band_end = band_start(views, band + 1, bands)
-    for tile in range(band_first * columns, band_end * columns):
-        cursors[tile] = tile_starts[tile]
-    count = counts[0]
-    for i in range(count):
-        prefetch_range(ranges, order[wp.min(i + _RANGES_AHEAD, count - 1)][1])
-        prefetch_span(spans, ranges[order[wp.min(i + _SPANS_AHEAD, count - 1)][1]][1])
-        g = order[i][1]
-        drawn = ranges[g]
-        top = drawn[0]
-        for tile_row in range(wp.max(top, band_first), wp.min(top + drawn[2], band_end)):
-            span = spans[drawn[1] + tile_row - top]
+    begin = counts[0] * part // parts
+    end = counts[0] * (part + 1) // parts
+    for i in range(begin, end):
+        drawn = range_in_order(i, end - 1, order, ranges, spans)
+        for row in range(drawn[2]):
+            span = spans[drawn[1] + row]
             x0 = span_first(span[0])
             pair = drawn[3] + span[1] - x0
             for column in range(x0, span_end(span[0])):
-                here = tile_row * columns + column
-                slot = cursors[here]
-                cursors[here] = slot + 1
-                tile_splats[slot] = g
+                here = (drawn[0] + row) * columns + column
+                slot = cursors[part, here]
+                cursors[part, here] = slot + 1
+                tile_splats[slot] = order[i][1]
                 tile_pairs[slot] = pair + column
 
 
@@ -258,11 +278,11 @@ def unpack_kernel(
     # outputs
     tile_splats: wp.array[int],
     tile_pairs: wp.array[int],
-    tile_counts: wp.array[int],
+    tile_counts: wp.array2d[int],  # [1, tiles]
 ):
     """Turn sorted keys into tile lists; integer atomics, so the counts are exact on every device."""
     slot = wp.tid()
     pair = pairs[slot]
     tile_splats[slot] = pair_splats[pair]
     tile_pairs[slot] = pair
-    wp.atomic_add(tile_counts, int(keys[slot] >> wp.int64(32)), 1)
+    wp.atomic_add(tile_counts, 0, int(keys[slot] >> wp.int64(32)), 1)

@@ -3,7 +3,8 @@
 Per splat and tile row, the exact range of tiles that its ellipse {alpha >= MIN_ALPHA} touches is computed
 once and stored (a *span*), so that counting and emitting can never disagree. Splats are then sorted by
 depth once, and dealt out to the tiles in that order: every tile list comes out sorted, without a sort of
-the (tile, splat) pairs. Threads own bands of tile rows, so nothing is written twice.
+the (tile, splat) pairs. Each thread deals out its part of the order and knows from counting where the parts
+before it end in each tile, so nothing is written twice.
 
 `TileBinner(counting=False)` reaches the same lists by one sort of (tile, depth) keys: the path for CUDA,
 and the twin that the counting path is tested against. Splats of equal depth keep the order of their index.
@@ -16,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import DigsError
-from digs_warp.parallel import ParallelLaunch, default_threads
+from digs_warp.parallel import ParallelLaunch, default_threads, run_together
 from digs_warp.splat.bin_kernels import (
     MAX_TILE_COLUMNS,
     emit_kernel,
@@ -25,6 +26,7 @@ from digs_warp.splat.bin_kernels import (
     pair_scan_kernel,
     span_kernel,
     tile_count_kernel,
+    tile_scan_kernel,
     unpack_kernel,
 )
 from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
@@ -46,9 +48,9 @@ class TileLists:
     row_starts: wp.array  # [n + 1]
     pair_counts: wp.array  # [n]
     pair_starts: wp.array  # [n + 1]
-    tile_counts: wp.array  # [tiles]
+    tile_counts: wp.array  # [parts, tiles]
     tile_starts: wp.array  # [tiles + 1]
-    cursors: wp.array  # [tiles]
+    cursors: wp.array  # [parts, tiles]
     ranges: wp.array  # [n] vec4i: first tile row, first span, number of spans, first pair
     spans: wp.array  # [row capacity] vec2i
     tile_splats: wp.array  # [pair capacity]
@@ -94,6 +96,7 @@ class TileBinner:
         self.device = device
         self.threads = threads or default_threads()
         self.counting = counting
+        self._parts = self.threads if counting else 1
         self.generation = 0
         self.total_rows = 0
         self.total_pairs = 0
@@ -118,7 +121,7 @@ class TileBinner:
         self.total_rows = self._last(lists.row_starts)
         if self.total_rows > len(lists.spans):
             self._grow_rows()
-        self._span_launch.run()
+        run_together([self._sort_launch, self._span_launch])
         self._number_pairs.launch()
         self.total_pairs = self._last(lists.pair_starts)
         if self.total_pairs > len(lists.tile_splats):
@@ -145,11 +148,9 @@ class TileBinner:
         return x0, y0, min(x1, self.width), min(y1, self.height)
 
     def _bin_by_counting(self) -> None:
-        # Tiles that are not drawn: those of no band.
         self.lists.tile_counts.zero_()
         self._count_launch.run()
         self._scan_tiles()
-        self._sort.launch()
         self._emit_launch.run()
 
     def _bin_by_sorting(self) -> None:
@@ -191,9 +192,9 @@ class TileBinner:
             row_starts=self._zeros(n + 1),
             pair_counts=self._zeros(n),
             pair_starts=self._zeros(n + 1),
-            tile_counts=self._zeros(self._capacity),
+            tile_counts=self._zeros_by_part(),
             tile_starts=self._zeros(self._capacity + 1),
-            cursors=self._zeros(self._capacity),
+            cursors=self._zeros_by_part(),
             ranges=wp.zeros(n, dtype=wp.vec4i, device=self.device),
             spans=self._make_spans(rows),
             tile_splats=self._zeros(pairs),
@@ -227,21 +228,22 @@ class TileBinner:
         """Record the launches on the present buffers."""
         lists = self.lists
         self.generation += 1
-        bands = [self._views, self.threads]
         self._row_scan = self._serial(
             exclusive_scan_kernel, [lists.row_counts, self.count, lists.row_starts]
         )
         self._tile_scan = self._serial(
-            exclusive_scan_kernel, [lists.tile_counts, self.tiles, lists.tile_starts]
+            tile_scan_kernel,
+            [self._parts, self.tiles, lists.tile_counts, lists.cursors, lists.tile_starts],
         )
         self._number_pairs = self._serial(
             pair_scan_kernel,
             [self.count, lists.first_tile_rows, lists.row_starts, lists.pair_counts]
             + [lists.pair_starts, lists.ranges],
         )
-        self._sort = self._serial(
+        self._sort_launch = self._launch(
             depth_sort_kernel,
-            [self.count, lists.depths, lists.pair_counts, self._histogram, self._spare]
+            1 if self.counting else 0,
+            [self.count, lists.depths, lists.row_counts, self._histogram, self._spare]
             + [self._order, self._sorted_count],
         )
         self._span_launch = self._launch(
@@ -250,16 +252,15 @@ class TileBinner:
             [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
             + [lists.spans, lists.pair_counts],
         )
+        parts = [self._views, self._parts, self._sorted_count, self._order]
+        parts += [lists.ranges, lists.spans]
         self._count_launch = self._launch(
-            tile_count_kernel,
-            self.threads,
-            [*bands, self.count, lists.ranges, lists.spans, lists.tile_counts],
+            tile_count_kernel, self._parts, [*parts, lists.tile_counts]
         )
         self._emit_launch = self._launch(
             emit_kernel,
-            self.threads,
-            [*bands, self._sorted_count, self._order, lists.ranges, lists.spans, lists.tile_starts]
-            + [lists.cursors, lists.tile_splats, lists.tile_pairs],
+            self._parts,
+            [*parts, lists.cursors, lists.tile_splats, lists.tile_pairs],
         )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
@@ -278,6 +279,9 @@ class TileBinner:
 
     def _last(self, starts: wp.array) -> int:
         return int(starts.numpy()[self.count])
+
+    def _zeros_by_part(self) -> wp.array:
+        return wp.zeros((self._parts, self._capacity), dtype=int, device=self.device)
 
     def _zeros(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=int, device=self.device)

@@ -3,7 +3,7 @@
 """Sort the splats of a view by depth, on one CPU core: a radix sort, from the last digit on.
 
 Only what the depths of the view differ in is sorted: as whole numbers, the bits of two floats a factor of two
-apart differ by less than 2^24, which are two digits. Splats that touch no tile are left out. Equal depths
+apart differ by less than 2^24, which are two digits. Splats that are not drawn are left out. Equal depths
 keep the order of their index.
 """
 
@@ -43,23 +43,22 @@ def slot_of(place: int, histogram: wp.array[int]) -> int:
 
 @wp.kernel
 def depth_sort_kernel(
+    first: int,
     count: int,
-    depths: wp.array[float],  # [n], above 0 where the splat touches a tile
-    pair_counts: wp.array[int],  # [n] tiles that the splat touches
+    depths: wp.array[float],  # [n], above 0 where the splat is drawn
+    row_counts: wp.array[int],  # [n] tile rows that the splat touches, 0 if it is not drawn
     histogram: wp.array[int],  # [HISTOGRAM]
     spare: wp.array[wp.vec2i],  # [n]
     # outputs
-    order: wp.array[
-        wp.vec2i
-    ],  # [n] sorting key and number of the splats that touch a tile, nearest first
+    order: wp.array[wp.vec2i],  # [n] sorting key and number of the drawn splats, nearest first
     sorted_count: wp.array[int],  # [1] how many they are
 ):
-    """Sort in one thread."""
+    """Sort in one thread; ``first`` is that of every launch on all cores, and 0."""
     nearest = int(_LARGEST)
     farthest = int(0)
     size = int(0)
     for g in range(count):
-        if pair_counts[g] > 0:
+        if row_counts[g] > 0:
             # The bits of a positive float order like the float itself.
             bits = wp.cast(depths[g], wp.int32)
             nearest = wp.min(nearest, bits)

@@ -40,12 +40,12 @@ class Objective:
             background: the sRGB colour (3,) that the image was rendered over.
         """
         drawn = self._renderer.binner.drawn_box()
-        drawn_tiles = self._renderer.binner.drawn_tiles()
-        region = read_region(loss_blocks(view.tiles, drawn_tiles), view.size)
+        blocks = loss_blocks(view.tiles, self._renderer.binner.drawn_tiles())
+        region = read_region(blocks, view.size)
         self._target.compose(
             view.pixels, view.box, background, region, view.size, self._keeps_color
         )
-        self._photometric.run(view.size, view.tiles, drawn_tiles, weighted=self._keeps_color)
+        self._photometric.run(view.size, blocks, weighted=self._keeps_color)
         if self._coverage is not None:
             self._coverage.run(view.size, view.box, drawn)
         if self._depth is not None and view.depth is not None:

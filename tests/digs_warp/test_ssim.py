@@ -5,7 +5,7 @@ import pytest
 
 from digs_warp.image_planes import ImagePlanes
 from digs_warp.losses.photometric import PhotometricLoss
-from digs_warp.losses.regions import tiles_of
+from digs_warp.losses.regions import blocks_of, loss_blocks, tiles_of
 from digs_warp.metrics import MAX_PSNR, psnr, ssim, ssim_map
 from digs_warp.ssim import window_weights
 
@@ -37,8 +37,8 @@ def run_loss(
 ) -> tuple[tuple[float, float, float], np.ndarray]:
     height, width = image.shape[:2]
     _, adj, loss = compared(image, target, weight, threads)
-    everything = tiles_of(np.ones((height, width)))
-    loss.run((width, height), everything, everything)
+    everything = blocks_of(tiles_of(np.ones((height, width))))
+    loss.run((width, height), everything)
     return loss.value(), adj.to_numpy()
 
 
@@ -129,7 +129,7 @@ def test_the_region_of_interest_changes_nothing() -> None:
         _, adj, loss = compared(image, target)
         marked = np.zeros((height, width))
         marked[inside] = 1
-        loss.run((width, height), tiles_of(marked), tiles_of(marked))
+        loss.run((width, height), loss_blocks(tiles_of(marked), tiles_of(marked)))
         assert loss.value()[0] == pytest.approx(whole, rel=1e-6)
         np.testing.assert_allclose(
             adj.to_numpy()[inside], whole_gradient[inside], rtol=1e-5, atol=1e-10
@@ -143,14 +143,14 @@ def test_a_region_from_the_view_before_leaves_no_trace() -> None:
     planes.assign(image)
     goal.assign(target)
     loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj)
-    everything = tiles_of(np.ones((height, width)))
-    loss.run((width, height), everything, everything)
+    everything = blocks_of(tiles_of(np.ones((height, width))))
+    loss.run((width, height), everything)
     flat = np.full((height, width, 3), 0.2, np.float32)
     planes.assign(flat)
     goal.assign(flat)
     marked = np.zeros((height, width))
     marked[50:60, 100:110] = 1
-    loss.run((width, height), tiles_of(marked), tiles_of(marked))
+    loss.run((width, height), loss_blocks(tiles_of(marked), tiles_of(marked)))
     assert loss.value()[0] == pytest.approx(0.0, abs=1e-7)
     assert np.abs(adj.to_numpy()[50:60, 100:110]).max() < 1e-9
 

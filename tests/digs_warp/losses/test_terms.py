@@ -11,12 +11,12 @@ from digs_warp.image_planes import ImagePlanes
 from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss, DepthTarget, depth_weights
 from digs_warp.losses.photometric import PhotometricLoss
-from digs_warp.losses.regions import tiles_of
+from digs_warp.losses.regions import blocks_of, tiles_of
 from digs_warp.losses.regularizers import Regularizer
 
 WIDTH, HEIGHT = 70, 20
 EVERYTHING = (0, 0, WIDTH, HEIGHT)
-ALL_TILES = tiles_of(np.ones((HEIGHT, WIDTH)))
+ALL_BLOCKS = blocks_of(tiles_of(np.ones((HEIGHT, WIDTH))))
 
 
 def planes(values: np.ndarray, room: int = 0) -> ImagePlanes:
@@ -57,7 +57,7 @@ def test_weighted_pixels(dssim_weight: float, room: int) -> None:
     loss = PhotometricLoss(
         planes(image, room), planes(target, room), planes(weights, room), adj, dssim_weight
     )
-    loss.run((WIDTH, HEIGHT), ALL_TILES, ALL_TILES, weighted=True)
+    loss.run((WIDTH, HEIGHT), ALL_BLOCKS, weighted=True)
 
     def twin(values: np.ndarray) -> float:
         return loss_twin.photometric(values, target, weights.astype(np.float64), dssim_weight)
@@ -82,7 +82,7 @@ def test_pixels_without_weight_change_nothing() -> None:
             shown[:, 45:] = 1.0 - shown[:, 45:]  # beyond the reach of the windows that count
         adj = planes(np.zeros_like(image))
         loss = PhotometricLoss(planes(image), planes(shown), planes(weights), adj)
-        loss.run((WIDTH, HEIGHT), ALL_TILES, ALL_TILES, weighted=True)
+        loss.run((WIDTH, HEIGHT), ALL_BLOCKS, weighted=True)
         results.append((loss.value(), adj.to_numpy()))
     assert results[0][0] == results[1][0]
     np.testing.assert_array_equal(results[0][1][:, 45:], results[1][1][:, 45:])

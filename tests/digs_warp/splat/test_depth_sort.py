@@ -16,6 +16,7 @@ def sort(depths: np.ndarray, drawn: np.ndarray) -> np.ndarray:
         depth_sort_kernel,
         dim=1,
         inputs=[
+            0,
             count,
             wp.array(depths, dtype=float, device="cpu"),
             wp.array(drawn, dtype=int, device="cpu"),
@@ -39,7 +40,8 @@ RANGES = {
 @pytest.mark.parametrize("name", RANGES)
 def test_orders_like_a_stable_sort(name: str) -> None:
     rng = np.random.default_rng(0)
-    depths = np.exp(rng.uniform(*np.log(RANGES[name]), 5000)).astype(np.float32)
+    nearest, farthest = np.log(RANGES[name])
+    depths = np.exp(rng.uniform(nearest, farthest, 5000)).astype(np.float32)
     depths[::7] = depths[0]  # equal ones keep the order of their index
     drawn = rng.integers(0, 3, 5000)
     expected = np.flatnonzero(drawn)[np.argsort(depths[drawn > 0], kind="stable")]
