@@ -73,6 +73,8 @@ def _prepare(capture: Capture, voxel_size: float) -> Trainer:
     views = open_views(capture.frames, config)
     seeds = seed_gaussians(points, config.sh_degree, init.seed_opacity, init.seed_width)
     trainer = Trainer(seeds, views, config)
+    # The middle of a run: the colour has all its bands.
+    trainer.optimizer.step = config.iterations // 2
     for _ in range(WARM_UP_STEPS):
         trainer.step()
     return trainer
