@@ -19,8 +19,9 @@ from digs_warp.warp_start import start_warp
 
 start_warp()
 
-# More chunks than threads even out uneven chunks; a launch costs about 10 us.
+# More chunks than threads even out uneven chunks, and a thread that was held up; a launch costs about 5 us.
 CHUNKS_PER_THREAD = 8
+EVEN_CHUNKS_PER_THREAD = 3
 
 
 @cache
@@ -33,14 +34,22 @@ class ParallelLaunch:
 
     The kernel's first parameter is the first index of a chunk (int); ``inputs`` are the others. On a
     CUDA device it is a single launch. Array arguments are bound when recorded: call `run` again after
-    changing their contents, build a new object after replacing them.
+    changing their contents, build a new object after replacing them. ``even`` says that all indices take
+    about the same time: fewer chunks do then.
     """
 
     def __init__(
-        self, kernel: Any, dim: int, inputs: list[Any], device: str = "cpu", threads: int = 0
+        self,
+        kernel: Any,
+        dim: int,
+        inputs: list[Any],
+        device: str = "cpu",
+        threads: int = 0,
+        even: bool = False,
     ) -> None:
         self.threads = threads or default_threads()
-        pieces = self.threads * CHUNKS_PER_THREAD if device == "cpu" and self.threads > 1 else 1
+        per_thread = EVEN_CHUNKS_PER_THREAD if even else CHUNKS_PER_THREAD
+        pieces = self.threads * per_thread if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
         self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
         self.chunks: list[Any] = [

@@ -264,7 +264,7 @@ class TileBinner:
         )
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
-        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads)
+        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even=True)
 
     def _serial(self, kernel: Any, inputs: list[Any]) -> Any:
         """Record a kernel that runs in one thread; `launch` on what is returned runs it."""

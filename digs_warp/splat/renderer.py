@@ -308,6 +308,7 @@ class SplatRenderer:
             project_group_kernel if self.vectorized else project_kernel,
             -(-count // PROJECT_GROUP) if self.vectorized else count,
             [self._views, *self.gaussians.arrays, degree, *outputs, self._normals],
+            even=True,
         )
         self._generation = -1
 
@@ -324,6 +325,7 @@ class SplatRenderer:
                 project_backward_group_kernel,
                 -(-len(self.gaussians) // PROJECT_GROUP),
                 [*pulled, layout.absolute, *self.gradients.arrays, *statistics.arrays],
+                even=True,
             )
         else:
             self._project_backward = self._launch(
@@ -331,6 +333,7 @@ class SplatRenderer:
                 len(self.gaussians),
                 [*pulled, layout.normal, layout.absolute]
                 + [*self.gradients.arrays, self._camera_shares, *statistics.arrays],
+                even=True,
             )
         if not self.vectorized:
             return
@@ -401,5 +404,7 @@ class SplatRenderer:
             [self._views, *layout, self.transmittance.data, behind.data, image.data],
         ).run()
 
-    def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> ParallelLaunch:
-        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads)
+    def _launch(
+        self, kernel: Any, dim: int, inputs: list[Any], even: bool = False
+    ) -> ParallelLaunch:
+        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even)

@@ -131,7 +131,9 @@ class Adam:
             shares = wp.array(shares, dtype=float, device=device)
             inputs = [count, len(pattern), shares, rates, *flat]
             blocks = -(-count // BLOCK)
-            self._launches.append(ParallelLaunch(adam_kernel, blocks, inputs, device, threads))
+            self._launches.append(
+                ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)
+            )
 
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colours."""
