@@ -14,34 +14,26 @@ from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.point_cloud import PointCloud
 from digs_warp.study.results import Result
-from digs_warp.study.training_case import Case, record_scene, train_case
+from digs_warp.study.training_case import Case, SceneSize, record_scene, train_case
 from digs_warp.train.config import REFERENCE_RATES, TrainConfig
 
-WIDTH, HEIGHT = 960, 540
-FRAMES = 32
-VOXEL_SIZE = 0.003  # [m]
+SIZE = SceneSize(960, 540, frames=32, voxel_size=0.003)
 ITERATIONS = 300
 MEASURE_AT = (0, 10, 25, 50, 100, 150, 200, 300)
 
 DENSE, REFERENCE = "dense start", "3DGS"
 
 
-def bench_convergence(
-    width: int = WIDTH,
-    height: int = HEIGHT,
-    frames: int = FRAMES,
-    iterations: int = ITERATIONS,
-    voxel_size: float = VOXEL_SIZE,
-) -> list[Result]:
+def bench_convergence(size: SceneSize = SIZE, iterations: int = ITERATIONS) -> list[Result]:
     """Return PSNR [dB] of the held-out views along iterations and seconds, for both settings."""
     results: list[Result] = []
     with tempfile.TemporaryDirectory() as folder:
-        scene = record_scene(width, height, frames, voxel_size, Path(folder) / "capture")
+        scene = record_scene(size, Path(folder) / "capture")
         cases = _cases(scene.points, iterations)
         with progress(len(cases), "Training both settings", "run") as bar:
             for case in cases:
                 shared = {
-                    "image": f"{width}x{height}",
+                    "image": f"{size.width}x{size.height}",
                     "splats": len(case.seeds),
                     "threads": default_threads(),
                     "settings": case.name,

@@ -13,12 +13,10 @@ from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.log import progress
 from digs_warp.parallel import default_threads
 from digs_warp.study.results import Result
-from digs_warp.study.training_case import Case, Scene, record_scene, train_case
+from digs_warp.study.training_case import Case, Scene, SceneSize, record_scene, train_case
 from digs_warp.train.config import TrainConfig
 
-WIDTH, HEIGHT = 640, 360
-FRAMES = 32
-VOXEL_SIZE = 0.005  # [m]
+SIZE = SceneSize(640, 360, frames=32, voxel_size=0.005)
 ITERATIONS = 400
 MAX_SPLATS = 40_000
 
@@ -41,21 +39,15 @@ OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 
 
-def bench_options(
-    width: int = WIDTH,
-    height: int = HEIGHT,
-    frames: int = FRAMES,
-    iterations: int = ITERATIONS,
-    voxel_size: float = VOXEL_SIZE,
-) -> list[Result]:
+def bench_options(size: SceneSize = SIZE, iterations: int = ITERATIONS) -> list[Result]:
     """Return time of a step [ms], PSNR of held-out views [dB] and Gaussians at the end, per option."""
     results: list[Result] = []
     with tempfile.TemporaryDirectory() as folder:
-        scene = record_scene(width, height, frames, voxel_size, Path(folder) / "capture")
+        scene = record_scene(size, Path(folder) / "capture")
         with progress(len(OPTIONS), "Training", "option") as bar:
             for name, values in OPTIONS:
                 config = TrainConfig(iterations=iterations, max_splats=MAX_SPLATS, **values)
-                results += _measure(name, config, scene, f"{width}x{height}")
+                results += _measure(name, config, scene, f"{size.width}x{size.height}")
                 bar.update()
     return results
 

@@ -45,15 +45,25 @@ class Milestone:
     splats: int
 
 
-def record_scene(width: int, height: int, frames: int, voxel_size: float, folder: Path) -> Scene:
+@dataclass(frozen=True)
+class SceneSize:
+    """How large a recording is, and how fine its start: pixels, frames, edge of the voxels [m]."""
+
+    width: int
+    height: int
+    frames: int
+    voxel_size: float
+
+
+def record_scene(size: SceneSize, folder: Path) -> Scene:
     """Record the built-in object with the depth law of a stereo camera and initialize from its depth."""
     from sim.record import SimulateConfig, simulate
 
     capture = simulate(
-        SimulateConfig(frames=frames, width=width, height=height, tier="law"), folder
+        SimulateConfig(frames=size.frames, width=size.width, height=size.height, tier="law"), folder
     )
     train_frames, test_frames = capture.split()
-    points = initial_points(train_frames, InitConfig(voxel_size=voxel_size))
+    points = initial_points(train_frames, InitConfig(voxel_size=size.voxel_size))
     return Scene(train_frames, load_test_views(test_frames), points)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference.optional import open3d_or_skip
 from reference.tiny_capture import ball, write_tiny_capture
 
 from digs_warp.camera import Intrinsics
@@ -15,7 +16,6 @@ from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.gaussians import Gaussians
-from digs_warp.imports import MissingLibraryError, import_open3d
 from digs_warp.log import RunLog
 from digs_warp.sh import sh_from_rgb
 from digs_warp.surface.true_surface import read_true_surface
@@ -26,10 +26,7 @@ from sim.record import simulate
 
 @pytest.fixture(autouse=True)
 def open3d() -> None:
-    try:
-        import_open3d()
-    except MissingLibraryError as error:
-        pytest.skip(str(error))
+    open3d_or_skip()
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:

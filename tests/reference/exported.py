@@ -5,11 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from reference.recorded import points
 
 from digs_warp.capture import Capture
-from digs_warp.imports import MissingLibraryError, import_open3d
 from digs_warp.interchange.export import export_capture
 
 
@@ -45,10 +43,3 @@ def points_as_integer_centered(
     x = (u - matrix[0, 2]) * z / matrix[0, 0]
     y = (v - matrix[1, 2]) * z / matrix[1, 1]
     return np.stack([x, y, z], axis=-1) @ world_from_cam[:3, :3].T + world_from_cam[:3, 3]
-
-
-def open3d_or_skip() -> Any:
-    try:
-        return import_open3d()
-    except MissingLibraryError as error:
-        pytest.skip(str(error))

@@ -4,9 +4,9 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from reference.optional import open3d_or_skip
 
 from digs_warp.checks import DigsError
-from digs_warp.imports import MissingLibraryError, import_open3d
 from digs_warp.init.voxel import MAX_INDEX, VoxelSums, merge_voxel_sums
 from digs_warp.point_cloud import PointCloud
 
@@ -54,10 +54,7 @@ def test_equals_a_dictionary_of_voxels_in_its_order() -> None:
 
 
 def test_equals_open3d() -> None:
-    try:
-        o3d = import_open3d()
-    except MissingLibraryError as error:
-        pytest.skip(str(error))
+    o3d = open3d_or_skip()
     # Open3D's grid starts half a voxel below the smallest point: with this corner it is ours.
     points = cloud(3000)
     corner = np.full((1, 3), -0.5 - VOXEL / 2, dtype=np.float32)

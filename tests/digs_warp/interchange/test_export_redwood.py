@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from reference.exported import exported, open3d_or_skip, true_points
+from reference.exported import exported, true_points
+from reference.optional import open3d_or_skip
 from reference.recorded import HEIGHT, WIDTH
 
 from digs_warp.capture import Capture

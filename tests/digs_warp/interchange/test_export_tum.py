@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from reference.exported import (
     exported,
-    open3d_or_skip,
     points_as_integer_centered,
     true_points,
     with_last_frame,
 )
+from reference.optional import open3d_or_skip
 from reference.recorded import HEIGHT, TIMES, WIDTH
 
 from digs_warp.capture import Capture

@@ -4,12 +4,13 @@ import numpy as np
 
 from digs_warp.study.bench_convergence import DENSE, REFERENCE, bench_convergence
 from digs_warp.study.plot_convergence import plot_convergence
+from digs_warp.study.training_case import SceneSize
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def test_both_settings_are_measured_along_the_run() -> None:
-    results = bench_convergence(width=256, height=144, frames=5, iterations=20, voxel_size=0.012)
+    results = bench_convergence(SceneSize(256, 144, frames=5, voxel_size=0.012), iterations=20)
     curves = {
         name: [r for r in results if r.settings["settings"] == name] for name in (DENSE, REFERENCE)
     }

@@ -1,13 +1,12 @@
 """The benchmark of meshes on a ball: smaller voxels come nearer to the truth."""
 
 import numpy as np
-import pytest
 import trimesh
+from reference.optional import open3d_or_skip
 from reference.tiny_capture import RADIUS, ball
 
 from digs_warp.camera import Intrinsics
 from digs_warp.film.camera_path import Subject, orbit
-from digs_warp.imports import MissingLibraryError, import_open3d
 from digs_warp.study.bench_mesh import bench_mesh, measure_meshes
 from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.trained_object import TrainedObject
@@ -15,10 +14,7 @@ from digs_warp.triangle_mesh import TriangleMesh
 
 
 def test_distances_by_voxel_size() -> None:
-    try:
-        import_open3d()
-    except MissingLibraryError as error:
-        pytest.skip(str(error))
+    open3d_or_skip()
     g = ball(4000)
     g.log_scales[:] = np.log(0.005)
     k = Intrinsics.from_fov(96, 96, 40.0)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from reference.optional import open3d_or_skip
 from reference.tiny_capture import RADIUS, ball
 
 from digs_warp.camera import Camera, Intrinsics
@@ -16,7 +17,6 @@ from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.geometry import quat_xyzw_from_matrix
 from digs_warp.images import srgb_from_linear
-from digs_warp.imports import MissingLibraryError, import_open3d
 from digs_warp.sh import C0
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, within_mask
@@ -32,10 +32,7 @@ SCENE = Scene(ORIGIN, 1.2 * RADIUS)
 
 @pytest.fixture(scope="module", autouse=True)
 def open3d() -> None:
-    try:
-        import_open3d()
-    except MissingLibraryError as error:
-        pytest.skip(str(error))
+    open3d_or_skip()
 
 
 def cameras(size: int = 96) -> list[Camera]:

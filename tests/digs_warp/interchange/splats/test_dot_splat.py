@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference.optional import open3d_or_skip
 from reference.splat_files import random_gaussians, shapes
 
 from digs_warp.checks import DigsError
@@ -82,12 +83,7 @@ def test_refusals(tmp_path: Path) -> None:
 
 def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
     """Another program's reader on our file."""
-    from digs_warp.imports import MissingLibraryError, import_open3d
-
-    try:
-        open3d = import_open3d()
-    except MissingLibraryError as error:
-        pytest.skip(str(error))
+    open3d = open3d_or_skip()
     g = random_gaussians(20, 0)
     write_dot_splat(tmp_path / "a.splat", g)
     cloud = open3d.t.io.read_point_cloud(str(tmp_path / "a.splat"))
