@@ -43,16 +43,9 @@ from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
-    SPLAT_A,
-    SPLAT_B,
-    SPLAT_BLUE,
-    SPLAT_C,
     SPLAT_CHORD,
-    SPLAT_GREEN,
     SPLAT_HALF_WIDTH,
-    SPLAT_OPACITY,
     SPLAT_PEAK,
-    SPLAT_RED,
     SPLAT_SLOPE,
     SPLAT_TAPER,
     SPLAT_U,
@@ -62,9 +55,6 @@ from digs_warp.splat.tile import (
     ALL_BLOCKS,
     BLOCK,
     BLOCK_COLUMNS,
-    BLOCK_LINES,
-    BLOCK_ROW_MASK,
-    BLOCK_ROW_SHIFT,
     BLOCK_SHIFT,
     BLOCKS_MASK,
     COLUMN_MASK,
@@ -78,6 +68,7 @@ from digs_warp.splat.tile import (
     planes_memory,
 )
 from digs_warp.splat.tile_blocks import live_blocks, lowest_bit, touched_blocks
+from digs_warp.splat.tile_splat import block_left, block_top, power_at, tile_splat
 
 wp.set_module_options({"enable_backward": False})
 
@@ -243,33 +234,24 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 pair_blocks[k] = blocks
                 g = tile_splats[k]
                 mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
-                mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
-                a = splats[g, SPLAT_A]
-                b = splats[g, SPLAT_B]
-                c = splats[g, SPLAT_C]
-                opacity = splats[g, SPLAT_OPACITY]
-                color_r = splats[g, SPLAT_RED]
-                color_g = splats[g, SPLAT_GREEN]
-                color_b = splats[g, SPLAT_BLUE]
+                splat = tile_splat(splats, g, mean_x, tile_y)
                 z = float(0.0)
                 normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
                     z = depths[g]
                 if wp.static(with_normals):
                     normal = normals[g]
-                a_half = -0.5 * a
-                c_half = -0.5 * c
                 while blocks != 0:
                     at = lowest_bit(blocks)
                     blocks = blocks & (blocks - 1)
                     block = (at & BLOCKS_MASK) * BLOCK
-                    left = float((at >> BLOCK_ROW_SHIFT) * BLOCK_COLUMNS) - mean_x
-                    top = float((at & BLOCK_ROW_MASK) * BLOCK_LINES) - mean_y
+                    left = block_left(at, splat)
+                    top = block_top(at, splat)
                     for i in range(BLOCK):
                         dx = float(i & COLUMN_MASK) + left
                         dy = float(i >> BLOCK_SHIFT) + top
-                        power = wp.min(dx * (a_half * dx) + dy * (c_half * dy - b * dx), 0.0)
-                        raw = opacity * exp_in_range(power)
+                        power = power_at(splat, dx, dy)
+                        raw = splat.opacity * exp_in_range(power)
                         alpha = alpha_of(raw, wp.static(min_alpha), wp.static(max_alpha))
                         before = state[block + i]
                         after = before - before * alpha
@@ -293,9 +275,9 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                                 state[_NORMAL_Z + block + i] + weight * normal[2]
                             )
                         state[_FINAL + block + i] = state[_FINAL + block + i] - weight
-                        state[_RED + block + i] = state[_RED + block + i] + weight * color_r
-                        state[_GREEN + block + i] = state[_GREEN + block + i] + weight * color_g
-                        state[_BLUE + block + i] = state[_BLUE + block + i] + weight * color_b
+                        state[_RED + block + i] = state[_RED + block + i] + weight * splat.red
+                        state[_GREEN + block + i] = state[_GREEN + block + i] + weight * splat.green
+                        state[_BLUE + block + i] = state[_BLUE + block + i] + weight * splat.blue
         tile_ends[tile] = stop
         back_r = background[0]
         back_g = background[1]

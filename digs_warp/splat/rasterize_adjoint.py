@@ -11,22 +11,12 @@ from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
-    SPLAT_A,
-    SPLAT_B,
-    SPLAT_BLUE,
-    SPLAT_C,
-    SPLAT_GREEN,
-    SPLAT_OPACITY,
-    SPLAT_RED,
     SPLAT_U,
-    SPLAT_V,
     GradientLayout,
 )
 from digs_warp.splat.tile import (
     BLOCK,
     BLOCK_COLUMNS,
-    BLOCK_LINES,
-    BLOCK_ROW_MASK,
     BLOCK_ROW_SHIFT,
     BLOCK_SHIFT,
     BLOCKS_MASK,
@@ -39,6 +29,7 @@ from digs_warp.splat.tile import (
     planes_memory,
 )
 from digs_warp.splat.tile_blocks import lowest_bit
+from digs_warp.splat.tile_splat import block_left, block_top, power_at, tile_splat
 
 wp.set_module_options({"enable_backward": False})
 
@@ -184,22 +175,13 @@ def backward_kernel(
                 blocks = pair_blocks[k]
                 g = tile_splats[k]
                 mean_x = state[ahead_u + k - group_first] - float(tile_x) - 0.5
-                mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
-                a = splats[g, SPLAT_A]
-                b = splats[g, SPLAT_B]
-                c = splats[g, SPLAT_C]
-                opacity = splats[g, SPLAT_OPACITY]
-                color_r = splats[g, SPLAT_RED]
-                color_g = splats[g, SPLAT_GREEN]
-                color_b = splats[g, SPLAT_BLUE]
+                splat = tile_splat(splats, g, mean_x, tile_y)
                 z = float(0.0)
                 normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
                     z = depths[g]
                 if wp.static(with_normals):
                     normal = normals[g]
-                a_half = -0.5 * a
-                c_half = -0.5 * c
                 sum_0 = float(0.0)
                 sum_x = float(0.0)
                 sum_y = float(0.0)
@@ -222,13 +204,13 @@ def backward_kernel(
                     blocks = blocks & (blocks - 1)
                     block = (at & BLOCKS_MASK) * BLOCK
                     side = ((at >> BLOCK_ROW_SHIFT) & 1) * _RIGHT
-                    left = float((at >> BLOCK_ROW_SHIFT) * BLOCK_COLUMNS) - mean_x
-                    top = float((at & BLOCK_ROW_MASK) * BLOCK_LINES) - mean_y
+                    left = block_left(at, splat)
+                    top = block_top(at, splat)
                     for i in range(BLOCK):
                         dx = float(i & COLUMN_MASK) + left
                         dy = float(i >> BLOCK_SHIFT) + top
-                        power = wp.min(dx * (a_half * dx) + dy * (c_half * dy - b * dx), 0.0)
-                        raw = opacity * exp_in_range(power)
+                        power = power_at(splat, dx, dy)
+                        raw = splat.opacity * exp_in_range(power)
                         alpha = alpha_of(raw, wp.static(min_alpha), wp.static(max_alpha))
                         before = state[block + i]
                         after = before - before * alpha
@@ -237,7 +219,7 @@ def backward_kernel(
                         v_r = state[_ADJ_R + block + i]
                         v_g = state[_ADJ_G + block + i]
                         v_b = state[_ADJ_B + block + i]
-                        shine = color_r * v_r + color_g * v_g + color_b * v_b
+                        shine = splat.red * v_r + splat.green * v_g + splat.blue * v_b
                         if wp.static(with_depth):
                             v_d = state[_ADJ_DEPTH + block + i]
                             shine = shine + z * v_d
@@ -259,8 +241,8 @@ def backward_kernel(
                         slope = slope_of(raw, alpha, wp.static(min_alpha), wp.static(max_alpha))
                         d_power = wp.where(after >= wp.static(least), d_alpha * slope, 0.0)
                         if wp.static(with_absolute):
-                            d_u = wp.abs(d_power * (a * dx + b * dy))
-                            d_v = wp.abs(d_power * (b * dx + c * dy))
+                            d_u = wp.abs(d_power * (splat.a * dx + splat.b * dy))
+                            d_v = wp.abs(d_power * (splat.b * dx + splat.c * dy))
                             state[lanes + _LANE_AU + i] = state[lanes + _LANE_AU + i] + d_u
                             state[lanes + _LANE_AV + i] = state[lanes + _LANE_AV + i] + d_v
                         state[lanes + side + i] = state[lanes + side + i] + d_power
@@ -301,12 +283,12 @@ def backward_kernel(
                         sum_au += state[lanes + _LANE_AU + lane]
                         sum_av += state[lanes + _LANE_AV + lane]
                 to = tile_pairs[k]
-                pair_gradients[to, 0] = a * sum_x + b * sum_y
-                pair_gradients[to, 1] = b * sum_x + c * sum_y
+                pair_gradients[to, 0] = splat.a * sum_x + splat.b * sum_y
+                pair_gradients[to, 1] = splat.b * sum_x + splat.c * sum_y
                 pair_gradients[to, 2] = -0.5 * sum_xx
                 pair_gradients[to, 3] = -sum_xy
                 pair_gradients[to, 4] = -0.5 * sum_yy
-                pair_gradients[to, 5] = sum_0 / opacity
+                pair_gradients[to, 5] = sum_0 / splat.opacity
                 pair_gradients[to, 6] = sum_r
                 pair_gradients[to, 7] = sum_g
                 pair_gradients[to, 8] = sum_b
