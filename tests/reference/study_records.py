@@ -1,0 +1,38 @@
+"""What a run of a case could have measured: records for the tests of what reports make of them."""
+
+from typing import Any
+
+from digs_warp.study.engine.case import Case, plain
+
+
+def record_of(case: Case, number: int) -> dict[str, Any]:
+    """What a run of ``case`` could have measured."""
+    psnr = 25.0 + number % 7
+    return {
+        "key": case.key,
+        "labels": dict(case.labels),
+        "recording": plain(case.recording),
+        "reconstruction": plain(case.reconstruction),
+        "threads": case.threads or 2,
+        "memory_mb": 900.0,
+        "metrics": {"psnr": psnr, "ssim": 0.9},
+        "course": [
+            {"iteration": i, "seconds": i / 50, "psnr": psnr - 500 / i, "ssim": 0.9}
+            for i in (100, 300, 500, 1000)
+        ],
+        "yardstick": {"psnr": psnr - 1, "psnr_masked": psnr - 6},
+        "surface": {
+            name: {"chamfer": 0.004, "accuracy_median": 0.001, "recall": 0.8, "f_score": 0.7}
+            | {"spacing_ratio": 1.4}
+            for name in ("points", "gaussians")
+        },
+        "seconds": {"initialize": 1.0, "train": 10.0 + number, "compile kernels": 99.0},
+        "machine": "2 cores of a test",
+        "scale_error": 0.0004,
+        "finishes": {
+            "alpha_cuts": [{"value": 0.0039, "seconds": 0.01, "psnr": 30.0}],
+            "precisions": [{"value": "half", "megabytes": 1.5, "psnr": 29.9}],
+        },
+        "recording_seconds": {"render": 20.0, "sense": 500.0},
+        "results": {"initial_points": 1000 + number, "gaussians": 900},
+    }
