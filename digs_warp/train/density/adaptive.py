@@ -52,8 +52,11 @@ class Schedule:
         return step % REFINE_EVERY == 0 and start < step <= self.until_share * self.iterations
 
     def resets(self, step: int) -> bool:
-        """Whether opacities are pushed down after ``step``."""
-        return step % RESET_EVERY == 0 and step <= self.until_share * self.iterations
+        """Whether opacities are pushed down after ``step``: one after each interval.
+
+        What is measured or written at the end of an interval, a round number, is then still whole.
+        """
+        return step % RESET_EVERY == 1 and 1 < step <= self.until_share * self.iterations
 
 
 def refine(

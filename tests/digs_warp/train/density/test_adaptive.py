@@ -146,9 +146,13 @@ def test_the_schedule_is_that_of_the_reference() -> None:
     schedule = Schedule(30_000)
     refines = [step for step in range(1, 30_001) if schedule.refines(step)]
     assert (refines[0], refines[-1], len(refines)) == (600, 15_000, 145)
-    assert [step for step in range(1, 30_001) if schedule.resets(step)] == list(
-        range(3000, 15_001, 3000)
-    )
+    # After what is measured or written at a round number.
+    assert [step for step in range(1, 30_001) if schedule.resets(step)] == [
+        3001,
+        6001,
+        9001,
+        12_001,
+    ]
     assert [step for step in range(1, 1001) if Schedule(1000).refines(step)] == [200, 300, 400, 500]
 
 
