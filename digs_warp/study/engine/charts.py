@@ -86,7 +86,7 @@ class Chart:
         self._scale(axes)
         if self.rows:
             axes.set_yticks(range(len(self.rows)), self.rows, fontsize=8)
-            axes.invert_yaxis()
+            axes.set_ylim(len(self.rows) - 0.5, -0.5)
         axes.grid(alpha=0.3)
         if len(self.curves) > 1:
             axes.legend(frameon=False, fontsize=8)

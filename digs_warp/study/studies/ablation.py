@@ -7,6 +7,7 @@ now and then gives it, with true ones what is left for the other filters to do.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Any
 
 from digs_warp.study.engine.case import Case
@@ -14,6 +15,8 @@ from digs_warp.study.engine.charts import Chart, Curve
 from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
 from digs_warp.study.studies.scenes import objects
+
+Value = Callable[[Record], float | None]
 
 # Smooth and well textured; thin legs, and parts that hide each other.
 FIRST_OBJECTS = ("ycb_mustard_bottle", "armchair")
@@ -90,15 +93,15 @@ class Quantity:
 
     heading: str
     decimals: int
-    value: Callable[[Record], float | None]
+    value: Value
     compared: bool = True
 
 
-def _course(metric: str, iteration: int) -> Callable[[Record], float | None]:
+def _course(metric: str, iteration: int) -> Value:
     return lambda record: at_iteration(record, iteration, metric)
 
 
-def _of_points(name: str, factor: float) -> Callable[[Record], float | None]:
+def _of_points(name: str, factor: float) -> Value:
     return lambda record: factor * record["surface"]["points"][name] if record["surface"] else None
 
 
@@ -168,53 +171,52 @@ def _cells(
     return cells
 
 
-def _changes(
-    records: Sequence[Record], value: Callable[[Record], float | None]
-) -> dict[str, float]:
-    """Return by variant the mean difference to the recipe with the same object, masks and seed."""
+def _differences(records: Sequence[Record], value: Value) -> dict[str, list[float]]:
+    """Return by variant the differences to the recipe with the same object, masks and seed."""
     same = ("object", "masks", "seed")
     usual = {
         tuple(record["labels"][label] for label in same): value(record)
         for record in records
         if record["labels"]["variant"] == RECIPE
     }
-
-    def change(record: Record) -> float | None:
+    found: dict[str, list[float]] = {}
+    for record in records:
         here, there = value(record), usual.get(tuple(record["labels"][label] for label in same))
-        return None if here is None or there is None else here - there
-
-    found = {
-        variant: spread(group, change) for (variant,), group in group_by(records, "variant").items()
-    }
-    return {variant: s.mean for variant, s in found.items() if s and variant != RECIPE}
+        if here is not None and there is not None and record["labels"]["variant"] != RECIPE:
+            found.setdefault(record["labels"]["variant"], []).append(here - there)
+    return found
 
 
 def _findings(records: Sequence[Record]) -> str:
-    """Say which variants change most, and how much of that is chance."""
-    early, end = (_changes(records, value) for value in (_course("psnr", ITERATIONS[0]), _end))
+    """Say which variants change more than chance does, and how much chance does."""
     sentences = []
-    for when, changes in ((f"after {ITERATIONS[0]} steps", early), ("at the end", end)):
-        ranked = sorted((v for v in changes if v != AGAIN), key=lambda v: changes[v])
-        worse = [f"{v} ({changes[v]:+.2f} dB)" for v in ranked[:3] if changes[v] < 0]
-        better = [f"{v} ({changes[v]:+.2f} dB)" for v in ranked[:-4:-1] if changes[v] > 0]
-        if worse:
-            sentences.append(f"Lost most {when}: {', '.join(worse)}.")
-        if better:
-            sentences.append(f"Gained most {when}: {', '.join(better)}.")
-    if AGAIN in early and AGAIN in end:
-        sentences.append(
-            "Training with the views in another order alone changes "
-            f"{early[AGAIN]:+.2f} and {end[AGAIN]:+.2f} dB: less than that tells nothing."
-        )
+    for when, value in (
+        (f"after {ITERATIONS[0]} steps", _course("psnr", ITERATIONS[0])),
+        ("at the end", _end),
+    ):
+        differences = _differences(records, value)
+        chance = fmean(map(abs, differences.pop(AGAIN, [0.0])))
+        means = {variant: fmean(found) for variant, found in differences.items()}
+        ranked = sorted(means, key=lambda variant: means[variant])
+        worse = [f"{v} ({means[v]:+.2f} dB)" for v in ranked if means[v] < -chance]
+        better = [f"{v} ({means[v]:+.2f} dB)" for v in ranked[::-1] if means[v] > chance]
+        for what, names in (("Lost", worse), ("Gained", better)):
+            if names:
+                sentences.append(f"{what} most {when}: {', '.join(names[:3])}.")
+        if chance:
+            sentences.append(
+                f"Another order of the views alone changes {chance:.2f} dB then: less tells nothing."
+            )
     return " ".join(sentences)
 
 
 def _chart(masks: str, records: Sequence[Record]) -> Chart:
-    names = [variant for variant in VARIANTS if variant != RECIPE]
+    measured = {record["labels"]["variant"] for record in records}
+    names = [variant for variant in VARIANTS if variant in measured and variant != RECIPE]
     curves = []
     for iteration in _reached(records):
-        changes = _changes(records, _course("psnr", iteration))
-        known = [(changes[name], row) for row, name in enumerate(names) if name in changes]
+        found = _differences(records, _course("psnr", iteration))
+        known = [(fmean(found[name]), row) for row, name in enumerate(names) if name in found]
         label = f"after {iteration} steps"
         curves.append(Curve(label, [x for x, _ in known], [y for _, y in known], line=False))
     title = f"Difference to the {RECIPE}, {masks} masks"
