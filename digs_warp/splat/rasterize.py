@@ -67,7 +67,7 @@ from digs_warp.splat.tile import (
     exp_in_range,
     planes_memory,
 )
-from digs_warp.splat.tile_blocks import live_blocks, lowest_bit, touched_blocks
+from digs_warp.splat.tile_blocks import Ellipse, live_blocks, lowest_bit, touched_blocks
 from digs_warp.splat.tile_splat import block_left, block_top, power_at, tile_splat
 
 wp.set_module_options({"enable_backward": False})
@@ -220,15 +220,15 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 state[fields + 5 * GROUP + ahead] = splats[g_ahead, SPLAT_TAPER]
                 state[fields + 6 * GROUP + ahead] = splats[g_ahead, SPLAT_PEAK]
             for member in range(GROUP):
-                touched[member] = touched_blocks(
-                    state[fields + member] - float(tile_x) - 0.5,
-                    state[fields + GROUP + member] - float(tile_y) - 0.5,
-                    state[fields + 2 * GROUP + member],
-                    state[fields + 3 * GROUP + member],
-                    state[fields + 4 * GROUP + member],
-                    state[fields + 5 * GROUP + member],
-                    state[fields + 6 * GROUP + member],
-                )
+                ellipse = Ellipse()
+                ellipse.mean_x = state[fields + member] - float(tile_x) - 0.5
+                ellipse.mean_y = state[fields + GROUP + member] - float(tile_y) - 0.5
+                ellipse.half_width = state[fields + 2 * GROUP + member]
+                ellipse.slope = state[fields + 3 * GROUP + member]
+                ellipse.chord = state[fields + 4 * GROUP + member]
+                ellipse.taper = state[fields + 5 * GROUP + member]
+                ellipse.peak = state[fields + 6 * GROUP + member]
+                touched[member] = touched_blocks(ellipse)
             for k in range(group_first, group_end):
                 blocks = touched[k - group_first] & live
                 pair_blocks[k] = blocks

@@ -48,54 +48,49 @@ def rows_between(first: float, last: float) -> int:
     return ((1 << end) - 1) & ~((1 << begin) - 1)
 
 
+@wp.struct
+class Ellipse:
+    """The area {alpha >= min_alpha} of a splat: its centre, and fields of its record.
+
+    The centre [px] is counted from that of the first pixel of a tile.
+    """
+
+    mean_x: float
+    mean_y: float
+    half_width: float
+    slope: float
+    chord: float
+    taper: float
+    peak: float
+
+
 @wp.func
-def half_chord(chord: float, taper: float, dx: float) -> float:
+def half_chord(ellipse: Ellipse, dx: float) -> float:
     """Half the height of an ellipse in the column dx off its centre."""
-    return wp.sqrt(larger(chord - taper * dx * dx, 0.0))
+    return wp.sqrt(larger(ellipse.chord - ellipse.taper * dx * dx, 0.0))
 
 
 @wp.func
-def touched_rows(
-    left: float,
-    mean_y: float,
-    half_width: float,
-    slope: float,
-    chord: float,
-    taper: float,
-    peak: float,
-) -> int:
-    """One bit for each block that an ellipse touches in a half of a tile; fields of its record.
+def touched_rows(ellipse: Ellipse, left: float) -> int:
+    """One bit for each block that an ellipse touches in a half of a tile.
 
     ``left`` is the first column of the half, counted from the centre of the ellipse.
     """
-    first = larger(left, -half_width)
-    last = smaller(left + float(BLOCK_COLUMNS - 1), half_width)
-    upper_dx = smaller(larger(-peak, first), last)
-    lower_dx = smaller(larger(peak, first), last)
-    upper = mean_y + slope * upper_dx - half_chord(chord, taper, upper_dx) - _SLACK
-    lower = mean_y + slope * lower_dx + half_chord(chord, taper, lower_dx) + _SLACK
+    first = larger(left, -ellipse.half_width)
+    last = smaller(left + float(BLOCK_COLUMNS - 1), ellipse.half_width)
+    upper_dx = smaller(larger(-ellipse.peak, first), last)
+    lower_dx = smaller(larger(ellipse.peak, first), last)
+    upper = ellipse.mean_y + ellipse.slope * upper_dx - half_chord(ellipse, upper_dx) - _SLACK
+    lower = ellipse.mean_y + ellipse.slope * lower_dx + half_chord(ellipse, lower_dx) + _SLACK
     return wp.where(wp.ceil(first - left) <= last - left, rows_between(upper, lower), 0)
 
 
 @wp.func
-def touched_blocks(
-    mean_x: float,
-    mean_y: float,
-    half_width: float,
-    slope: float,
-    chord: float,
-    taper: float,
-    peak: float,
-) -> int:
-    """One bit for each block of a tile in which a splat may be drawn.
-
-    ``mean_x`` and ``mean_y`` are its centre, counted from that of the first pixel of the tile; the others are
-    fields of its record.
-    """
-    right = float(BLOCK_COLUMNS) - mean_x
-    left_rows = touched_rows(-mean_x, mean_y, half_width, slope, chord, taper, peak)
-    right_rows = touched_rows(right, mean_y, half_width, slope, chord, taper, peak)
-    return left_rows | (right_rows << BLOCK_ROWS)
+def touched_blocks(ellipse: Ellipse) -> int:
+    """One bit for each block of a tile in which a splat may be drawn."""
+    right = float(BLOCK_COLUMNS) - ellipse.mean_x
+    left_rows = touched_rows(ellipse, -ellipse.mean_x)
+    return left_rows | (touched_rows(ellipse, right) << BLOCK_ROWS)
 
 
 @wp.func
