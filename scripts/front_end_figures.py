@@ -1,6 +1,8 @@
-"""Measure structure from motion and masks, and put the tables into docs/sfm.md and docs/masks.md.
+"""Measure structure from motion, masks and long runs, and put the tables into their pages under docs.
 
-Usage: python scripts/front_end_figures.py [masks] [sfm] [sfm-full] [sfm-sensor]   (default: all)
+Usage: python scripts/front_end_figures.py [masks] [sfm] [sfm-full] [sfm-sensor] [paper-length]
+
+Without names all are measured.
 """
 
 import sys
@@ -12,7 +14,10 @@ from digs_warp.log import show_progress
 from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.results import Result, format_number
 
-PAGES = {"masks": "masks.md", "sfm": "sfm.md", "sfm-full": "sfm.md", "sfm-sensor": "sfm.md"}
+PAGES = {
+    **{"masks": "masks.md", "sfm": "sfm.md", "sfm-full": "sfm.md", "sfm-sensor": "sfm.md"},
+    "paper-length": "studies.md",
+}
 
 
 def main(names: Sequence[str]) -> None:

@@ -73,6 +73,11 @@ BENCHMARKS = (
         plot_function="digs_warp.study.plot_convergence:plot_convergence",
     ),
     Benchmark(
+        "paper-length",
+        "digs_warp.study.bench_paper_length:bench_paper_length",
+        "training runs of 100, 1000 and 12,000 steps at 1600x900: seconds and quality",
+    ),
+    Benchmark(
         "options",
         "digs_warp.study.bench_options:bench_options",
         "what each option of the training costs in time and brings in quality",

@@ -1,6 +1,6 @@
 """Train a simulated recording under given settings and measure the held-out views along the way."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,20 +55,35 @@ class SceneSize:
     voxel_size: float
 
 
-def record_scene(size: SceneSize, folder: Path) -> Scene:
-    """Record the built-in object with the depth law of a stereo camera and initialize from its depth."""
+def record_scene(size: SceneSize, folder: Path, mesh: Path | None = None) -> Scene:
+    """Record a mesh with the depth law of a stereo camera and initialize from its depth.
+
+    Args:
+        size: of the recording and of the start.
+        folder: where the capture goes.
+        mesh: the object; default: the built-in one.
+    """
     from sim.record import SimulateConfig, simulate
 
-    capture = simulate(
-        SimulateConfig(frames=size.frames, width=size.width, height=size.height, tier="law"), folder
+    config = SimulateConfig(
+        mesh=mesh, frames=size.frames, width=size.width, height=size.height, tier="law"
     )
+    capture = simulate(config, folder)
     train_frames, test_frames = capture.split()
     points = initial_points(train_frames, InitConfig(voxel_size=size.voxel_size))
     return Scene(train_frames, load_test_views(test_frames), points)
 
 
-def train_case(case: Case, scene: Scene, measure_at: Collection[int] = ()) -> list[Milestone]:
-    """Train, and measure at the given iterations and at the end; measuring takes no training seconds."""
+def train_case(
+    case: Case,
+    scene: Scene,
+    measure_at: Collection[int] = (),
+    after_step: Callable[[], object] = lambda: None,
+) -> list[Milestone]:
+    """Train, and measure at the given iterations and at the end; measuring takes no training seconds.
+
+    ``after_step`` is called after each, to show progress.
+    """
     views = open_views(scene.train_frames, case.config)
     trainer = Trainer(case.seeds, views, case.config)
     total = case.config.iterations
@@ -80,5 +95,6 @@ def train_case(case: Case, scene: Scene, measure_at: Collection[int] = ()) -> li
             milestones.append(Milestone(step, trainer.seconds, float(psnr), len(trainer.gaussians)))
         if step < total:
             trainer.step()
+            after_step()
     views.close()
     return milestones
