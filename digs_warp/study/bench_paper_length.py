@@ -1,8 +1,8 @@
 """`digs-warp bench paper-length`: runs as long as the paper's at its image size, on a real object.
 
-The mustard bottle of the sample data, else the built-in object, is recorded at 1600x900 with the depth law of
-a stereo camera (not timed) and initialized as Highdepth from exact poses; 100, 1000 and 12,000 steps are three
-runs, because the learning rates fall along a whole run.
+The mustard bottle of the sample data, else the built-in object, is recorded at 1600x900 with the depth law
+of a stereo camera (not timed) and initialized as Highdepth from exact poses; 100, 1000 and 12,000 steps are
+three runs, because the learning rates fall along a whole run.
 """
 
 import tempfile
