@@ -11,7 +11,8 @@ from digs_warp.checks import DigsError
 from digs_warp.gaussians import Gaussians
 from digs_warp.images import to_uint8
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import SplatRenderer, near_plane
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.renderer import SplatRenderer
 
 WHITE = (1.0, 1.0, 1.0)
 

@@ -21,10 +21,12 @@ from digs_warp.checks import check_shape
 from digs_warp.geometry import matrix_from_rotation_vector
 from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import launch_parallel
+from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.plane_kernels import add_kernel, pack_planes_kernel, unpack_planes_kernel
-from digs_warp.splat.renderer import WHITE, CameraGradient, SplatRenderer, near_plane
+from digs_warp.splat.renderer import WHITE, SplatRenderer
 
 
 @dataclass(frozen=True, eq=False)

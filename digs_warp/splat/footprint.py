@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
-from digs_warp.splat.config import TILE_SIZE, RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.elementary import exp_of, larger, smaller
 
 wp.set_module_options({"enable_backward": False})
@@ -48,6 +48,13 @@ class ViewParams:
     max_alpha: float
     min_transmittance: float
     antialias: int
+
+
+def near_plane(
+    camera: Camera, scene_center: np.ndarray, share: float = DEFAULT_OPTIONS.near_share
+) -> float:
+    """Return the near plane [m]: a share of the distance to the scene, so that units do not matter."""
+    return max(1e-6, share * float(np.linalg.norm(camera.center_world - scene_center)))
 
 
 Window = tuple[int, int, int, int]

@@ -25,11 +25,8 @@ wp.set_module_options({"enable_backward": False})
 
 # Columns of a Gaussian's share in the gradient of the camera: rotation vector, translation, fx, fy, cx, cy.
 CAMERA_FIELDS = 10
-# Gaussians whose shares one thread sums.
-SUM_BLOCK = 1024
 
 _CAMERA_FIELDS = wp.constant(CAMERA_FIELDS)
-_SUM_BLOCK = wp.constant(SUM_BLOCK)
 
 
 @wp.kernel
@@ -128,21 +125,3 @@ def project_backward_kernel(
             counts,
             max_radii,
         )
-
-
-@wp.kernel
-def sum_camera_kernel(
-    first: int,
-    count: int,
-    camera_shares: wp.array2d[float],  # [count, CAMERA_FIELDS]
-    # outputs
-    block_sums: wp.array2d[wp.float64],  # [blocks, CAMERA_FIELDS]
-):
-    """Sum the shares of a block of Gaussians in the order of their index."""
-    block = first + wp.tid()
-    begin = block * _SUM_BLOCK
-    for field in range(_CAMERA_FIELDS):
-        total = wp.float64(0.0)
-        for g in range(begin, wp.min(begin + _SUM_BLOCK, count)):
-            total += wp.float64(camera_shares[g, field])
-        block_sums[block, field] = total

@@ -10,7 +10,8 @@ from digs_warp.gaussians import Gaussians
 from digs_warp.image_planes import ImagePlanes
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.renderer import WHITE, SplatRenderer, near_plane
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.renderer import WHITE, SplatRenderer
 
 __all__ = ["RenderOutput", "SplatRenderer", "near_plane", "render"]
 

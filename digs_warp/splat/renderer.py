@@ -4,7 +4,6 @@ The trainer's tier; `digs_warp.splat.render.render` takes and returns NumPy valu
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,16 +15,12 @@ from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.background import add_background_kernel
 from digs_warp.splat.bin_tiles import TileBinner
+from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, RasterKernels, raster_kernels
 from digs_warp.splat.footprint import ViewParams, Window, view_params
 from digs_warp.splat.project import project_kernel
-from digs_warp.splat.project_adjoint import (
-    CAMERA_FIELDS,
-    SUM_BLOCK,
-    project_backward_kernel,
-    sum_camera_kernel,
-)
+from digs_warp.splat.project_adjoint import project_backward_kernel
 from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
 from digs_warp.splat.project_group import PROJECT_GROUP, project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
@@ -44,30 +39,6 @@ WHITE = (1.0, 1.0, 1.0)
 # Tiles around content and splats that are filled with the background: a loss with windows looks there, too.
 # That of training reads one tile, the rest of a block of 64 px and 5 px more.
 FILLED_AROUND = 5
-
-
-@dataclass(frozen=True, eq=False)
-class CameraGradient:
-    """dL / d(camera) of one view; the camera moves in its own frame, see `digs_warp.splat.project_adjoint`.
-
-    Attributes:
-        rotation: in the rotation vector w [rad], shape (3,).
-        translation: in the translation t [m], shape (3,): world_from_cam' = world_from_cam exp(w, t).
-        focal: in (fx, fy) [px], shape (2,).
-        center: in (cx, cy) [px], shape (2,).
-    """
-
-    rotation: np.ndarray
-    translation: np.ndarray
-    focal: np.ndarray
-    center: np.ndarray
-
-
-def near_plane(
-    camera: Camera, scene_center: np.ndarray, share: float = DEFAULT_OPTIONS.near_share
-) -> float:
-    """Return the near plane [m]: a share of the distance to the scene, so that units do not matter."""
-    return max(1e-6, share * float(np.linalg.norm(camera.center_world - scene_center)))
 
 
 class SplatRenderer:
@@ -142,9 +113,7 @@ class SplatRenderer:
             count if self.options.has_normals else 0, dtype=wp.vec3, device=self.device
         )
         shares = count if self._camera_gradient else 0
-        self._camera_shares = wp.zeros((shares, CAMERA_FIELDS), dtype=float, device=self.device)
-        blocks = -(-shares // SUM_BLOCK)
-        self._camera_sums = wp.zeros((blocks, CAMERA_FIELDS), dtype=wp.float64, device=self.device)
+        self._camera_shares = CameraShares(shares, self.device, self.threads)
         self._make_binner()
 
     @property
@@ -237,15 +206,7 @@ class SplatRenderer:
         """
         if not self._camera_gradient:
             raise ValueError("a renderer made without camera_gradient=True has none")
-        total = np.zeros(CAMERA_FIELDS)
-        if len(self.gaussians):
-            self._launch(
-                sum_camera_kernel,
-                self._camera_sums.shape[0],
-                [len(self.gaussians), self._camera_shares, self._camera_sums],
-            ).run()
-            total = self._camera_sums.numpy().sum(axis=0)
-        return CameraGradient(total[:3], total[3:6], total[6:8], total[8:10])
+        return self._camera_shares.total()
 
     def stages(self) -> dict[str, Callable[[], object]]:
         """Return the stages of the last view by name, each ready to run again: for profiling."""
@@ -332,7 +293,7 @@ class SplatRenderer:
                 project_backward_kernel,
                 len(self.gaussians),
                 [*pulled, layout.normal, layout.absolute]
-                + [*self.gradients.arrays, self._camera_shares, *statistics.arrays],
+                + [*self.gradients.arrays, self._camera_shares.array, *statistics.arrays],
                 even=True,
             )
         if not self.vectorized:

@@ -9,7 +9,8 @@ from digs_warp.camera import Camera
 from digs_warp.gaussians import Gaussians
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import SplatRenderer, near_plane
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.renderer import SplatRenderer
 
 MEDIAN = 1  # the channel of the renderer's depth planes
 

@@ -9,7 +9,8 @@ from digs_warp.camera import Camera
 from digs_warp.capture import Frame
 from digs_warp.metrics import psnr, ssim
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import SplatRenderer, near_plane
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.renderer import SplatRenderer
 
 # The paper's mask threshold tau (section 4.1): above it a pixel counts as object.
 MASK_THRESHOLD = 20

@@ -9,7 +9,8 @@ from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.losses.regularizers import Regularizer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import SplatRenderer, near_plane
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement

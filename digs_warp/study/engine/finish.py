@@ -38,7 +38,8 @@ def score_finishes(
 def _with_cut(gaussians: Gaussians, frames: Sequence[Frame], cut: float) -> dict[str, Any]:
     from digs_warp.splat.config import RasterOptions
     from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.splat.render import SplatRenderer, near_plane
+    from digs_warp.splat.footprint import near_plane
+    from digs_warp.splat.renderer import SplatRenderer
     from digs_warp.train.evaluate import load_test_views
 
     views = load_test_views(frames)

@@ -14,7 +14,8 @@ from digs_warp.film.camera_path import find_subject, orbit
 from digs_warp.film.shoot import Clock, shoot
 from digs_warp.film.video import write_frames, write_video
 from digs_warp.images import read_image, to_uint8
-from digs_warp.splat.render import near_plane, render
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.render import render
 
 CAMERAS = orbit(find_subject(ball()), Intrinsics.from_fov(96, 64, 45.0), 6)
 
