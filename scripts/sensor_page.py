@@ -141,9 +141,20 @@ def section(effect: DepthEffect | ColorEffect, facts: SceneFacts, studio: Sensor
         f"{first_paragraph(sys.modules[type(effect).__module__])} {first_paragraph(type(effect))}"
     )
     choice: Choice = effect.choose(facts, studio.rig)
-    rule = f"On where {choice.threshold}; here {choice.statistic}: {'on' if choice.on else 'off'}."
     picture = f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)"
-    return f"### {effect.name}\n\n{what}\n\n{rule}\n\n{picture}\n"
+    return f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n\n{picture}\n"
+
+
+def rule(choice: Choice) -> str:
+    """Return when an effect is on, and whether it is here; each limit beside the quantity that it is for."""
+    limits, here = choice.threshold, choice.statistic
+    measured = [part.partition(" = ") for part in here.split(", ")]
+    bounds = limits.split(", ")
+    if len(bounds) == len(measured) and all(bound.startswith(">") for bound in bounds):
+        names = [name for name, _, _ in measured]
+        limits = ", ".join(f"{n} {bound}" for n, bound in zip(names, bounds, strict=True))
+        here = ", ".join(value for _, _, value in measured)
+    return f"On where {limits}; here {here}: {'on' if choice.on else 'off'}."
 
 
 def first_paragraph(thing: object) -> str:
