@@ -79,7 +79,11 @@ class Chart:
                 high = [y + s for y, s in zip(curve.y, curve.spread, strict=True)]
                 axes.fill_between(curve.x, low, high, color=color, alpha=0.15, linewidth=0)
             for x, y, note in zip(curve.x, curve.y, curve.notes, strict=False):
-                axes.annotate(note, (x, y), xytext=(5, 3), textcoords="offset points", fontsize=7)
+                # To the upper left, where nothing else is: notes stand at points that nothing surpasses.
+                place = {"xytext": (-6, 3), "textcoords": "offset points", "ha": "right"}
+                axes.annotate(note, (x, y), fontsize=7, **place)
+        if any(curve.notes for curve in self.curves):
+            axes.margins(x=0.18)
         axes.set_title(self.title)
         axes.set_xlabel(self.x_label)
         axes.set_ylabel(self.y_label)
