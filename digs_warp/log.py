@@ -41,8 +41,9 @@ def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> "tqd
         desc=label,
         unit=unit,
         disable=not _show_progress,
-        # In a log file every refresh is a line: a few are enough.
+        # In a log file every refresh is a line: a few are enough, and a bar inside another moves no cursor.
         mininterval=0.2 if interactive else 15.0,
+        position=None if interactive else 0,
         ascii=not interactive,
         dynamic_ncols=interactive,
     )

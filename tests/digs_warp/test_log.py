@@ -163,3 +163,18 @@ def test_the_commit_is_that_of_the_checkout(tmp_path: Path) -> None:
     assert source_commit(tree / "package") == expected
     git(repository, "checkout", "--detach")
     assert source_commit(repository / "package") == expected
+
+
+def test_a_bar_inside_another_moves_no_cursor_in_a_file(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log.show_progress()
+    try:
+        with log.progress(2, "outer") as outer, log.progress(2, "inner") as inner:
+            inner.update()
+            outer.update()
+    finally:
+        log.show_progress(False)
+    written = capsys.readouterr().err
+    assert "outer" in written and "inner" in written
+    assert "\x1b" not in written
