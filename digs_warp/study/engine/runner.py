@@ -12,6 +12,7 @@ from digs_warp.parallel import default_threads
 from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.store import Store
 from digs_warp.study.engine.worker import Measure, Worker
+from digs_warp.train.interruption import deferred_interrupt
 
 
 @dataclass(frozen=True)
@@ -94,9 +95,7 @@ class _Run:
                 while queue and len(running) < self._workers:
                     case = queue.pop(0)
                     if self._has_time(case):
-                        running.append(
-                            Worker(case, self._measure, self._folder, self._threads_of(case))
-                        )
+                        self._begin(case, running)
                 if not running:
                     return  # the budget is used up
                 ready = wait([worker.connection for worker in running])
@@ -107,6 +106,13 @@ class _Run:
         finally:
             for worker in running:
                 worker.stop()
+
+    def _begin(self, case: Case, running: list[Worker]) -> None:
+        """Start a worker; Ctrl-C meanwhile waits until it stands among those that are stopped."""
+        with deferred_interrupt() as interruption:
+            running.append(Worker(case, self._measure, self._folder, self._threads_of(case)))
+        if interruption.asked:
+            raise KeyboardInterrupt
 
     def _has_time(self, case: Case) -> bool:
         """Whether the case would end in time, if its effort is paid as that of the cases before."""

@@ -12,9 +12,11 @@ from typing import Any
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.study.engine import runner
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.runner import run_cases
 from digs_warp.study.engine.store import RESULTS, Store
+from digs_warp.study.engine.worker import Worker
 
 
 def measure(case: Case, folder: Path) -> dict[str, Any]:
@@ -107,7 +109,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
         "from test_runner import cases, measure\n"
         "from digs_warp.study.engine.runner import run_cases\n"
         "if __name__ == '__main__':\n"
-        "    todo = cases(1) + cases(2, seconds=60)\n"
+        "    todo = cases(1) + cases(2, seconds=600)\n"
         "    run_cases(todo, Path(sys.argv[2]), measure=measure)\n"
     )
     script = tmp_path / "script.py"
@@ -120,9 +122,26 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
         assert process.poll() is None
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)
-    _, stderr = process.communicate(timeout=30)
+    _, stderr = process.communicate(timeout=120)
     assert b"KeyboardInterrupt" in stderr
     assert [r["labels"]["n"] for r in Store(tmp_path).records.values()] == [1]
+
+
+def test_ctrl_c_while_a_case_begins_leaves_no_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = []
+
+    class Interrupted(Worker):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            begun.append(self._process)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(runner, "Worker", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_cases(cases(2, seconds=60), tmp_path, measure=measure)
+    assert [process.is_alive() for process in begun] == [False]
 
 
 def test_what_is_too_long_for_the_budget_is_left_out_and_shorter_cases_still_run(
