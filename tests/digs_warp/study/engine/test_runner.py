@@ -104,7 +104,9 @@ def test_two_cases_with_one_key_are_refused(tmp_path: Path) -> None:
 
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
     code = (
-        "import sys; sys.path[:0] = [sys.argv[1]]\n"
+        "import signal, sys; sys.path[:0] = [sys.argv[1]]\n"
+        # A shell's background jobs, and all that they start, ignore Ctrl-C.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from pathlib import Path\n"
         "from test_runner import cases, measure\n"
         "from digs_warp.study.engine.runner import run_cases\n"
