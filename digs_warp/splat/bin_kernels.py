@@ -165,6 +165,12 @@ def range_in_order(
     return ranges[order[i][1]]
 
 
+@wp.func
+def part_start(counts: wp.array[int], part: int, parts: int) -> int:
+    """Where one of ``parts`` equal parts of the order begins."""
+    return counts[0] * part // parts
+
+
 @wp.kernel
 def tile_count_kernel(
     first: int,
@@ -180,9 +186,8 @@ def tile_count_kernel(
     """Count the splats of every tile, in one of ``parts`` equal parts of the order."""
     part = first + wp.tid()
     columns = views[0].columns
-    begin = counts[0] * part // parts
-    end = counts[0] * (part + 1) // parts
-    for i in range(begin, end):
+    end = part_start(counts, part + 1, parts)
+    for i in range(part_start(counts, part, parts), end):
         drawn = range_in_order(i, end - 1, order, ranges, spans)
         for row in range(drawn[2]):
             span = spans[drawn[1] + row][0]
@@ -197,9 +202,7 @@ def tile_scan_kernel(
     tiles: int,
     tile_counts: wp.array2d[int],
     # outputs
-    cursors: wp.array2d[
-        int
-    ],  # [parts, tiles of the largest view] where a part's splats of a tile begin
+    cursors: wp.array2d[int],  # [parts, tiles] where a part's splats of a tile begin
     tile_starts: wp.array[int],  # [tiles + 1]
 ):
     """Running sum over the tiles, and over the parts within each. One thread."""
@@ -229,9 +232,8 @@ def emit_kernel(
     """Deal the splats of one part of the order out to the tiles."""
     part = first + wp.tid()
     columns = views[0].columns
-    begin = counts[0] * part // parts
-    end = counts[0] * (part + 1) // parts
-    for i in range(begin, end):
+    end = part_start(counts, part + 1, parts)
+    for i in range(part_start(counts, part, parts), end):
         drawn = range_in_order(i, end - 1, order, ranges, spans)
         for row in range(drawn[2]):
             span = spans[drawn[1] + row]
