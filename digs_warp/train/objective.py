@@ -39,17 +39,17 @@ class Objective:
             view: what the image shows; read with depth if the settings weigh depth.
             background: the sRGB colour (3,) that the image was rendered over.
         """
-        drawn = self._renderer.binner.drawn_box()
-        blocks = loss_blocks(view.tiles, self._renderer.binner.drawn_tiles())
+        binner = self._renderer.binner
+        blocks = loss_blocks(view.tiles, binner.drawn_tiles())
         region = read_region(blocks, view.size)
         self._target.compose(
             view.pixels, view.box, background, region, view.size, self._keeps_color
         )
         self._photometric.run(view.size, blocks, weighted=self._keeps_color)
         if self._coverage is not None:
-            self._coverage.run(view.size, view.box, drawn)
+            self._coverage.run(view.size, view.box, binner.drawn_box())
         if self._depth is not None and view.depth is not None:
-            self._depth.run(view.depth, view.box, drawn)
+            self._depth.run(view.depth, view.box, binner.drawn_box())
 
     def value(self) -> float:
         """Return the loss of the last `compare`; waits for the device."""
