@@ -3,9 +3,10 @@
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,7 @@ class Worker:
 def _work(sender: Connection, case: Case, measure: Measure, folder: Path, threads: int) -> None:
     # Ctrl-C reaches the whole process group; the parent ends the workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     os.environ["DIGS_WARP_THREADS"] = str(threads)
     start = time.monotonic()
     try:
@@ -63,6 +65,14 @@ def _work(sender: Connection, case: Case, measure: Measure, folder: Path, thread
         sender.send((f"{type(error).__name__}: {error}", None))
         return
     sender.send((None, measured | {"case_seconds": round(time.monotonic() - start, 3)}))
+
+
+def _end_with_the_parent() -> None:
+    """End this process once its parent is gone: a parent that is killed cannot stop its workers."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _cause_of_death(code: int) -> str:

@@ -102,7 +102,8 @@ def test_two_cases_with_one_key_are_refused(tmp_path: Path) -> None:
         run_cases(cases(1, 1), tmp_path, measure=measure)
 
 
-def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
+def start_two_cases(tmp_path: Path) -> "subprocess.Popen[bytes]":
+    """Start a study of a short case and an endless one; return when the endless one has begun."""
     code = (
         "import signal, sys; sys.path[:0] = [sys.argv[1]]\n"
         # A shell's background jobs, and all that they start, ignore Ctrl-C.
@@ -123,9 +124,24 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.05)
+    return process
+
+
+def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
+    process = start_two_cases(tmp_path)
     os.killpg(process.pid, signal.SIGINT)
     _, stderr = process.communicate(timeout=120)
     assert b"KeyboardInterrupt" in stderr
+    assert [r["labels"]["n"] for r in Store(tmp_path).records.values()] == [1]
+
+
+@pytest.mark.parametrize("cause", [signal.SIGTERM, signal.SIGKILL])
+def test_a_study_that_is_killed_leaves_no_worker(tmp_path: Path, cause: signal.Signals) -> None:
+    process = start_two_cases(tmp_path)
+    process.send_signal(cause)
+    # The end of stderr comes when all who hold it are gone, the worker too.
+    process.communicate(timeout=60)
+    assert process.returncode == -cause
     assert [r["labels"]["n"] for r in Store(tmp_path).records.values()] == [1]
 
 
