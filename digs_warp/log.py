@@ -6,8 +6,8 @@ import platform
 import sys
 import time
 import zlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, field, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from io import BytesIO
@@ -160,6 +160,18 @@ def source_commit(package: Path = Path(__file__).parent) -> str | None:
         return None
 
 
+@contextmanager
+def timed(
+    seconds: dict[str, float], name: str, clock: Callable[[], float] = time.perf_counter
+) -> Iterator[None]:
+    """Add what a block takes on a clock [s] to ``seconds[name]``, also when it fails."""
+    start = clock()
+    try:
+        yield
+    finally:
+        seconds[name] = seconds.get(name, 0.0) + clock() - start
+
+
 @dataclass
 class RunLog:
     """The record of one run: settings, versions, stage times [s], results. Saved as run.json."""
@@ -169,14 +181,9 @@ class RunLog:
     seconds: dict[str, float] = field(default_factory=dict)
     results: dict[str, Any] = field(default_factory=dict)
 
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
+    def stage(self, name: str) -> AbstractContextManager[None]:
         """Time a stage; times of a stage entered twice add up."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+        return timed(self.seconds, name)
 
     def continue_from(self, path: Path) -> None:
         """Take over the stage times of an interrupted run; without a record there this does nothing.

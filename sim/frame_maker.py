@@ -1,14 +1,12 @@
 """Makes the images of one frame: what the eyes see, what the sensor makes of it, what the files hold."""
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from digs_warp.capture_writer import BASIC_LAYERS, FrameImages
 from digs_warp.images import to_uint8
+from digs_warp.log import timed
 from sim.config import SimulateConfig
 from sim.sensor.color.recorded import recorded_images
 from sim.sensor.frame import FrameTruth
@@ -44,13 +42,18 @@ class FrameMaker:
         shutter = self.plan.shutter(self.session.rig, self.session.config.strength)
         return RenderedFrame(*self.session.truth(number, shutter))
 
-    def finish(self, frame: RenderedFrame, clock: "Clock") -> FrameImages:
-        """Return what the files hold; safe to call beside `render` in another thread."""
+    def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
+        """Return what the files hold; safe to call beside `render` in another thread.
+
+        Args:
+            frame: what the eyes see.
+            seconds: takes the time of each stage.
+        """
         config, truth = self.session.config, frame.truth
-        with clock.stage("color"):
+        with timed(seconds, "color"):
             effects = self.plan.pixel_effects
             image, right = recorded_images(truth, effects, config.seed, config.strength)
-        with clock.stage("sense"):
+        with timed(seconds, "sense"):
             sensed = sense(
                 truth, config.tier, self.plan.depth, config.seed, config.strength, (image, right)
             )
@@ -66,19 +69,3 @@ class FrameMaker:
             confidence=to_uint8(sensed.confidence) if tells else None,
             normals=truth.normals_world if config.normals else None,
         )
-
-
-@dataclass
-class Clock:
-    """Seconds per stage of one frame."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Time a stage."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = time.perf_counter() - start

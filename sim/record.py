@@ -11,9 +11,9 @@ from digs_warp.capture import INDEX_NAME, Capture, Rig, read_capture
 from digs_warp.capture_writer import CaptureWriter, file_hashes
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.layout import RUN_RECORD, SENSOR_PLAN
-from digs_warp.log import RunLog, progress, read_json, to_json, write_atomically
+from digs_warp.log import RunLog, progress, read_json, timed, to_json, write_atomically
 from sim.config import SimulateConfig as SimulateConfig
-from sim.frame_maker import Clock, FrameMaker, RenderedFrame, layers_of
+from sim.frame_maker import FrameMaker, RenderedFrame, layers_of
 from sim.profiles import Profile
 from sim.sensor.cause import Cause
 from sim.sensor_plan import SensorPlan, check_effects, make_plan
@@ -141,11 +141,11 @@ def _record(maker: FrameMaker, writer: CaptureWriter, log: RunLog, record: Path)
 
 def _finish(maker: FrameMaker, frame: RenderedFrame, writer: CaptureWriter) -> dict[str, float]:
     """Sense and write a frame; return the seconds of each stage."""
-    clock = Clock()
-    images = maker.finish(frame, clock)
-    with clock.stage("write"):
+    seconds: dict[str, float] = {}
+    images = maker.finish(frame, seconds)
+    with timed(seconds, "write"):
         writer.write_frame(frame.truth.number, images)
-    return clock.seconds
+    return seconds
 
 
 def _metadata(session: Session, plan: SensorPlan) -> dict[str, Any]:

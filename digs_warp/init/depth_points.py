@@ -2,9 +2,8 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
@@ -20,7 +19,7 @@ from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
 from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
-from digs_warp.log import progress
+from digs_warp.log import progress, timed
 from digs_warp.parallel import default_threads
 from digs_warp.point_cloud import PointCloud
 
@@ -59,13 +58,6 @@ class DepthReport:
         for name, seconds in view.seconds.items():
             self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
-    @contextmanager
-    def stage(self, name: str, clock: Callable[[], float]) -> Iterator[None]:
-        """Add what a block takes on a CPU clock: the thread's, or that of all threads."""
-        start = clock()
-        yield
-        self.seconds[name] = self.seconds.get(name, 0.0) + clock() - start
-
 
 def depth_points(
     frames: Sequence[Frame],
@@ -99,12 +91,12 @@ def depth_points(
         frames, partial(view_points, config=config, voxel_size=size, baseline=baseline)
     ):
         _warn_of_odd_masks(view, config)
-        with report.stage("merge", time.thread_time):
+        with timed(report.seconds, "merge", time.thread_time):
             grid.add(view.voxels)
         report.add(view)
         if view.thinned_depth is not None:
             seen.append((view.camera, view.thinned_depth))
-    with report.stage("merge", time.thread_time):
+    with timed(report.seconds, "merge", time.thread_time):
         voxels = grid.merged()
     if len(voxels) == 0:
         raise _no_points_error(len(frames), report.pixels, config)
@@ -115,7 +107,7 @@ def depth_points(
     voxels = voxels.well_supported(config.min_support)
     report.voxels["well supported"] = len(voxels)
     if config.visibility_check:
-        with report.stage("visibility", time.process_time):
+        with timed(report.seconds, "visibility", time.process_time):
             visible = not_seen_through(voxels.points_world, seen, report.voxel_size)
         voxels = voxels.select(visible) if visible.any() else voxels
         report.voxels["not seen through"] = len(voxels)

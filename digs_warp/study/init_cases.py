@@ -13,7 +13,7 @@ from digs_warp.log import progress
 from digs_warp.surface_metrics import SurfaceScore, surface_score
 from digs_warp.triangle_mesh import TriangleMesh
 from sim.config import SimulateConfig
-from sim.frame_maker import Clock, FrameMaker, RenderedFrame
+from sim.frame_maker import FrameMaker, RenderedFrame
 from sim.sensor_plan import make_plan
 from sim.session import load_inputs, prepare_session
 
@@ -58,7 +58,7 @@ class InitCase:
                 self.maker.session, config=replace(self.maker.session.config, strength=strength)
             ),
         )
-        return self._written(f"strength-{strength:g}", lambda r: maker.finish(r, Clock()))
+        return self._written(f"strength-{strength:g}", lambda r: maker.finish(r, {}))
 
     def with_depth(self, name: str, change: Callable[[np.ndarray], np.ndarray]) -> Capture:
         """Return a capture without noise whose true depth [m] has been changed."""
@@ -70,7 +70,7 @@ class InitCase:
         )
 
         def finish(rendered: RenderedFrame) -> FrameImages:
-            images = perfect.finish(rendered, Clock())
+            images = perfect.finish(rendered, {})
             return replace(images, depth=change(rendered.truth.depth))
 
         return self._written(name, finish)

@@ -13,7 +13,7 @@ from digs_warp.checks import DigsError
 from digs_warp.images import read_image
 from digs_warp.log import read_json
 from sim.config import SimulateConfig
-from sim.frame_maker import Clock, FrameMaker
+from sim.frame_maker import FrameMaker
 from sim.record import simulate
 from sim.sensor.cause import Cause
 from sim.sensor.filters import gray_of
@@ -104,7 +104,7 @@ def test_resuming_a_finished_recording_touches_nothing(recording: Path) -> None:
 def test_a_frame_does_not_depend_on_those_before_it(recording: Path, session: Session) -> None:
     maker = FrameMaker(session, make_plan(session))
     for number in (2, 0):
-        images = maker.finish(maker.render(number), Clock())
+        images = maker.finish(maker.render(number), {})
         frame = read_capture(recording).frames[number]
         np.testing.assert_array_equal(images.image, frame.load_image())
         np.testing.assert_array_equal(images.cause, frame.load_cause())
