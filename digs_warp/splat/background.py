@@ -1,15 +1,44 @@
 # type: ignore
 # (device code, which Warp's stubs do not type)
-"""An image behind the splats: added after compositing, so that the hot kernels know one colour only."""
+"""What lies behind the splats: tiles of nothing else, and an image.
 
+An image is added after compositing, so that the hot kernels know one colour only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
 import warp as wp
 
 from digs_warp.splat.config import TILE_SIZE
-from digs_warp.splat.footprint import ViewParams
+from digs_warp.splat.footprint import ViewParams, Window
 
 wp.set_module_options({"enable_backward": False})
 
 _TILE = wp.constant(TILE_SIZE)
+
+# Tiles around content and splats that are filled with the background: a loss with windows looks there, too.
+# That of training reads one tile, the rest of a block of 64 px and 5 px more.
+FILLED_AROUND = 5
+
+
+def tiles_with_background(boxes: Sequence[Window] | None, columns: int, rows: int) -> np.ndarray:
+    """Return the tile columns first .. end and rows first .. end that show the background, (4,) int32.
+
+    Args:
+        boxes: pixels that are looked at; those around are, too. None: the whole image.
+        columns: of tiles in the image.
+        rows: of tiles in the image.
+    """
+    if boxes is None:
+        return np.array([0, columns, 0, rows], dtype=np.int32)
+    found = np.array(boxes)
+    found = found[(found[:, 0] < found[:, 2]) & (found[:, 1] < found[:, 3])]
+    if not len(found):
+        return np.zeros(4, dtype=np.int32)
+    x0, y0 = found[:, :2].min(axis=0) // TILE_SIZE - FILLED_AROUND
+    x1, y1 = -(-found[:, 2:].max(axis=0) // TILE_SIZE) + FILLED_AROUND
+    return np.array([x0, x1, y0, y1], dtype=np.int32)
 
 
 @wp.kernel

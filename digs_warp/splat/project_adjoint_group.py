@@ -9,7 +9,19 @@ the colour go splat by splat: their loops have other lengths.
 import warp as wp
 
 from digs_warp.splat.footprint import ViewParams, footprint_of
-from digs_warp.splat.project_group import PROJECT_GROUP, put_vec3, vec3_at
+from digs_warp.splat.group import (
+    GROUP_LOG_SCALE,
+    GROUP_LOGIT,
+    GROUP_MEAN,
+    GROUP_PARAMETERS,
+    GROUP_QUAT,
+    GROUP_SIZE,
+    put_parameters,
+    put_vec3,
+    put_vec4,
+    vec3_at,
+    vec4_at,
+)
 from digs_warp.splat.records import SPLAT_A
 from digs_warp.splat.shape_gradient import (
     SplatGradient,
@@ -31,23 +43,19 @@ wp.set_module_options(
     }
 )
 
-_GROUP = wp.constant(PROJECT_GROUP)
-# Where the fields of a group begin in its memory. Parameters make room for their gradients.
-_MEAN = wp.constant(0)
-_LOG_SCALE = wp.constant(3 * PROJECT_GROUP)
-_QUAT = wp.constant(6 * PROJECT_GROUP)
-_LOGIT = wp.constant(10 * PROJECT_GROUP)
-_CONIC = wp.constant(11 * PROJECT_GROUP)
-_D_U = wp.constant(14 * PROJECT_GROUP)
-_D_V = wp.constant(15 * PROJECT_GROUP)
-_D_CONIC = wp.constant(16 * PROJECT_GROUP)
-_D_OPACITY = wp.constant(19 * PROJECT_GROUP)
-_D_DEPTH = wp.constant(20 * PROJECT_GROUP)
-_D_COLOR = wp.constant(21 * PROJECT_GROUP)
-_ABSOLUTE_U = wp.constant(24 * PROJECT_GROUP)
-_ABSOLUTE_V = wp.constant(25 * PROJECT_GROUP)
-_RADIUS = wp.constant(26 * PROJECT_GROUP)
-_MEMORY = 27 * PROJECT_GROUP
+_GROUP = wp.constant(GROUP_SIZE)
+# Where the fields of a group begin in its memory: first the parameters, which make room for their gradients.
+_CONIC = wp.constant(GROUP_PARAMETERS * GROUP_SIZE)
+_D_U = wp.constant((GROUP_PARAMETERS + 3) * GROUP_SIZE)
+_D_V = wp.constant((GROUP_PARAMETERS + 4) * GROUP_SIZE)
+_D_CONIC = wp.constant((GROUP_PARAMETERS + 5) * GROUP_SIZE)
+_D_OPACITY = wp.constant((GROUP_PARAMETERS + 8) * GROUP_SIZE)
+_D_DEPTH = wp.constant((GROUP_PARAMETERS + 9) * GROUP_SIZE)
+_D_COLOR = wp.constant((GROUP_PARAMETERS + 10) * GROUP_SIZE)
+_ABSOLUTE_U = wp.constant((GROUP_PARAMETERS + 13) * GROUP_SIZE)
+_ABSOLUTE_V = wp.constant((GROUP_PARAMETERS + 14) * GROUP_SIZE)
+_RADIUS = wp.constant((GROUP_PARAMETERS + 15) * GROUP_SIZE)
+_MEMORY = (GROUP_PARAMETERS + 16) * GROUP_SIZE
 
 
 @wp.kernel
@@ -76,7 +84,7 @@ def project_backward_group_kernel(
     counts: wp.array[float],
     max_radii: wp.array[float],
 ):
-    """Pull ``PROJECT_GROUP`` splats back; the arguments are those of `project_backward_kernel`.
+    """Pull ``GROUP_SIZE`` splats back; the arguments are those of `project_backward_kernel`.
 
     Without normals and without the gradient of the camera.
     """
@@ -88,12 +96,7 @@ def project_backward_group_kernel(
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
         g = begin + member
-        put_vec3(means[g], state, _MEAN + member)
-        put_vec3(log_scales[g], state, _LOG_SCALE + member)
-        quat = quats[g]
-        put_vec3(wp.vec3(quat[0], quat[1], quat[2]), state, _QUAT + member)
-        state[_QUAT + 3 * _GROUP + member] = quat[3]
-        state[_LOGIT + member] = opacity_logits[g]
+        put_parameters(g, means, log_scales, quats, opacity_logits, state, member)
         conic = wp.vec3(splats[g, SPLAT_A], splats[g, SPLAT_A + 1], splats[g, SPLAT_A + 2])
         put_vec3(conic, state, _CONIC + member)
         d = gather(
@@ -109,9 +112,10 @@ def project_backward_group_kernel(
         state[_ABSOLUTE_V + member] = d.absolute_v
     # Of a group that is not full, the rest is zeros; what becomes of them is not written.
     for i in range(_GROUP):
-        axis = vec3_at(state, _QUAT + i)
-        q = wp.vec4(axis[0], axis[1], axis[2], state[_QUAT + 3 * _GROUP + i])
-        f = footprint_of(cam, vec3_at(state, _MEAN + i), vec3_at(state, _LOG_SCALE + i), q)
+        q = vec4_at(state, GROUP_QUAT + i)
+        f = footprint_of(
+            cam, vec3_at(state, GROUP_MEAN + i), vec3_at(state, GROUP_LOG_SCALE + i), q
+        )
         pulled = SplatGradient()
         pulled.u = state[_D_U + i]
         pulled.v = state[_D_V + i]
@@ -121,13 +125,12 @@ def project_backward_group_kernel(
         pulled.opacity = state[_D_OPACITY + i]
         pulled.depth = state[_D_DEPTH + i]
         s = shape_gradient(
-            cam, f, q, state[_LOGIT + i], vec3_at(state, _CONIC + i), pulled, wp.mat33()
+            cam, f, q, state[GROUP_LOGIT + i], vec3_at(state, _CONIC + i), pulled, wp.mat33()
         )
-        put_vec3(wp.transpose(cam.rotation) * s.point, state, _MEAN + i)
-        put_vec3(s.log_scale, state, _LOG_SCALE + i)
-        put_vec3(wp.vec3(s.quat[0], s.quat[1], s.quat[2]), state, _QUAT + i)
-        state[_QUAT + 3 * _GROUP + i] = s.quat[3]
-        state[_LOGIT + i] = s.opacity_logit
+        put_vec3(wp.transpose(cam.rotation) * s.point, state, GROUP_MEAN + i)
+        put_vec3(s.log_scale, state, GROUP_LOG_SCALE + i)
+        put_vec4(s.quat, state, GROUP_QUAT + i)
+        state[GROUP_LOGIT + i] = s.opacity_logit
         state[_RADIUS + i] = radius_of(f, cam.dilation)
     for out in range(size):
         g = begin + out
@@ -138,11 +141,10 @@ def project_backward_group_kernel(
             d_offset = color_gradient(
                 cam, g, means[g], coefficients, degree, splats, d_color, adj_coefficients
             )
-            adj_means[g] = vec3_at(state, _MEAN + out) + d_offset
-            adj_log_scales[g] = vec3_at(state, _LOG_SCALE + out)
-            d_axis = vec3_at(state, _QUAT + out)
-            adj_quats[g] = wp.vec4(d_axis[0], d_axis[1], d_axis[2], state[_QUAT + 3 * _GROUP + out])
-            adj_opacity_logits[g] = state[_LOGIT + out]
+            adj_means[g] = vec3_at(state, GROUP_MEAN + out) + d_offset
+            adj_log_scales[g] = vec3_at(state, GROUP_LOG_SCALE + out)
+            adj_quats[g] = vec4_at(state, GROUP_QUAT + out)
+            adj_opacity_logits[g] = state[GROUP_LOGIT + out]
             if counts.shape[0] > 0:
                 add_statistics(
                     cam,

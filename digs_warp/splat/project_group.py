@@ -9,6 +9,17 @@ by splat.
 import warp as wp
 
 from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of
+from digs_warp.splat.group import (
+    GROUP_LOG_SCALE,
+    GROUP_LOGIT,
+    GROUP_MEAN,
+    GROUP_PARAMETERS,
+    GROUP_QUAT,
+    GROUP_SIZE,
+    put_parameters,
+    vec3_at,
+    vec4_at,
+)
 from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
 from digs_warp.splat.records import SPLAT_FIELDS
 
@@ -25,35 +36,15 @@ wp.set_module_options(
     }
 )
 
-# Gaussians that are projected at once.
-PROJECT_GROUP = 16
-
-_GROUP = wp.constant(PROJECT_GROUP)
+_GROUP = wp.constant(GROUP_SIZE)
 _RECORD = wp.constant(SPLAT_FIELDS)
 # Where the fields of a group begin in its memory: first those of the records, by number, then these.
-_Z = wp.constant(SPLAT_FIELDS * PROJECT_GROUP)
-_DRAWN = wp.constant((SPLAT_FIELDS + 1) * PROJECT_GROUP)
-_TOP = wp.constant((SPLAT_FIELDS + 2) * PROJECT_GROUP)
-_BOTTOM = wp.constant((SPLAT_FIELDS + 3) * PROJECT_GROUP)
-_MEAN = wp.constant((SPLAT_FIELDS + 4) * PROJECT_GROUP)
-_LOG_SCALE = wp.constant((SPLAT_FIELDS + 7) * PROJECT_GROUP)
-_QUAT = wp.constant((SPLAT_FIELDS + 10) * PROJECT_GROUP)
-_LOGIT = wp.constant((SPLAT_FIELDS + 14) * PROJECT_GROUP)
-_MEMORY = (SPLAT_FIELDS + 15) * PROJECT_GROUP
-
-
-@wp.func
-def vec3_at(state: wp.array[float], first: int) -> wp.vec3:
-    """Vector whose components lie a group apart."""
-    return wp.vec3(state[first], state[first + _GROUP], state[first + 2 * _GROUP])
-
-
-@wp.func
-def put_vec3(value: wp.vec3, state: wp.array[float], first: int):
-    """Write what `vec3_at` reads."""
-    state[first] = value[0]
-    state[first + _GROUP] = value[1]
-    state[first + 2 * _GROUP] = value[2]
+_Z = wp.constant(SPLAT_FIELDS * GROUP_SIZE)
+_DRAWN = wp.constant((SPLAT_FIELDS + 1) * GROUP_SIZE)
+_TOP = wp.constant((SPLAT_FIELDS + 2) * GROUP_SIZE)
+_BOTTOM = wp.constant((SPLAT_FIELDS + 3) * GROUP_SIZE)
+_PARAMETERS = wp.constant((SPLAT_FIELDS + 4) * GROUP_SIZE)
+_MEMORY = (SPLAT_FIELDS + 4 + GROUP_PARAMETERS) * GROUP_SIZE
 
 
 @wp.kernel
@@ -73,7 +64,7 @@ def project_group_kernel(
     row_counts: wp.array[int],
     normals: wp.array[wp.vec3],
 ):
-    """Project ``PROJECT_GROUP`` Gaussians; the arguments are those of `project_kernel`."""
+    """Project ``GROUP_SIZE`` Gaussians; the arguments are those of `project_kernel`."""
     begin = (first + wp.tid()) * _GROUP
     size = wp.min(_GROUP, means.shape[0] - begin)
     cam = views[0]
@@ -81,21 +72,23 @@ def project_group_kernel(
     # A view: of the local array itself, LLVM reads the address anew after every write.
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
-        put_vec3(means[begin + member], state, _MEAN + member)
-        put_vec3(log_scales[begin + member], state, _LOG_SCALE + member)
-        quat = quats[begin + member]
-        put_vec3(wp.vec3(quat[0], quat[1], quat[2]), state, _QUAT + member)
-        state[_QUAT + 3 * _GROUP + member] = quat[3]
-        state[_LOGIT + member] = opacity_logits[begin + member]
+        put_parameters(
+            begin + member,
+            means,
+            log_scales,
+            quats,
+            opacity_logits,
+            state,
+            _PARAMETERS + member,
+        )
     # Of a group that is not full, the rest is zeros; what becomes of them is not written.
     for i in range(_GROUP):
-        axis = vec3_at(state, _QUAT + i)
         p = projection_of(
             cam,
-            vec3_at(state, _MEAN + i),
-            vec3_at(state, _LOG_SCALE + i),
-            wp.vec4(axis[0], axis[1], axis[2], state[_QUAT + 3 * _GROUP + i]),
-            state[_LOGIT + i],
+            vec3_at(state, _PARAMETERS + GROUP_MEAN + i),
+            vec3_at(state, _PARAMETERS + GROUP_LOG_SCALE + i),
+            vec4_at(state, _PARAMETERS + GROUP_QUAT + i),
+            state[_PARAMETERS + GROUP_LOGIT + i],
         )
         put_record(p, state, i, _GROUP)
         # Tile rows are small whole numbers: exact as floats.

@@ -13,32 +13,24 @@ from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.image_planes import ImagePlanes
 from digs_warp.parallel import ParallelLaunch, default_threads
-from digs_warp.splat.background import add_background_kernel
+from digs_warp.splat.background import add_background_kernel, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
-from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians, RasterKernels, raster_kernels
 from digs_warp.splat.footprint import ViewParams, Window, view_params
+from digs_warp.splat.group import GROUP_SIZE
+from digs_warp.splat.per_pixel import PerPixel
 from digs_warp.splat.project import project_kernel
 from digs_warp.splat.project_adjoint import project_backward_kernel
 from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
-from digs_warp.splat.project_group import PROJECT_GROUP, project_group_kernel
+from digs_warp.splat.project_group import project_group_kernel
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
-from digs_warp.splat.rasterize_cooperative import forward_cooperative_kernel, launch_cooperative
-from digs_warp.splat.rasterize_cooperative_adjoint import backward_cooperative_kernel
-from digs_warp.splat.rasterize_reference import (
-    backward_reference_kernel,
-    forward_reference_kernel,
-)
 from digs_warp.splat.records import GradientLayout
 from digs_warp.splat.statistics import SplatStatistics
 
 WHITE = (1.0, 1.0, 1.0)
-
-# Tiles around content and splats that are filled with the background: a loss with windows looks there, too.
-# That of training reads one tile, the rest of a block of 64 px and 5 px more.
-FILLED_AROUND = 5
 
 
 class SplatRenderer:
@@ -76,6 +68,7 @@ class SplatRenderer:
         self.options = options
         self.kernels = kernels or raster_kernels(device)
         self.vectorized = self.kernels == "vectorized"
+        self._per_pixel = PerPixel(self.kernels == "cooperative", options)
         # The atomics of the plain kernels are plain additions on a CPU: one thread.
         self.threads = (threads or default_threads()) if self.vectorized else 1
 
@@ -153,8 +146,9 @@ class SplatRenderer:
             window: only the tiles that touch these pixels are drawn; the others keep what they held, and
                 splats outside get no gradient. Default: the whole image.
             content: pixels that are looked at although no splat may be there. Tiles without splats that lie
-                more than `FILLED_AROUND` tiles outside of the box of these and of all splats keep what they
-                held: most of the image, when a single object is trained. Default: the whole image.
+                more than `FILLED_AROUND` tiles (`digs_warp.splat.background`) outside of the box of these
+                and of all splats keep what they held: most of the image, when a single object is trained.
+                Default: the whole image.
 
         Raises:
             ValueError: the camera's or the background's image does not fit the renderer.
@@ -183,7 +177,9 @@ class SplatRenderer:
         if self.binner.generation != self._generation:
             self._record_rasterization()
         if self.vectorized:
-            self._filled.assign(self._filled_tiles(content))
+            boxes = None if content is None else [self.binner.drawn_box(), content]
+            filled = tiles_with_background(boxes, self.binner.columns, self.binner.rows)
+            self._filled.assign(filled)
             self._forward.run()
         else:
             self._forward_per_pixel()
@@ -241,19 +237,6 @@ class SplatRenderer:
         self._degree = -1
         self._generation = -1
 
-    def _filled_tiles(self, content: Window | None) -> np.ndarray:
-        """Return the tile columns first .. end and rows first .. end that show the background, (4,)."""
-        columns, rows = self.binner.columns, self.binner.rows
-        if content is None:
-            return np.array([0, columns, 0, rows], dtype=np.int32)
-        boxes = np.array([self.binner.drawn_box(), content])
-        boxes = boxes[(boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3])]
-        if not len(boxes):
-            return np.zeros(4, dtype=np.int32)
-        x0, y0 = boxes[:, :2].min(axis=0) // TILE_SIZE - FILLED_AROUND
-        x1, y1 = -(-boxes[:, 2:].max(axis=0) // TILE_SIZE) + FILLED_AROUND
-        return np.array([x0, x1, y0, y1], dtype=np.int32)
-
     def _resize(self, width: int, height: int) -> None:
         for planes in self._all_planes:
             planes.resize(width, height)
@@ -267,7 +250,7 @@ class SplatRenderer:
         count = len(self.gaussians)
         self._project = self._launch(
             project_group_kernel if self.vectorized else project_kernel,
-            -(-count // PROJECT_GROUP) if self.vectorized else count,
+            -(-count // GROUP_SIZE) if self.vectorized else count,
             [self._views, *self.gaussians.arrays, degree, *outputs, self._normals],
             even=True,
         )
@@ -284,7 +267,7 @@ class SplatRenderer:
         if self.vectorized and not self._camera_gradient and not self.options.has_normals:
             self._project_backward = self._launch(
                 project_backward_group_kernel,
-                -(-len(self.gaussians) // PROJECT_GROUP),
+                -(-len(self.gaussians) // GROUP_SIZE),
                 [*pulled, layout.absolute, *self.gradients.arrays, *statistics.arrays],
                 even=True,
             )
@@ -327,29 +310,13 @@ class SplatRenderer:
 
     def _forward_per_pixel(self) -> None:
         arguments = [*self._raster_inputs(), self._background, *self._raster_outputs()]
-        if self.kernels == "cooperative":
-            kernel = forward_cooperative_kernel(self.options.has_depth, self.options.has_normals)
-            launch_cooperative(kernel, self.binner.tiles, arguments, self.device)
-        else:
-            self._launch_plain(forward_reference_kernel, arguments)
+        self._per_pixel.forward(self.image, self.binner.tiles, arguments)
 
     def _backward_per_pixel(self) -> None:
-        lists, layout = self.binner.lists, self._layout
-        inputs = [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
-        pairs = [lists.tile_pairs, lists.pair_gradients]
-        if self.kernels == "cooperative":
-            kernel = backward_cooperative_kernel(
-                self.options.has_depth, self.options.has_normals, layout.absolute >= 0
-            )
-            launch_cooperative(kernel, self.binner.tiles, [*inputs, *pairs], self.device)
-        else:
-            lists.pair_gradients.zero_()
-            fields = [layout.depth, layout.normal, layout.absolute]
-            self._launch_plain(backward_reference_kernel, [*inputs, *fields, *pairs])
-
-    def _launch_plain(self, kernel: Any, arguments: list[Any]) -> None:
-        size = self.image.height, self.image.width
-        wp.launch(kernel, dim=size, inputs=arguments, device=self.device, record_tape=False)
+        lists = self.binner.lists
+        arguments = [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
+        pairs = lists.tile_pairs, lists.pair_gradients
+        self._per_pixel.backward(self.image, self.binner.tiles, arguments, pairs, self._layout)
 
     def _add_background(self, behind: ImagePlanes) -> None:
         image = self.image

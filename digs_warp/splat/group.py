@@ -1,0 +1,72 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""A group of Gaussians in local memory, field by field: LLVM works on all of a group at once.
+
+Component c of a field lies c groups after the field's first component, one member after the other.
+"""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+# Gaussians in a group.
+GROUP_SIZE = 16
+
+_GROUP = wp.constant(GROUP_SIZE)
+# Where the parameters lie, after the place at which they begin.
+GROUP_MEAN = wp.constant(0)
+GROUP_LOG_SCALE = wp.constant(3 * GROUP_SIZE)
+GROUP_QUAT = wp.constant(6 * GROUP_SIZE)
+GROUP_LOGIT = wp.constant(10 * GROUP_SIZE)
+GROUP_PARAMETERS = 11  # fields
+
+
+@wp.func
+def vec3_at(state: wp.array[float], first: int) -> wp.vec3:
+    """Vector whose components lie a group apart."""
+    return wp.vec3(state[first], state[first + _GROUP], state[first + 2 * _GROUP])
+
+
+@wp.func
+def put_vec3(value: wp.vec3, state: wp.array[float], first: int):
+    """Write what `vec3_at` reads."""
+    state[first] = value[0]
+    state[first + _GROUP] = value[1]
+    state[first + 2 * _GROUP] = value[2]
+
+
+@wp.func
+def vec4_at(state: wp.array[float], first: int) -> wp.vec4:
+    """Vector whose components lie a group apart."""
+    return wp.vec4(
+        state[first],
+        state[first + _GROUP],
+        state[first + 2 * _GROUP],
+        state[first + 3 * _GROUP],
+    )
+
+
+@wp.func
+def put_vec4(value: wp.vec4, state: wp.array[float], first: int):
+    """Write what `vec4_at` reads."""
+    state[first] = value[0]
+    state[first + _GROUP] = value[1]
+    state[first + 2 * _GROUP] = value[2]
+    state[first + 3 * _GROUP] = value[3]
+
+
+@wp.func
+def put_parameters(
+    g: int,
+    means: wp.array[wp.vec3],
+    log_scales: wp.array[wp.vec3],
+    quats: wp.array[wp.vec4],
+    opacity_logits: wp.array[float],
+    state: wp.array[float],
+    first: int,
+):
+    """Write what shapes Gaussian g; ``first`` is where its group's parameters begin, and its place in it."""
+    put_vec3(means[g], state, first + GROUP_MEAN)
+    put_vec3(log_scales[g], state, first + GROUP_LOG_SCALE)
+    put_vec4(quats[g], state, first + GROUP_QUAT)
+    state[first + GROUP_LOGIT] = opacity_logits[g]
