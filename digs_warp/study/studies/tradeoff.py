@@ -244,7 +244,8 @@ def _sentence(turned: Measured, usual: tuple[Spread, Spread]) -> str:
     best = max(turned, key=lambda key: turned[key][1].mean)
     fastest = min(turned, key=lambda key: turned[key][0].mean)
     words = []
-    for title, key in (("Best", best), ("Fastest", fastest)):
+    first = "Best" if turned[best][1].mean > usual[1].mean else "None is better; nearest"
+    for title, key in ((first, best), ("Fastest", fastest)):
         seconds, quality = _difference(*turned[key], usual)
         words.append(f"{title}: {key[1]}, {quality:+.2f} dB for {seconds:+.1f} s")
     return "; ".join(words if best != fastest else words[:1]) + ", against the usual settings."

@@ -81,7 +81,8 @@ def test_a_knob_is_priced_against_the_usual_settings() -> None:
     sections = {section.title: section for section in study.sections(records)}
     row = sections["Iterations"].tables[0].rows[0]
     assert row[3:] == ["+5.0", "+1.50"]
-    assert "+1.50 dB for +5.0 s" in sections["Iterations"].text
+    assert "Best: 100, +1.50 dB for +5.0 s" in sections["Iterations"].text
+    assert "None is better; nearest: 16, +0.00 dB for +0.0 s" in sections["Frames"].text
     # Sensing overlaps with rendering, and compiling is no part of a run.
     assert row[1] == "36.0"
 
