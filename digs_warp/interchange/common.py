@@ -79,6 +79,29 @@ def warn_of_lost_depth(lost: int, units_per_metre: float, form: str) -> None:
         )
 
 
+def write_colors_and_depths(
+    capture: Capture, form: str, units_per_metre: float, paths: Callable[[int], tuple[Path, Path]]
+) -> None:
+    """Write the left image and the depth of every frame, and warn of depth that the format cannot hold.
+
+    Args:
+        capture: has depth.
+        form: name of the format.
+        units_per_metre: of its depth.
+        paths: where image and depth of a frame go, by its number.
+    """
+
+    def write_frame(number: int, frame: Frame) -> int:
+        color_path, depth_path = paths(number)
+        copy_image(frame, color_path)
+        depth, lost = encode_depth(frame.load_depth(), units_per_metre)
+        write_image(depth_path, depth)
+        return lost
+
+    lost = sum(for_each_frame(capture, f"Writing {form}", write_frame))
+    warn_of_lost_depth(lost, units_per_metre, form)
+
+
 def integer_centered(intrinsics: Intrinsics) -> Intrinsics:
     """Return the camera with the centre of the first pixel at (0, 0) instead of (0.5, 0.5).
 

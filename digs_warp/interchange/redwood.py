@@ -10,14 +10,10 @@ See https://www.open3d.org/docs/release/tutorial/reconstruction_system/system_ov
 from pathlib import Path
 
 from digs_warp.capture import Capture, Frame
-from digs_warp.images import write_image
 from digs_warp.interchange.common import (
-    copy_image,
-    encode_depth,
-    for_each_frame,
     integer_centered,
     the_one_camera,
-    warn_of_lost_depth,
+    write_colors_and_depths,
 )
 from digs_warp.log import to_json, write_atomically
 
@@ -32,14 +28,10 @@ def write_redwood(capture: Capture, folder: Path) -> None:
     """
     k = integer_centered(the_one_camera(capture, "Redwood"))
 
-    def write_frame(number: int, frame: Frame) -> int:
-        copy_image(frame, folder / f"color/{number:05d}.png")
-        depth, lost = encode_depth(frame.load_depth(), DEPTH_UNITS_PER_METRE)
-        write_image(folder / f"depth/{number:05d}.png", depth)
-        return lost
+    def paths(number: int) -> tuple[Path, Path]:
+        return folder / f"color/{number:05d}.png", folder / f"depth/{number:05d}.png"
 
-    lost = sum(for_each_frame(capture, "Writing Redwood", write_frame))
-    warn_of_lost_depth(lost, DEPTH_UNITS_PER_METRE, "Redwood")
+    write_colors_and_depths(capture, "Redwood", DEPTH_UNITS_PER_METRE, paths)
     poses = "".join(_log_entry(number, frame) for number, frame in enumerate(capture.frames))
     write_atomically(folder / "trajectory.log", poses.encode())
     # Open3D lists the matrix column by column.

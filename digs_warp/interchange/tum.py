@@ -12,14 +12,10 @@ from pathlib import Path
 from digs_warp.capture import Capture, Frame
 from digs_warp.checks import CaptureError
 from digs_warp.geometry import quat_xyzw_from_matrix
-from digs_warp.images import write_image
 from digs_warp.interchange.common import (
-    copy_image,
-    encode_depth,
-    for_each_frame,
     integer_centered,
     the_one_camera,
-    warn_of_lost_depth,
+    write_colors_and_depths,
 )
 from digs_warp.log import write_atomically
 
@@ -40,14 +36,10 @@ def write_tum(capture: Capture, folder: Path) -> None:
             "RGB-D; correct 'time' in transforms.json"
         )
 
-    def write_frame(number: int, frame: Frame) -> int:
-        copy_image(frame, folder / f"rgb/{stamps[number]}.png")
-        depth, lost = encode_depth(frame.load_depth(), DEPTH_UNITS_PER_METRE)
-        write_image(folder / f"depth/{stamps[number]}.png", depth)
-        return lost
+    def paths(number: int) -> tuple[Path, Path]:
+        return folder / f"rgb/{stamps[number]}.png", folder / f"depth/{stamps[number]}.png"
 
-    lost = sum(for_each_frame(capture, "Writing TUM RGB-D", write_frame))
-    warn_of_lost_depth(lost, DEPTH_UNITS_PER_METRE, "TUM RGB-D")
+    write_colors_and_depths(capture, "TUM RGB-D", DEPTH_UNITS_PER_METRE, paths)
     for name, title in (("rgb", "color images"), ("depth", "depth maps")):
         lines = [f"# {title}", "# timestamp filename"]
         lines += [f"{stamp} {name}/{stamp}.png" for stamp in stamps]

@@ -186,6 +186,30 @@ def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.ve
     return f
 
 
+@wp.struct
+class Spread:
+    """The covariance of a splat on the image [px^2], before the dilation; see `digs_warp.splat.project`."""
+
+    a: float
+    b: float
+    c: float
+    det_before: float  # of that matrix
+    det: float  # of the dilated one
+
+
+@wp.func
+def spread_of(cam: ViewParams, f: Footprint) -> Spread:
+    """Return M M^T and its determinants, as sums of squares."""
+    s = Spread()
+    s.a = wp.dot(f.m0, f.m0)
+    s.b = wp.dot(f.m0, f.m1)
+    s.c = wp.dot(f.m1, f.m1)
+    cross = wp.cross(f.m0, f.m1)
+    s.det_before = wp.dot(cross, cross)
+    s.det = s.det_before + cam.dilation * (s.a + s.c) + cam.dilation * cam.dilation
+    return s
+
+
 @wp.func
 def shortest_axis(f: Footprint) -> int:
     """Index of the local axis along which a Gaussian is thinnest."""

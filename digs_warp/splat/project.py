@@ -18,7 +18,7 @@ from digs_warp.splat.config import (
     TILE_SIZE,
 )
 from digs_warp.splat.elementary import larger, log_of, sigmoid, smaller
-from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of
+from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of, spread_of
 from digs_warp.splat.records import (
     SPLAT_A,
     SPLAT_B,
@@ -88,15 +88,10 @@ def projection_of(
     f = footprint_of(cam, mean, log_scale, quat)
     p.z = f.point[2]
     opacity = sigmoid(opacity_logit)
-    aa = wp.dot(f.m0, f.m0)
-    cc = wp.dot(f.m1, f.m1)
-    b = wp.dot(f.m0, f.m1)
-    cross = wp.cross(f.m0, f.m1)
-    det_before = wp.dot(cross, cross)
-    det = det_before + cam.dilation * (aa + cc) + cam.dilation * cam.dilation
-    opacity = wp.where(cam.antialias != 0, opacity * compensation(det_before, det), opacity)
-    var_x = aa + cam.dilation
-    var_y = cc + cam.dilation
+    s = spread_of(cam, f)
+    opacity = wp.where(cam.antialias != 0, opacity * compensation(s.det_before, s.det), opacity)
+    var_x = s.a + cam.dilation
+    var_y = s.c + cam.dilation
     p.tau = 2.0 * log_of(opacity / cam.min_alpha)
     p.half_width = wp.sqrt(p.tau * var_x) + _SLACK
     p.half_height = wp.sqrt(p.tau * var_y) + _SLACK
@@ -118,21 +113,21 @@ def projection_of(
     drawn = wp.where(p.z > cam.near, 1, 0)
     drawn &= wp.where(p.z < _MAX_VARIANCE, 1, 0)
     drawn &= wp.where(opacity > cam.min_alpha, 1, 0)
-    drawn &= wp.where(aa < _MAX_VARIANCE, 1, 0)
-    drawn &= wp.where(cc < _MAX_VARIANCE, 1, 0)
+    drawn &= wp.where(s.a < _MAX_VARIANCE, 1, 0)
+    drawn &= wp.where(s.c < _MAX_VARIANCE, 1, 0)
     drawn &= wp.where(p.u + p.half_width > left, 1, 0)
     drawn &= wp.where(p.u - p.half_width < right, 1, 0)
     drawn &= wp.where(p.v + p.half_height > upper, 1, 0)
     drawn &= wp.where(p.v - p.half_height < lower, 1, 0)
     p.drawn = drawn & wp.where(top <= bottom, 1, 0)
-    p.a = var_y / det
-    p.b = -b / det
-    p.c = var_x / det
+    p.a = var_y / s.det
+    p.b = -s.b / s.det
+    p.c = var_x / s.det
     p.opacity = opacity
-    p.slope = b / var_x
-    p.chord = _ROUNDING * p.tau * (det / var_x)
-    p.taper = (det / var_x) / var_x
-    p.peak = b * wp.sqrt(p.tau / var_y)
+    p.slope = s.b / var_x
+    p.chord = _ROUNDING * p.tau * (s.det / var_x)
+    p.taper = (s.det / var_x) / var_x
+    p.peak = s.b * wp.sqrt(p.tau / var_y)
     return p
 
 

@@ -11,7 +11,7 @@ import warp as wp
 
 from digs_warp.splat.config import MIN_COMPENSATION
 from digs_warp.splat.elementary import sigmoid
-from digs_warp.splat.footprint import Footprint, ViewParams, rotation_adjoint
+from digs_warp.splat.footprint import Footprint, ViewParams, rotation_adjoint, spread_of
 from digs_warp.splat.project import compensation
 from digs_warp.splat.records import SPLAT_RED
 from digs_warp.splat.shade import sh_adjoint
@@ -133,20 +133,15 @@ def shape_gradient(
     # With antialiasing the opacity has a factor sqrt(rho), rho = det before / det of the dilation:
     # d ln(rho) = d det_before / det_before - d det / det
     opacity = sigmoid(opacity_logit)
-    aa = wp.dot(f.m0, f.m0)
-    cc = wp.dot(f.m1, f.m1)
-    b = wp.dot(f.m0, f.m1)
-    cross = wp.cross(f.m0, f.m1)
-    det_before = wp.dot(cross, cross)
-    det = det_before + cam.dilation * (aa + cc) + cam.dilation * cam.dilation
-    factor = wp.where(cam.antialias != 0, compensation(det_before, det), 1.0)
-    rho = det_before / det
+    s = spread_of(cam, f)
+    factor = wp.where(cam.antialias != 0, compensation(s.det_before, s.det), 1.0)
+    rho = s.det_before / s.det
     d_rho = d.opacity * opacity * 0.5 / factor
     varies = cam.antialias != 0 and factor > _MIN_COMPENSATION
-    grow = wp.where(varies, 2.0 * d_rho * (1.0 - rho) / det, 0.0)
-    shrink_both = wp.where(varies, 2.0 * d_rho * rho * cam.dilation / det, 0.0)
-    dm0 += grow * (cc * f.m0 - b * f.m1) - shrink_both * f.m0
-    dm1 += grow * (aa * f.m1 - b * f.m0) - shrink_both * f.m1
+    grow = wp.where(varies, 2.0 * d_rho * (1.0 - rho) / s.det, 0.0)
+    shrink_both = wp.where(varies, 2.0 * d_rho * rho * cam.dilation / s.det, 0.0)
+    dm0 += grow * (s.c * f.m0 - s.b * f.m1) - shrink_both * f.m0
+    dm1 += grow * (s.a * f.m1 - s.b * f.m0) - shrink_both * f.m1
     out = ShapeGradient()
     out.opacity_logit = d.opacity * factor * opacity * (1.0 - opacity)
 
