@@ -50,6 +50,11 @@ class FrontEndConfig:
     test_every: int = 8
     """Every n-th view, from the first on, is held out for the evaluation."""
 
+    @property
+    def needs_sfm(self) -> bool:
+        """Whether images are matched: for the poses, or for the sparse points that a strategy starts from."""
+        return self.sfm.poses != "capture" or self.init.strategy in NEED_SFM
+
 
 @dataclass(frozen=True, eq=False)
 class _Model:
@@ -79,7 +84,7 @@ def front_end(
         )
     frames = _split(capture, config.test_every)
     sparse = None
-    if config.sfm.poses != "capture" or config.init.strategy in NEED_SFM:
+    if config.needs_sfm:
         with log.stage("structure from motion"):
             sparse = _structure_from_motion(capture, config.sfm, folder / SFM, log)
     if config.segment.masks != "capture":

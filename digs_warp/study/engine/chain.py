@@ -1,15 +1,21 @@
-"""Runs one case: recording -> reconstruction -> numbers. Recordings are shared between cases."""
+"""Runs one case: recording -> reconstruction -> numbers. Recordings are shared between cases.
+
+So is structure from motion with the same settings. Cases that run at the same time wait for each other where
+they share: one makes it, the others take it.
+"""
 
 import json
 import logging
 import resource
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from filelock import FileLock
 
 from digs_warp.capture import Capture, Frame
 from digs_warp.gaussians import Gaussians
@@ -30,6 +36,7 @@ if TYPE_CHECKING:
 CAPTURES = "captures"
 SFM = "sfm"
 WORK = "work"
+NOTE = "study.json"  # beside shared structure from motion: the seconds that it took
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
 SCENE_SETTINGS = ("mesh", "environment", "object_size", "up")
@@ -65,12 +72,14 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
-    work, matched = _workplace(case, config, folder)
-    with _CompileTimes() as compiled:
-        gaussians = reconstruct(capture, config, work)
+    matched = _matched(case, config, folder)
+    with _one_matches(config, matched):
+        work = _workplace(case, matched, folder)
+        with _CompileTimes() as compiled:
+            gaussians = reconstruct(capture, config, work)
+        measured = _measure(work)
+        _share_sfm(work, matched, measured["seconds"])
     posed = PosedFrames.load(capture, work)
-    measured = _measure(work)
-    _share_sfm(work, matched, measured["seconds"])
     yardstick = _yardstick(case, folder)
     measured |= {
         "yardstick": score_on_yardstick(gaussians, yardstick),
@@ -99,28 +108,58 @@ def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, Point
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
-    work, matched = _workplace(case, config, folder)
+    matched = _matched(case, config, folder)
     log = RunLog("reconstruct", config)
-    frames, points = front_end(capture, config, work, log)
-    _share_sfm(work, matched, log.seconds)
+    with _one_matches(config, matched):
+        work = _workplace(case, matched, folder)
+        frames, points = front_end(capture, config, work, log)
+        _share_sfm(work, matched, log.seconds)
     shutil.rmtree(work)
     return capture, frames, points
 
 
-def _workplace(case: Case, config: "ReconstructConfig", folder: Path) -> tuple[Path, Path]:
-    """Return a folder for a case, empty but for structure from motion where done, and where that lies."""
+def _matched(case: Case, config: "ReconstructConfig", folder: Path) -> Path:
+    """Return where structure from motion is shared with the cases of the same settings."""
+    return folder / SFM / digest([case.recording, config.sfm])
+
+
+def _is_shared(matched: Path) -> bool:
+    # The note is written last.
+    return (matched / NOTE).is_file()
+
+
+@contextmanager
+def _one_matches(config: "ReconstructConfig", matched: Path) -> Iterator[None]:
+    """Let one case do structure from motion, while the others that share it wait; later ones just take it."""
+    with ExitStack() as held:
+        if config.needs_sfm and not _is_shared(matched):
+            held.enter_context(_lock(matched))
+            if _is_shared(matched):
+                held.close()
+        yield
+
+
+def _workplace(case: Case, matched: Path, folder: Path) -> Path:
+    """Return a folder for a case, empty but for structure from motion where it is shared."""
     work = folder / WORK / case.key
     shutil.rmtree(work, ignore_errors=True)
-    matched = folder / SFM / digest([case.recording, config.sfm])
-    if matched.is_dir():
+    if _is_shared(matched):
         shutil.copytree(matched, work / "sfm")
-    return work, matched
+    return work
 
 
 def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
     from sim.record import simulate
 
-    return simulate(config, folder / CAPTURES / key, resume=True)
+    recording = folder / CAPTURES / key
+    with _lock(recording):
+        return simulate(config, recording, resume=True)
+
+
+def _lock(made: Path) -> FileLock:
+    """Return the lock of a folder that only one process may make; a killed one lets go of it."""
+    made.parent.mkdir(parents=True, exist_ok=True)
+    return FileLock(f"{made}.lock")
 
 
 def _measure(work: Path) -> dict[str, Any]:
@@ -140,12 +179,12 @@ def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
     stage = "structure from motion"
     if stage not in seconds:  # this case takes its poses from the recording, and no sparse points
         return
-    note = matched / "study.json"
-    if note.is_file():
-        seconds[stage] = read_json(note, "note")["seconds"]
+    if _is_shared(matched):
+        seconds[stage] = read_json(matched / NOTE, "note")["seconds"]
     else:
-        shutil.copytree(work / "sfm", matched, dirs_exist_ok=True)
-        write_atomically(note, to_json({"seconds": seconds[stage]}).encode())
+        shutil.rmtree(matched, ignore_errors=True)  # what a killed case had begun to copy
+        shutil.copytree(work / "sfm", matched)
+        write_atomically(matched / NOTE, to_json({"seconds": seconds[stage]}).encode())
 
 
 def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:

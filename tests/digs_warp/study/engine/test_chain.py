@@ -1,5 +1,6 @@
 """Structure from motion is shared between cases, with its time; the scale is judged by the poses it gave."""
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from digs_warp.posed_frames import PosedFrames
 from digs_warp.reconstruct import ReconstructConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.chain import _scale_error, _share_sfm, start_of_case
+from digs_warp.study.engine.chain import _one_matches, _scale_error, _share_sfm, start_of_case
 
 STAGE = "structure from motion"
 
@@ -39,6 +40,39 @@ def test_a_case_without_the_stage_does_not_count_it(shared: Path, tmp_path: Path
     seconds = {"train": 3.0}
     _share_sfm(tmp_path / "next", shared, seconds)
     assert seconds == {"train": 3.0}
+
+
+@pytest.mark.parametrize("shares", [True, False])
+def test_cases_that_share_structure_from_motion_wait_for_the_first(
+    tmp_path: Path, shares: bool
+) -> None:
+    config = ReconstructConfig(sfm=SfmConfig(poses="sfm" if shares else "capture"))
+    work, matched = tmp_path / "first", tmp_path / "sfm" / "shared"
+    (work / "sfm").mkdir(parents=True)
+    found_by_second = []
+    entered = threading.Event()
+
+    def second() -> None:
+        with _one_matches(config, matched):
+            found_by_second.append(matched.is_dir())
+            entered.set()
+
+    with _one_matches(config, matched):
+        thread = threading.Thread(target=second)
+        thread.start()
+        entered.wait(0.5 if shares else 60.0)
+        _share_sfm(work, matched, {STAGE: 12.5})
+    thread.join()
+    assert found_by_second == [shares]
+
+
+def test_what_a_killed_case_had_begun_to_share_is_not_taken(tmp_path: Path) -> None:
+    (tmp_path / "work" / "sfm").mkdir(parents=True)
+    matched = tmp_path / "shared"
+    matched.mkdir()
+    (matched / "half").touch()
+    _share_sfm(tmp_path / "work", matched, {STAGE: 1.0})
+    assert [path.name for path in matched.iterdir()] == ["study.json"]
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.03, 0.98])
