@@ -154,8 +154,9 @@ Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
 def _measured(records: Sequence[Record]) -> Measured:
     """Return mean time and quality of every setting.
 
-    A time budget may have left an object out for some settings. Each setting is therefore compared with the
-    usual one on the objects that both have; the mean difference is added to the mean of the usual one.
+    A time budget may have left an object out for some settings, or the machine was busier for one. Each
+    setting is therefore compared with the usual one on the objects that both have: as many times the seconds,
+    so many dB more. The means of that are put upon the means of the usual one.
     """
     usual = {_subject(r): _numbers(r) for r in records if r["labels"]["knob"] == USUAL}
     usual = {subject: pair for subject, pair in usual.items() if pair}
@@ -167,10 +168,8 @@ def _measured(records: Sequence[Record]) -> Measured:
         pairs = [
             (n, usual[_subject(r)]) for r in group if (n := _numbers(r)) and _subject(r) in usual
         ]
-        seconds, quality = (
-            Spread.of(level + own[i] - base[i] for own, base in pairs)
-            for i, level in enumerate(levels)
-        )
+        seconds = Spread.of(levels[0] * own[0] / base[0] for own, base in pairs)
+        quality = Spread.of(levels[1] + own[1] - base[1] for own, base in pairs)
         if seconds and quality:
             found[key] = (seconds, quality)
     return found
@@ -213,7 +212,9 @@ def _front(measured: Measured) -> Section:
     )
     text = (
         "Every point is one setting, averaged over the objects; from the recording to the Gaussians. All are "
-        "measured on the same views of a perfect camera on a walk that no recording took."
+        "measured on the same views of a perfect camera on a walk that no recording took. Each object is "
+        "compared with its own usual settings, which therefore have no spread; ± says how far objects differ "
+        "in what a setting costs and gives."
     )
     table = Table("front", ["setting", "seconds", "PSNR [dB]"], rows)
     return Section("What is worth its time", text, [table], [chart])

@@ -107,6 +107,24 @@ def test_a_knob_is_compared_on_the_objects_that_both_settings_have() -> None:
     assert best is not None and best.quality.mean == pytest.approx(29.0)
 
 
+def test_a_busier_machine_for_one_object_does_not_change_what_a_setting_costs() -> None:
+    study = BY_NAME["tradeoff"]
+    records = []
+    for case in study.cases(2, 1, 500):
+        record = record_of(case, 0)
+        longer = 5.0 * (case.labels["knob"] == "iterations")
+        slowness = (
+            1.0 if case.labels["object"] == study.cases(1, 1, 500)[0].labels["object"] else 3.0
+        )
+        record["seconds"]["train"] = slowness * (record["seconds"]["train"] + longer)
+        for stages in (record["seconds"], record["recording_seconds"]):
+            stages |= {name: slowness * value for name, value in stages.items() if name != "train"}
+        records.append(record)
+    sections = {section.title: section for section in study.sections(records)}
+    # 31 s and 93 s with the usual settings, 36 s and 108 s with more iterations.
+    assert sections["Iterations"].tables[0].rows[0][1:4:2] == ["72.0 ± 0.0", "+10.0"]
+
+
 def test_laws_find_the_costs_that_made_the_seconds() -> None:
     from digs_warp.study.studies.scaling import LAWS, PLANS, fit, load_of, value_of
 
