@@ -19,8 +19,10 @@ logger = logging.getLogger(__name__)
 # The four pixels around an observation see one surface when their depths differ by less than this share.
 SAME_SURFACE = 0.01
 
-# With fewer ratios inside the masks, the whole image tells the scale: an object can lack texture.
-MIN_MASKED = 200
+# With fewer ratios inside the masks, the whole image tells the scale: an object can lack texture. On six
+# recorded objects the mode of 100 ratios from the object missed the scale by 0.2 %; all of the image, whose
+# surround lies far away and is measured worse, missed it by up to 0.4 %.
+MIN_MASKED = 100
 
 
 def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> np.ndarray:
