@@ -16,8 +16,8 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-import torch
-from gsplat.cuda import _torch_impl as gsplat
+import torch  # pyright: ignore[reportMissingImports]
+from gsplat.cuda import _torch_impl as gsplat  # pyright: ignore[reportMissingImports]
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.gaussians import Gaussians
@@ -103,7 +103,7 @@ def blend(
 def compare_gradients(splats: int, seeds: int) -> list[Result]:
     """Return the largest error of image and gradients over some scenes, relative to the largest value."""
     view = camera(64, 48)
-    worst = dict.fromkeys(("image", *FIELDS), 0.0)
+    worst: dict[str, float] = dict.fromkeys(("image", *FIELDS), 0.0)
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         gaussians = random_gaussians(splats, rng)
@@ -120,7 +120,9 @@ def compare_gradients(splats: int, seeds: int) -> list[Result]:
         renderer.forward(view, near=NEAR)
         renderer.adj_image.assign(weights.astype(np.float32))
         renderer.backward()
-        pairs = {"image": (renderer.image.to_numpy(), image.detach().numpy())}
+        pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {
+            "image": (renderer.image.to_numpy(), image.detach().numpy())
+        }
         for name, ours in zip(FIELDS, renderer.gradients.arrays, strict=True):
             theirs = p[name].grad
             assert theirs is not None

@@ -29,7 +29,7 @@ from digs_warp.study.engine.overrides import with_settings
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.surface_metrics import surface_score
 from sim.config import SimulateConfig
-from sim.frame_maker import Clock, FrameMaker
+from sim.frame_maker import FrameMaker
 from sim.sensor_plan import make_plan
 from sim.session import load_inputs, prepare_session
 
@@ -83,7 +83,7 @@ def true_view(case: Case) -> FrameImages:
     )
     session = prepare_session(config, load_inputs(config))
     maker = FrameMaker(session, make_plan(session))
-    return maker.finish(maker.render(FRAME), Clock())
+    return maker.finish(maker.render(FRAME), {})
 
 
 def window_around(mask: np.ndarray) -> tuple[slice, slice]:
