@@ -13,12 +13,11 @@ wp.set_module_options({"enable_backward": False})
 GROUP_SIZE = 16
 
 _GROUP = wp.constant(GROUP_SIZE)
-# Where the parameters lie, after the place at which they begin.
-GROUP_MEAN = wp.constant(0)
-GROUP_LOG_SCALE = wp.constant(3 * GROUP_SIZE)
-GROUP_QUAT = wp.constant(6 * GROUP_SIZE)
-GROUP_LOGIT = wp.constant(10 * GROUP_SIZE)
-GROUP_PARAMETERS = 11  # fields
+# Where the parameters lie, after the place at which they begin; and how many fields they are.
+_LOG_SCALE = wp.constant(3 * GROUP_SIZE)
+_QUAT = wp.constant(6 * GROUP_SIZE)
+_LOGIT = wp.constant(10 * GROUP_SIZE)
+GROUP_PARAMETERS = 11
 
 
 @wp.func
@@ -57,16 +56,24 @@ def put_vec4(value: wp.vec4, state: wp.array[float], first: int):
 
 @wp.func
 def put_parameters(
-    g: int,
-    means: wp.array[wp.vec3],
-    log_scales: wp.array[wp.vec3],
-    quats: wp.array[wp.vec4],
-    opacity_logits: wp.array[float],
+    mean: wp.vec3,
+    log_scale: wp.vec3,
+    quat: wp.vec4,
+    opacity_logit: float,
     state: wp.array[float],
     first: int,
 ):
-    """Write what shapes Gaussian g; ``first`` is where its group's parameters begin, and its place in it."""
-    put_vec3(means[g], state, first + GROUP_MEAN)
-    put_vec3(log_scales[g], state, first + GROUP_LOG_SCALE)
-    put_vec4(quats[g], state, first + GROUP_QUAT)
-    state[first + GROUP_LOGIT] = opacity_logits[g]
+    """Write what shapes a Gaussian; ``first`` is where its group's parameters begin, and its place in it."""
+    put_vec3(mean, state, first)
+    put_vec3(log_scale, state, first + _LOG_SCALE)
+    put_vec4(quat, state, first + _QUAT)
+    state[first + _LOGIT] = opacity_logit
+
+
+@wp.func
+def parameters_at(state: wp.array[float], first: int):
+    """Return what `put_parameters` wrote, in its order."""
+    mean = vec3_at(state, first)
+    log_scale = vec3_at(state, first + _LOG_SCALE)
+    quat = vec4_at(state, first + _QUAT)
+    return mean, log_scale, quat, state[first + _LOGIT]

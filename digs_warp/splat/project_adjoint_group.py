@@ -10,17 +10,12 @@ import warp as wp
 
 from digs_warp.splat.footprint import ViewParams, footprint_of
 from digs_warp.splat.group import (
-    GROUP_LOG_SCALE,
-    GROUP_LOGIT,
-    GROUP_MEAN,
     GROUP_PARAMETERS,
-    GROUP_QUAT,
     GROUP_SIZE,
+    parameters_at,
     put_parameters,
     put_vec3,
-    put_vec4,
     vec3_at,
-    vec4_at,
 )
 from digs_warp.splat.records import SPLAT_A
 from digs_warp.splat.shape_gradient import (
@@ -96,7 +91,7 @@ def project_backward_group_kernel(
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
         g = begin + member
-        put_parameters(g, means, log_scales, quats, opacity_logits, state, member)
+        put_parameters(means[g], log_scales[g], quats[g], opacity_logits[g], state, member)
         conic = wp.vec3(splats[g, SPLAT_A], splats[g, SPLAT_A + 1], splats[g, SPLAT_A + 2])
         put_vec3(conic, state, _CONIC + member)
         d = gather(
@@ -112,10 +107,8 @@ def project_backward_group_kernel(
         state[_ABSOLUTE_V + member] = d.absolute_v
     # Of a group that is not full, the rest is zeros; what becomes of them is not written.
     for i in range(_GROUP):
-        q = vec4_at(state, GROUP_QUAT + i)
-        f = footprint_of(
-            cam, vec3_at(state, GROUP_MEAN + i), vec3_at(state, GROUP_LOG_SCALE + i), q
-        )
+        mean, log_scale, q, opacity_logit = parameters_at(state, i)
+        f = footprint_of(cam, mean, log_scale, q)
         pulled = SplatGradient()
         pulled.u = state[_D_U + i]
         pulled.v = state[_D_V + i]
@@ -124,13 +117,9 @@ def project_backward_group_kernel(
         pulled.c = state[_D_CONIC + 2 * _GROUP + i]
         pulled.opacity = state[_D_OPACITY + i]
         pulled.depth = state[_D_DEPTH + i]
-        s = shape_gradient(
-            cam, f, q, state[GROUP_LOGIT + i], vec3_at(state, _CONIC + i), pulled, wp.mat33()
-        )
-        put_vec3(wp.transpose(cam.rotation) * s.point, state, GROUP_MEAN + i)
-        put_vec3(s.log_scale, state, GROUP_LOG_SCALE + i)
-        put_vec4(s.quat, state, GROUP_QUAT + i)
-        state[GROUP_LOGIT + i] = s.opacity_logit
+        s = shape_gradient(cam, f, q, opacity_logit, vec3_at(state, _CONIC + i), pulled, wp.mat33())
+        d_mean = wp.transpose(cam.rotation) * s.point
+        put_parameters(d_mean, s.log_scale, s.quat, s.opacity_logit, state, i)
         state[_RADIUS + i] = radius_of(f, cam.dilation)
     for out in range(size):
         g = begin + out
@@ -141,10 +130,11 @@ def project_backward_group_kernel(
             d_offset = color_gradient(
                 cam, g, means[g], coefficients, degree, splats, d_color, adj_coefficients
             )
-            adj_means[g] = vec3_at(state, GROUP_MEAN + out) + d_offset
-            adj_log_scales[g] = vec3_at(state, GROUP_LOG_SCALE + out)
-            adj_quats[g] = vec4_at(state, GROUP_QUAT + out)
-            adj_opacity_logits[g] = state[GROUP_LOGIT + out]
+            d_center, d_log_scale, d_quat, d_logit = parameters_at(state, out)
+            adj_means[g] = d_center + d_offset
+            adj_log_scales[g] = d_log_scale
+            adj_quats[g] = d_quat
+            adj_opacity_logits[g] = d_logit
             if counts.shape[0] > 0:
                 add_statistics(
                     cam,

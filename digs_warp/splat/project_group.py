@@ -9,17 +9,7 @@ by splat.
 import warp as wp
 
 from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of
-from digs_warp.splat.group import (
-    GROUP_LOG_SCALE,
-    GROUP_LOGIT,
-    GROUP_MEAN,
-    GROUP_PARAMETERS,
-    GROUP_QUAT,
-    GROUP_SIZE,
-    put_parameters,
-    vec3_at,
-    vec4_at,
-)
+from digs_warp.splat.group import GROUP_PARAMETERS, GROUP_SIZE, parameters_at, put_parameters
 from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
 from digs_warp.splat.records import SPLAT_FIELDS
 
@@ -72,24 +62,19 @@ def project_group_kernel(
     # A view: of the local array itself, LLVM reads the address anew after every write.
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
+        given = begin + member
         put_parameters(
-            begin + member,
-            means,
-            log_scales,
-            quats,
-            opacity_logits,
+            means[given],
+            log_scales[given],
+            quats[given],
+            opacity_logits[given],
             state,
             _PARAMETERS + member,
         )
     # Of a group that is not full, the rest is zeros; what becomes of them is not written.
     for i in range(_GROUP):
-        p = projection_of(
-            cam,
-            vec3_at(state, _PARAMETERS + GROUP_MEAN + i),
-            vec3_at(state, _PARAMETERS + GROUP_LOG_SCALE + i),
-            vec4_at(state, _PARAMETERS + GROUP_QUAT + i),
-            state[_PARAMETERS + GROUP_LOGIT + i],
-        )
+        mean, log_scale, quat, opacity_logit = parameters_at(state, _PARAMETERS + i)
+        p = projection_of(cam, mean, log_scale, quat, opacity_logit)
         put_record(p, state, i, _GROUP)
         # Tile rows are small whole numbers: exact as floats.
         state[_Z + i] = p.z
