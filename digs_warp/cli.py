@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.registry import COMMANDS, Command
-from digs_warp.log import show_progress
+from digs_warp.record.progress import show_progress
 
 EXIT_OK = 0
 EXIT_BAD_INPUT = 1

@@ -22,7 +22,7 @@ from digs_warp.interchange.splats.files import write_splat_file
 from digs_warp.study.bench_usd import random_splats
 from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number, format_table
-from usd.diff import differences
+from digs_warp.usd.diff import differences
 
 
 def seconds(command: list[str]) -> float:
@@ -77,7 +77,7 @@ def write_page(results: list[Result], splats: int) -> None:
         "|---|---|---|",
         *(f"| {name} | {row['PLY to USD']} | {row['size']} |" for name, row in rows.items()),
     ]
-    fill("usd.md", "comparison", "\n".join(lines))
+    fill("digs_warp.usd.md", "comparison", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from digs_warp.capture import Capture, Frame, read_capture
-from digs_warp.images import read_image
+from digs_warp.data.capture import Capture, Frame, read_capture
+from digs_warp.data.images import read_image
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "images" / "demo.jpg"
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from page_marks import fill
 
-from digs_warp.log import show_progress
+from digs_warp.record.progress import show_progress
 from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.results import Result, format_number
 

@@ -17,21 +17,21 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Capture
-from digs_warp.capture_writer import FrameImages
-from digs_warp.log import show_progress
-from digs_warp.point_cloud import PointCloud
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import FrameImages
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.measure.surface_metrics import surface_score
+from digs_warp.record.progress import show_progress
 from digs_warp.report.pictures import over_white
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker
+from digs_warp.sim.sensor_plan import make_plan
+from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.study.catalogue import STUDIES
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.chain import SURFACE_THRESHOLD, start_of_case
 from digs_warp.study.engine.overrides import with_settings
 from digs_warp.surface.true_surface import read_true_surface
-from digs_warp.surface_metrics import surface_score
-from sim.config import SimulateConfig
-from sim.frame_maker import FrameMaker
-from sim.sensor_plan import make_plan
-from sim.session import load_inputs, prepare_session
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "images" / "initialization.jpg"
 OBJECTS = ("ycb_mustard_bottle", "avocado", "spot", "armchair")

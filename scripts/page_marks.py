@@ -7,7 +7,7 @@
 import re
 from pathlib import Path
 
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 

@@ -6,7 +6,8 @@ Usage: python scripts/performance_page.py   (about three minutes; keep the machi
 import platform
 from pathlib import Path
 
-from digs_warp.log import show_progress, versions
+from digs_warp.record.progress import show_progress
+from digs_warp.record.run_log import versions
 from digs_warp.study.bench_raster import SCENES, bench_raster
 from digs_warp.study.bench_scaling import bench_scaling
 from digs_warp.study.machine import processor

@@ -6,7 +6,7 @@ Usage: python scripts/sensor_cost_page.py   (about two minutes; keep the machine
 from importlib.metadata import version
 from pathlib import Path
 
-from digs_warp.log import show_progress
+from digs_warp.record.progress import show_progress
 from digs_warp.study.bench_sim import bench_sim
 from digs_warp.study.plot_sim import plot_sim
 from digs_warp.study.results import Result, format_number

@@ -8,14 +8,14 @@ import sys
 from inspect import getdoc, getsource
 from pathlib import Path
 
+from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.color import COLOR_EFFECTS
+from digs_warp.sim.sensor.color.protocol import ColorEffect
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect
+from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.study.sensor_pictures import DRIFT, DepthFigure, SensorStudio, draw_all
-from sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
-from sim.sensor.cause import Cause
-from sim.sensor.color import COLOR_EFFECTS
-from sim.sensor.color.protocol import ColorEffect
-from sim.sensor.effects import EFFECTS
-from sim.sensor.effects.protocol import Choice, DepthEffect
-from sim.sensor.facts import SceneFacts
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 PICTURES = "images/sensor"

@@ -5,7 +5,8 @@ Usage: python scripts/splat_pages.py   (about five minutes; keep the machine qui
 
 from page_marks import fill
 
-from digs_warp.log import show_progress, versions
+from digs_warp.record.progress import show_progress
+from digs_warp.record.run_log import versions
 from digs_warp.study.bench_mesh import measure_meshes
 from digs_warp.study.bench_render import measure_films
 from digs_warp.study.bench_splat_files import measure_formats

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.commands.study import find_study, write_report
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 from digs_warp.study.catalogue import STUDIES, Study
 from digs_warp.study.engine.page import MARKDOWN, PAGE
 from digs_warp.study.engine.store import RESULTS, Store

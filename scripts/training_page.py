@@ -6,7 +6,9 @@ Usage: python scripts/training_page.py   (about five minutes; keep the machine q
 import platform
 from pathlib import Path
 
-from digs_warp.log import show_progress, versions, write_atomically
+from digs_warp.record.files import write_atomically
+from digs_warp.record.progress import show_progress
+from digs_warp.record.run_log import versions
 from digs_warp.study.bench_convergence import bench_convergence
 from digs_warp.study.bench_options import bench_options
 from digs_warp.study.bench_train import bench_train

@@ -5,7 +5,8 @@ Usage: python scripts/usd_page.py   (about two minutes; keep the machine quiet m
 
 from page_marks import fill
 
-from digs_warp.log import show_progress, versions
+from digs_warp.record.progress import show_progress
+from digs_warp.record.run_log import versions
 from digs_warp.study.bench_usd import PICTURED_SPLATS, SPLATS, bench_usd
 from digs_warp.study.machine import processor
 from digs_warp.study.results import Result, format_number
@@ -45,7 +46,7 @@ def main() -> None:
         usd=found["usd-core"],
         table=precision_table(bench_usd()),
     )
-    print(fill("usd.md", "figures", figures))  # noqa: T201 (a script)
+    print(fill("digs_warp.usd.md", "figures", figures))  # noqa: T201 (a script)
 
 
 def precision_table(results: list[Result]) -> str:

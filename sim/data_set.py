@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
-from digs_warp.layout import DATA_SET
-from digs_warp.log import progress, to_json, write_atomically
-from sim.config import SimulateConfig
-from sim.record import simulate
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.record.files import to_json, write_atomically
+from digs_warp.record.layout import DATA_SET
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
 
 BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
@@ -95,7 +96,7 @@ def simulate_many(
     Args:
         jobs: from `plan_jobs`.
         folder: of the data set.
-        resume: keep what an interrupted run has finished; see `sim.record.simulate`.
+        resume: keep what an interrupted run has finished; see `digs_warp.sim.record.simulate`.
     """
     results: list[SceneResult] = []
     with progress(len(jobs), "Scenes", "scene") as bar:

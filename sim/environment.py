@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
-from digs_warp.images import linear_from_srgb, read_image
-from sim.studio_room import studio_room_radiance
+from digs_warp.data.images import linear_from_srgb, read_image
+from digs_warp.sim.studio_room import studio_room_radiance
 
 _log = logging.getLogger(__name__)
 
@@ -25,8 +25,8 @@ class Environment:
     """A sphere around the origin that glows.
 
     Attributes:
-        radiance: linear RGB, equirectangular as in `sim.panorama`, shape (height, width, 3), float32,
-            finite, >= 0.
+        radiance: linear RGB, equirectangular as in `digs_warp.sim.panorama`, shape (height, width, 3),
+            float32, finite, >= 0.
         radius: radius of the sphere [m].
     """
 

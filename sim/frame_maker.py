@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.capture_writer import BASIC_LAYERS, FrameImages
-from digs_warp.images import to_uint8
-from digs_warp.log import timed
-from sim.config import SimulateConfig
-from sim.sensor.color.recorded import recorded_images
-from sim.sensor.frame import FrameTruth
-from sim.sensor.tiers import depth_of, sense
-from sim.sensor_plan import SensorPlan
-from sim.session import Session
+from digs_warp.data.capture_writer import BASIC_LAYERS, FrameImages
+from digs_warp.data.images import to_uint8
+from digs_warp.record.run_log import timed
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.tiers import depth_of, sense
+from digs_warp.sim.sensor_plan import SensorPlan
+from digs_warp.sim.session import Session
 
 
 def layers_of(config: SimulateConfig) -> tuple[str, ...]:

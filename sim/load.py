@@ -10,19 +10,24 @@ from urllib.parse import unquote
 import numpy as np
 
 from digs_warp.checks import DigsError, MeshError, check_positive, require_file
-from sim.mesh.gltf_extras import read_extras
-from sim.mesh.gltf_header import check_gltf, check_textures, read_gltf_header, unmodelled_features
-from sim.mesh.materials import materials_of_parts
-from sim.mesh.normalize import (
+from digs_warp.sim.mesh.gltf_extras import read_extras
+from digs_warp.sim.mesh.gltf_header import (
+    check_gltf,
+    check_textures,
+    read_gltf_header,
+    unmodelled_features,
+)
+from digs_warp.sim.mesh.materials import materials_of_parts
+from digs_warp.sim.mesh.normalize import (
     ROTATION_BY_UP_AXIS,
     STANDARD_SIZE,
     drop_bad_faces,
     drop_unused_vertices,
     place_upright,
 )
-from sim.mesh.normals import fill_normals
-from sim.mesh.parts import Triangles, join_parts, parts_of_scene
-from sim.scene import Material, Scene
+from digs_warp.sim.mesh.normals import fill_normals
+from digs_warp.sim.mesh.parts import Triangles, join_parts, parts_of_scene
+from digs_warp.sim.scene import Material, Scene
 
 logger = logging.getLogger(__name__)
 

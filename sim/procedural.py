@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.builtin.dress import BOWL_OUTLINE, NECK_OUTLINE, cloth_patch, cord_patch
-from sim.builtin.finishes import fibre_texture, glaze_texture, walnut_texture
-from sim.builtin.kilim import kilim_texture
-from sim.builtin.shapes import (
+from digs_warp.sim.builtin.dress import BOWL_OUTLINE, NECK_OUTLINE, cloth_patch, cord_patch
+from digs_warp.sim.builtin.finishes import fibre_texture, glaze_texture, walnut_texture
+from digs_warp.sim.builtin.kilim import kilim_texture
+from digs_warp.sim.builtin.shapes import (
     Patch,
     angles,
     arc_length,
@@ -21,7 +21,7 @@ from sim.builtin.shapes import (
     smooth_curve,
     tube,
 )
-from sim.scene import Material, Scene
+from digs_warp.sim.scene import Material, Scene
 
 SEED = 7
 

@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, require_file
-from sim.rig import StereoRig
+from digs_warp.sim.rig import StereoRig
 
 Origin = Literal["measured", "vendor", "tuned"]
 

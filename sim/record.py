@@ -7,17 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from digs_warp.capture import INDEX_NAME, Capture, Rig, read_capture
-from digs_warp.capture_writer import CaptureWriter, file_hashes
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.layout import RUN_RECORD, SENSOR_PLAN
-from digs_warp.log import RunLog, progress, read_json, timed, to_json, write_atomically
-from sim.config import SimulateConfig as SimulateConfig
-from sim.frame_maker import FrameMaker, RenderedFrame, layers_of
-from sim.profiles import Profile
-from sim.sensor.cause import Cause
-from sim.sensor_plan import SensorPlan, check_effects, make_plan
-from sim.session import Session, load_inputs, prepare_session
+from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
+from digs_warp.data.capture_writer import CaptureWriter, file_hashes
+from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
+from digs_warp.record.progress import progress
+from digs_warp.record.run_log import RunLog, timed
+from digs_warp.sim.config import SimulateConfig as SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame, layers_of
+from digs_warp.sim.profiles import Profile
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
+from digs_warp.sim.session import Session, load_inputs, prepare_session
 
 # Threads that sense and write frames while the next ones are rendered, and frames that may wait for
 # them; this bounds the memory.

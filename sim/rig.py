@@ -18,7 +18,7 @@ class StereoRig:
     """Two equal cameras with parallel axes; the right one sits ``baseline`` metres to the right.
 
     The first six fields are geometry and the closed-form law; the others are what the effects of the
-    planned tier and the colour path need. ``sim.profiles`` has them for real cameras, with sources.
+    planned tier and the colour path need. ``digs_warp.sim.profiles`` has them for real cameras, with sources.
 
     Attributes:
         intrinsics: of either eye.
@@ -123,6 +123,6 @@ _AMOUNTS = (
 
 def zed2_like(width: int, height: int, horizontal_fov_deg: float = DEFAULT_FOV_DEG) -> StereoRig:
     """Return a rig with the figures of a ZED 2 at any image size."""
-    from sim.profiles import load_profile
+    from digs_warp.sim.profiles import load_profile
 
     return load_profile("zed2-720").rig(width, height, horizontal_fov_deg)

@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from sim.config import SimulateConfig
-from sim.rig import StereoRig
-from sim.sensor.color import COLOR_EFFECTS, IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
-from sim.sensor.color.protocol import PixelEffect
-from sim.sensor.effects import EFFECTS
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import SceneFacts, measure_facts
-from sim.sensor.planner import override, plan, wanted_effects
-from sim.session import Session
-from sim.shutter import Shutter
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color import COLOR_EFFECTS, IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from digs_warp.sim.sensor.color.protocol import PixelEffect
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
+from digs_warp.sim.sensor.planner import override, plan, wanted_effects
+from digs_warp.sim.session import Session
+from digs_warp.sim.shutter import Shutter
 
 # Frames that are looked at before the recording, evenly spaced: two on each of the three orbits.
 SAMPLE_FRAMES = 6

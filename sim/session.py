@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera
-from sim.config import SimulateConfig
-from sim.environment import Environment, load_environment, procedural_environment
-from sim.profiles import Profile, load_profile
-from sim.render.protocol import Renderer
-from sim.rig import DEFAULT_FOV_DEG, StereoRig
-from sim.scene import Scene
-from sim.sensor.frame import FrameTruth, Motion
-from sim.shutter import Shutter, ShutteredEye
-from sim.trajectory import Walk, fitting_distance
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.environment import Environment, load_environment, procedural_environment
+from digs_warp.sim.profiles import Profile, load_profile
+from digs_warp.sim.render.protocol import Renderer
+from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
+from digs_warp.sim.scene import Scene
+from digs_warp.sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.shutter import Shutter, ShutteredEye
+from digs_warp.sim.trajectory import Walk, fitting_distance
 
 # Camera and image where no profile is named: a quarter of the pixels of HD720, quick to make.
 DEFAULT_PROFILE = "zed2-720"
@@ -124,17 +124,17 @@ def load_inputs(config: SimulateConfig) -> Inputs:
         DigsError: a wrong path or figure, or no OpenGL where the settings ask for it.
     """
     if config.renderer == "gl":
-        from sim.render.gl import check_opengl
+        from digs_warp.sim.render.gl import check_opengl
 
         check_opengl()
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = _make_rig(config, profile)
     if config.mesh is None:
-        from sim.procedural import procedural_scene
+        from digs_warp.sim.procedural import procedural_scene
 
         scene = procedural_scene()
     else:
-        from sim.load import load_scene
+        from digs_warp.sim.load import load_scene
 
         scene = load_scene(config.mesh, config.object_size, config.up)
     if config.environment is None:
@@ -165,10 +165,10 @@ def _make_rig(config: SimulateConfig, profile: Profile) -> StereoRig:
 
 def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environment) -> Renderer:
     if config.renderer == "gl":
-        from sim.render.gl import GlRenderer
+        from digs_warp.sim.render.gl import GlRenderer
 
         return GlRenderer(scene, environment)
-    from sim.render.raycast import RaycastRenderer
+    from digs_warp.sim.render.raycast import RaycastRenderer
 
     return RaycastRenderer(scene, environment)
 

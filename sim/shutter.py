@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from sim.render.protocol import Renderer
-from sim.render.track import CameraTrack
-from sim.sensor.frame import FrameRays
+from digs_warp.sim.render.protocol import Renderer
+from digs_warp.sim.render.track import CameraTrack
+from digs_warp.sim.sensor.frame import FrameRays
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
 PoseAt = Callable[[float], np.ndarray]

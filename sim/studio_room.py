@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.paint import WALL_SIZE, fall_off, frame, light_up, muted, noise, plain, stretch
-from sim.panorama import panorama_directions
+from digs_warp.sim.paint import WALL_SIZE, fall_off, frame, light_up, muted, noise, plain, stretch
+from digs_warp.sim.panorama import panorama_directions
 
 WIDTH = 2048
 HEIGHT = 1024

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from digs_warp.images import linear_from_srgb, srgb_from_linear
-from sim.scene import Scene
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear
+from digs_warp.sim.scene import Scene
 
 
 def srgb_vertex_colors(scene: Scene) -> np.ndarray:

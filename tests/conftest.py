@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from digs_warp.log import show_progress
+from digs_warp.record.progress import show_progress
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp import cli
-from digs_warp.capture import read_capture
+from digs_warp.data.capture import read_capture
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")])

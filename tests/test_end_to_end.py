@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import read_capture
 from digs_warp.cli import main
-from digs_warp.gaussians import FIELDS, Gaussians
-from digs_warp.images import read_image
-from usd.reader import read_scene
+from digs_warp.data.capture import read_capture
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.images import read_image
+from digs_warp.usd.reader import read_scene
 
 SIZES = ["--frames", "18", "--width", "160", "--height", "90", "--iterations", "150"]
 # A pixel is 6 mm at the object: finer voxels would only cost time. At this size the edge pixels, in which

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-PACKAGES = ("digs_warp", "sim", "usd")
+FOLDERS = {"digs_warp": "digs_warp", "sim": "digs_warp.sim", "usd": "digs_warp.usd"}
 
 # Slow to load, or in need of system libraries: imported inside functions only.
 HEAVY = (
@@ -15,9 +15,9 @@ HEAVY = (
     *("scipy", "sklearn", "matplotlib", "cv2", "PIL", "onnxruntime"),
 )
 MODULES = sorted(
-    ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
-    for package in PACKAGES
-    for path in (REPOSITORY / package).rglob("*.py")
+    ".".join([package, *path.relative_to(REPOSITORY / folder).with_suffix("").parts])
+    for folder, package in FOLDERS.items()
+    for path in (REPOSITORY / folder).rglob("*.py")
     if path.name != "__init__.py"
 )
 
@@ -36,7 +36,7 @@ def loaded_after(code: str, modules: tuple[str, ...]) -> set[str]:
     return set(modules) & set(output.splitlines()[-1].split())
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.parametrize("package", FOLDERS.values())
 def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
     assert loaded_after(f"import {package}", (*HEAVY, "warp", "numpy")) == set()
 
@@ -60,9 +60,9 @@ def test_images_can_be_written_after_pycolmap_was_loaded(tmp_path: Path) -> None
 import sys
 from pathlib import Path
 import numpy as np
-from digs_warp.imports import import_pycolmap
+from digs_warp.device.libraries import import_pycolmap
 import_pycolmap()
-from digs_warp.images import read_image, write_image
+from digs_warp.data.images import read_image, write_image
 pixels = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
 write_image(Path(sys.argv[1]), pixels)
 assert np.array_equal(read_image(Path(sys.argv[1])), pixels)

@@ -7,7 +7,7 @@ import numpy as np
 from digs_warp.checks import UsdError
 from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix
 from digs_warp.sh import rotate_sh
-from usd.convert import SplatArrays
+from digs_warp.usd.convert import SplatArrays
 
 # Splats handled at a time: a few (n, 3, 3) arrays of them.
 CHUNK = 65536

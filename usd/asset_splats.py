@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from digs_warp.gaussians import Gaussians
-from usd.convert import (
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.usd.convert import (
     Precision,
     SplatArrays,
     arrays_from_gaussians,
@@ -12,7 +12,7 @@ from usd.convert import (
     with_precision,
     with_sh_degree,
 )
-from usd.frames import ASSET_FROM_WORLD, similarity_from_matrix
+from digs_warp.usd.frames import ASSET_FROM_WORLD, similarity_from_matrix
 
 _ASSET_FROM_WORLD = similarity_from_matrix(ASSET_FROM_WORLD, "asset")
 

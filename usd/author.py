@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp import __version__
-from usd import names
-from usd.convert import SplatArrays, mean_display_color
-from usd.extent import three_sigma_extent
-from usd.frames import ASSET_FROM_WORLD
-from usd.metadata import portable_json, usd_from_json
+from digs_warp.usd import names
+from digs_warp.usd.convert import SplatArrays, mean_display_color
+from digs_warp.usd.extent import three_sigma_extent
+from digs_warp.usd.frames import ASSET_FROM_WORLD
+from digs_warp.usd.metadata import portable_json, usd_from_json
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -55,7 +55,7 @@ def author_field(field: "Usd.Prim", arrays: SplatArrays, time: float | None = No
 
     Args:
         field: a prim of type ``ParticleField3DGaussianSplat``.
-        arrays: the splats as `usd.convert.with_precision` returns them.
+        arrays: the splats as `digs_warp.usd.convert.with_precision` returns them.
         time: the time code of the arrays; None authors the default values.
     """
     from pxr import Usd, UsdGeom

@@ -18,8 +18,8 @@ import numpy as np
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import UsdError, check_positive
 from digs_warp.geometry import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
-from usd import names
-from usd.frames import ASSET_FROM_WORLD
+from digs_warp.usd import names
+from digs_warp.usd.frames import ASSET_FROM_WORLD
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom

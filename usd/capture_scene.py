@@ -23,19 +23,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
-from digs_warp.log import progress
-from digs_warp.point_cloud import PointCloud
-from digs_warp.triangle_mesh import TriangleMesh
-from usd import names
-from usd.asset_splats import WriteOptions, asset_arrays
-from usd.author import author_field, begin_asset, begin_stage
-from usd.cameras import CameraPath, author_cameras
-from usd.files import export_layer, package_folder
-from usd.lod import LEVELS, level_of_detail
-from usd.metadata import portable_json, usd_from_json
-from usd.shapes import author_mesh, author_points
-from usd.splat_layer import write_splat_crate
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.record.progress import progress
+from digs_warp.usd import names
+from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
+from digs_warp.usd.author import author_field, begin_asset, begin_stage
+from digs_warp.usd.cameras import CameraPath, author_cameras
+from digs_warp.usd.files import export_layer, package_folder
+from digs_warp.usd.lod import LEVELS, level_of_detail
+from digs_warp.usd.metadata import portable_json, usd_from_json
+from digs_warp.usd.shapes import author_mesh, author_points
+from digs_warp.usd.splat_layer import write_splat_crate
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -72,7 +72,7 @@ class CaptureScene:
         surface: the surface extracted from the first reconstruction.
         course: (training iterations, Gaussians) of the first reconstruction, ascending; stored without
             view dependence.
-        metadata: JSON-like provenance of the whole, as in `usd.writer.write_gaussians`.
+        metadata: JSON-like provenance of the whole, as in `digs_warp.usd.writer.write_gaussians`.
     """
 
     reconstructions: tuple[Reconstruction, ...]

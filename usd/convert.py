@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix
-from digs_warp.images import linear_from_srgb
 from digs_warp.sh import coefficient_count, rgb_from_sh, rotate_sh
-from usd.frames import Similarity
+from digs_warp.usd.frames import Similarity
 
 # A standard deviation of 0 makes the covariance singular; this one is smaller than any splat [m].
 MIN_SCALE = 1e-12

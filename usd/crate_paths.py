@@ -8,7 +8,7 @@ where they lead; one that leads to a place for the second time makes it build pa
 
 import numpy as np
 
-from usd.crate import COUNT, Bytes, Section, decompressed
+from digs_warp.usd.crate import COUNT, Bytes, Section, decompressed
 
 # Integers are stored as differences of 0, 1, 2 or 4 bytes; none stands for the most common difference.
 _WIDTHS = np.array([0, 1, 2, 4])

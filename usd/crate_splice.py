@@ -13,7 +13,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from usd.crate import COUNT, HEADER, SECTION, Section, decompressed, read_sections, stored
+from digs_warp.usd.crate import COUNT, HEADER, SECTION, Section, decompressed, read_sections, stored
 
 # Arrays begin at multiples of this: mapped, they can be used in place.
 _ALIGNMENT = 64

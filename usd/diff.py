@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
-from usd.reader import UsdScene, read_scene
+from digs_warp.usd.reader import UsdScene, read_scene
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from usd.convert import SplatArrays
+from digs_warp.usd.convert import SplatArrays
 
 # Rows handled at a time: the many intermediate arrays stay in the cache.
 CHUNK = 8192

@@ -16,9 +16,9 @@ import numpy as np
 
 from digs_warp.checks import UsdError
 from digs_warp.sh import MAX_DEGREE, coefficient_count
-from usd import names
-from usd.convert import SplatArrays
-from usd.files import HINT
+from digs_warp.usd import names
+from digs_warp.usd.convert import SplatArrays
+from digs_warp.usd.files import HINT
 
 if TYPE_CHECKING:
     from pxr import Usd

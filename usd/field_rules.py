@@ -1,6 +1,6 @@
 # pxr comes without type stubs:
 # pyright: reportAttributeAccessIssue=false
-"""Rules for fields of splats and for whole stages; the values themselves are for `usd.splat_rules`."""
+"""Rules for fields of splats and for whole stages; `digs_warp.usd.splat_rules` checks the values."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from digs_warp.checks import UsdError
-from usd import names
-from usd.field import extent_of, find_fields, value_of
-from usd.findings import Finding
-from usd.frames import similarity_from_matrix
-from usd.splat_rules import FieldValues, check_values
+from digs_warp.usd import names
+from digs_warp.usd.field import extent_of, find_fields, value_of
+from digs_warp.usd.findings import Finding
+from digs_warp.usd.frames import similarity_from_matrix
+from digs_warp.usd.splat_rules import FieldValues, check_values
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError, UsdError, require_file
-from usd import names
-from usd.memory_guard import limited_memory
-from usd.package_writer import PackageWriter
-from usd.structure import check_structure, open_layers
+from digs_warp.usd import names
+from digs_warp.usd.memory_guard import limited_memory
+from digs_warp.usd.package_writer import PackageWriter
+from digs_warp.usd.structure import check_structure, open_layers
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from digs_warp.log import to_json
+from digs_warp.record.files import to_json
 
 Severity = Literal["error", "warning"]
 Status = Literal["passed", "failed", "not checked"]

@@ -5,12 +5,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from usd import names
-from usd.convert import Precision
-from usd.field import extent_of, find_field, splat_count, stored_sh_degree
-from usd.files import opened_stage
-from usd.reader import read_metadata
-from usd.variants import variant_sets
+from digs_warp.usd import names
+from digs_warp.usd.convert import Precision
+from digs_warp.usd.field import extent_of, find_field, splat_count, stored_sh_degree
+from digs_warp.usd.files import opened_stage
+from digs_warp.usd.reader import read_metadata
+from digs_warp.usd.variants import variant_sets
 
 if TYPE_CHECKING:
     from pxr import Usd

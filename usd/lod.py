@@ -11,7 +11,7 @@ dropping alone 43, by merging alone 40), a tenth 32 dB (by dropping alone 26, wi
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix
 
 # Share of the splats in each level, by the name of its variant; the first is shown by default.

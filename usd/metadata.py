@@ -12,7 +12,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
 from digs_warp.checks import UsdError
-from digs_warp.log import to_json
+from digs_warp.record.files import to_json
 
 JSON_MARK = "json:"
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from usd.findings import Finding
+from digs_warp.usd.findings import Finding
 
 ALIGNMENT = 64
 END = struct.Struct("<4s4H2LH")

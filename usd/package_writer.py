@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.checks import UsdError
-from usd.package import ALIGNMENT, END, ENTRY, LOCAL, MAX_PACKAGE
+from digs_warp.usd.package import ALIGNMENT, END, ENTRY, LOCAL, MAX_PACKAGE
 
 # 1 January 1980, 0:00.
 _DATE, _TIME = (1 << 5) | 1, 0

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
-from digs_warp.threads import over_rows
-from usd import names
-from usd.affine import deformed
-from usd.convert import (
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.device.threads import over_rows
+from digs_warp.usd import names
+from digs_warp.usd.affine import deformed
+from digs_warp.usd.convert import (
     SplatArrays,
     check_activated,
     check_rows,
     gaussians_from_arrays,
     transformed,
 )
-from usd.field import find_field, find_fields, read_arrays
-from usd.files import HINT, opened_stage
-from usd.frames import similarity_from_matrix, world_from_prim
-from usd.metadata import json_from_usd
-from usd.variants import select_variants
+from digs_warp.usd.field import find_field, find_fields, read_arrays
+from digs_warp.usd.files import HINT, opened_stage
+from digs_warp.usd.frames import similarity_from_matrix, world_from_prim
+from digs_warp.usd.metadata import json_from_usd
+from digs_warp.usd.variants import select_variants
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -75,8 +75,8 @@ def read_scene(
     The prim's transform, the stage's ``upAxis`` and ``metersPerUnit`` are applied to positions,
     orientations, scales and spherical harmonics.
 
-    From a file that `usd.writer` wrote in float precision, positions come back exactly; log-scales to
-    1e-6 and opacities to 1e-7 (they pass through exp and the logistic function); orientations,
+    From a file that `digs_warp.usd.writer` wrote in float precision, positions come back exactly;
+    log-scales to 1e-6 and opacities to 1e-7 (they pass through exp and the logistic function); orientations,
     normalized and with w >= 0, to 2e-7; SH coefficients of degree 0 and 1 exactly, higher ones to 1e-6
     of the largest in the band. Halves are rounded to 11 bits.
 

@@ -5,10 +5,10 @@
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import UsdError
-from usd.field import is_field
-from usd.field_rules import check_field, check_stage
-from usd.findings import Finding
-from usd.validate import OURS
+from digs_warp.usd.field import is_field
+from digs_warp.usd.field_rules import check_field, check_stage
+from digs_warp.usd.findings import Finding
+from digs_warp.usd.validate import OURS
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd, UsdValidation
@@ -30,7 +30,7 @@ def register() -> None:
         version = ".".join(map(str, Usd.GetVersion()))
         raise UsdError(
             f"OpenUSD {version} takes no validators from Python; install usd-core 26.11, or call "
-            "usd.validate.validate, which needs no registration"
+            "digs_warp.usd.validate.validate, which needs no registration"
         )
     if registry.HasValidator(FIELD_CHECKER):
         return

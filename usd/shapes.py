@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from digs_warp.images import linear_from_srgb
-from digs_warp.point_cloud import PointCloud
-from digs_warp.triangle_mesh import TriangleMesh
-from usd import names
-from usd.frames import ASSET_FROM_WORLD
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.usd import names
+from digs_warp.usd.frames import ASSET_FROM_WORLD
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom

@@ -2,8 +2,8 @@
 # pyright: reportAttributeAccessIssue=false
 """Writes a layer with a field of splats, piece by piece and on all cores, straight to the file.
 
-The USD library writes the layer with one splat; `usd.crate_splice` exchanges it for all of them. Beyond the
-Gaussians themselves this takes the memory of a few pieces, whatever their number.
+The USD library writes the layer with one splat; `digs_warp.usd.crate_splice` exchanges it for all of
+them. Beyond the Gaussians themselves this takes the memory of a few pieces, whatever their number.
 """
 
 from dataclasses import fields
@@ -14,15 +14,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.device.threads import over_rows
 from digs_warp.sh import coefficient_count
-from digs_warp.threads import over_rows
-from usd.asset_splats import WriteOptions, asset_arrays
-from usd.author import author_field
-from usd.convert import SplatArrays, color_sums, display_color, mean_display_color, with_precision
-from usd.crate_splice import SplicedCrate, splice, write_at
-from usd.extent import three_sigma_extent
-from usd.files import export_layer
+from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
+from digs_warp.usd.author import author_field
+from digs_warp.usd.convert import (
+    SplatArrays,
+    color_sums,
+    display_color,
+    mean_display_color,
+    with_precision,
+)
+from digs_warp.usd.crate_splice import SplicedCrate, splice, write_at
+from digs_warp.usd.extent import three_sigma_extent
+from digs_warp.usd.files import export_layer
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -1,4 +1,4 @@
-"""Rules for the values of one field of splats at one time. NumPy only; see `usd.field_rules` for the rest.
+"""Rules for the values of one field of splats at one time, in NumPy; the rest: `digs_warp.usd.field_rules`.
 
 The schema itself allows nearly everything: these are the mistakes that exporters make, and the limits of
 importers (degree 0 to 3, unit quaternions to 1e-3, as in NVIDIA's rule VG.035).
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.sh import C0, MAX_DEGREE
-from usd import names
-from usd.convert import SplatArrays, is_finite
-from usd.extent import three_sigma_extent
-from usd.findings import Finding
+from digs_warp.usd import names
+from digs_warp.usd.convert import SplatArrays, is_finite
+from digs_warp.usd.extent import three_sigma_extent
+from digs_warp.usd.findings import Finding
 
 QUAT_TOLERANCE = 1e-3
 # The box may exceed the splats' own by this share of its diagonal before viewers frame the scene badly.

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import UsdError
-from usd.crate import CRATE_MAGIC, read_sections
-from usd.crate_paths import check_paths
-from usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
+from digs_warp.usd.crate import CRATE_MAGIC, read_sections
+from digs_warp.usd.crate_paths import check_paths
+from digs_warp.usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
 
 if TYPE_CHECKING:
     from pxr import Sdf

@@ -2,7 +2,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Checks a USD scene: our rules for splats, the validators of OpenUSD, NVIDIA's rule where it is installed.
 
-`usd.registration` gives the same rules to everything else that validates scenes in this process.
+`digs_warp.usd.registration` gives the same rules to everything else that validates scenes in this process.
 """
 
 from collections.abc import Iterator
@@ -11,12 +11,12 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from usd.field import find_fields, is_field
-from usd.field_rules import check_field, check_stage, sample_times
-from usd.files import opened_stage
-from usd.findings import Check, Finding, Report
-from usd.package import check_package
-from usd.variants import variant_combinations
+from digs_warp.usd.field import find_fields, is_field
+from digs_warp.usd.field_rules import check_field, check_stage, sample_times
+from digs_warp.usd.files import opened_stage
+from digs_warp.usd.findings import Check, Finding, Report
+from digs_warp.usd.package import check_package
+from digs_warp.usd.variants import variant_combinations
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdValidation

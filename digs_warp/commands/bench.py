@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 from digs_warp.study.benchmarks import BENCHMARKS, Benchmark
 from digs_warp.study.results import write_json_lines
 

@@ -8,12 +8,12 @@ from typing import Annotated, ClassVar, Literal
 
 import tyro
 
-from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.output import OutputFolder
-from digs_warp.layout import RUN_RECORD, find_gaussians
-from digs_warp.log import RunLog
+from digs_warp.data.capture import INDEX_NAME
+from digs_warp.record.layout import RUN_RECORD, find_gaussians
+from digs_warp.record.run_log import RunLog
 
 CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
 RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "redwood", "bop"]
@@ -88,7 +88,7 @@ class Convert:
 
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
     """Export under a temporary name, then rename: the folder is complete or not there."""
-    from digs_warp.capture import read_capture
+    from digs_warp.data.capture import read_capture
     from digs_warp.interchange.export import export_capture
 
     folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source]).resolve()

@@ -9,11 +9,11 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.usd_capture import scene_metadata, write_capture_package
-from digs_warp.layout import find_gaussians
-from usd.writer import WriteOptions
+from digs_warp.record.layout import find_gaussians
+from digs_warp.usd.writer import WriteOptions
 
 if TYPE_CHECKING:
-    from digs_warp.gaussians import Gaussians
+    from digs_warp.data.gaussians import Gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class ExportUsd:
 
     def execute(self) -> str:
         """Read, write, say what was written."""
-        from digs_warp.gaussians import Gaussians
+        from digs_warp.data.gaussians import Gaussians
 
         check_output_file(self.out, self.overwrite)
         source = find_gaussians(self.source)
@@ -77,6 +77,6 @@ def write_scene(
     gaussians: "Gaussians", reconstruction: Path, path: Path, options: WriteOptions | None = None
 ) -> None:
     """Write the Gaussians alone; what is known about their making goes along as metadata."""
-    from usd.writer import write_gaussians
+    from digs_warp.usd.writer import write_gaussians
 
     write_gaussians(path, gaussians, scene_metadata(reconstruction), options)

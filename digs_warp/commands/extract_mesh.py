@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from digs_warp.capture import Frame
+from digs_warp.data.capture import Frame
 
 if TYPE_CHECKING:
     from digs_warp.camera import Camera
-    from digs_warp.gaussians import Gaussians
+    from digs_warp.data.gaussians import Gaussians
+    from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.surface.extract import Mask, Scene
-    from digs_warp.triangle_mesh import TriangleMesh
 
 Item = TypeVar("Item")
 
@@ -90,8 +90,8 @@ def _look_from(
 
 def _frames_of(capture: Path, reconstruction: Path) -> Sequence[Frame]:
     """Return the frames with the cameras and masks that the reconstruction used, where it kept them."""
-    from digs_warp.capture import read_capture
-    from digs_warp.posed_frames import CAMERAS, PosedFrames
+    from digs_warp.data.capture import read_capture
+    from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 
     recorded = read_capture(capture)
     if not (reconstruction / CAMERAS).is_file():

@@ -7,12 +7,12 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp import layout
-from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import Facts, format_facts
 from digs_warp.commands.output import is_ours
-from digs_warp.log import read_json
+from digs_warp.data.capture import INDEX_NAME
+from digs_warp.record import layout
+from digs_warp.record.files import read_json
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from digs_warp.checks import DigsError
 
 if TYPE_CHECKING:
-    from sim.data_set import SceneResult
+    from digs_warp.sim.data_set import SceneResult
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import tyro
 
-from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.extract_mesh import MOST_VIEWS, extract_mesh
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
-from digs_warp.layout import CAPTURE, find_gaussians
+from digs_warp.data.capture import INDEX_NAME
+from digs_warp.record.layout import CAPTURE, find_gaussians
 from digs_warp.surface.true_surface import read_true_surface
 
 if TYPE_CHECKING:
-    from digs_warp.triangle_mesh import TriangleMesh
+    from digs_warp.data.triangle_mesh import TriangleMesh
 
 logger = logging.getLogger(__name__)
 
@@ -99,7 +99,7 @@ class Mesh:
 
 def _comparison(mesh: "TriangleMesh", capture: Path, threshold: float) -> list[str]:
     """Return a line on the distance to the recorded mesh; none for recordings of real objects."""
-    from digs_warp.surface_metrics import surface_score
+    from digs_warp.measure.surface_metrics import surface_score
 
     try:
         truth = read_true_surface(capture)

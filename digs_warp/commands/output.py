@@ -7,10 +7,10 @@ from pathlib import Path
 
 import tyro
 
-from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import DigsError
-from digs_warp.layout import RUN_RECORD
-from digs_warp.log import read_json
+from digs_warp.data.capture import INDEX_NAME
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import RUN_RECORD
 
 
 @dataclass(frozen=True, kw_only=True)

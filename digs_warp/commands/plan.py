@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Literal
 import tyro
 
 from digs_warp.commands.output import check_output_file
-from digs_warp.log import to_json, write_atomically
-from sim.config import SimulateConfig
+from digs_warp.record.files import to_json, write_atomically
+from digs_warp.sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +36,9 @@ class Plan:
 
     def execute(self) -> str:
         """Measure, choose, and return the choices as two tables."""
-        from sim.sensor.planner import format_plan
-        from sim.sensor_plan import check_effects, make_plan
-        from sim.session import load_inputs, prepare_session
+        from digs_warp.sim.sensor.planner import format_plan
+        from digs_warp.sim.sensor_plan import check_effects, make_plan
+        from digs_warp.sim.session import load_inputs, prepare_session
 
         if self.json is not None:
             check_output_file(self.json, self.overwrite)

@@ -8,7 +8,7 @@ import tyro
 
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.output import OutputFolder
-from digs_warp.layout import find_gaussians
+from digs_warp.record.layout import find_gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class MakeKit:
 
     def execute(self) -> str:
         """Film, and say what to hand out."""
-        from digs_warp.gaussians import Gaussians
+        from digs_warp.data.gaussians import Gaussians
         from digs_warp.study.preference.design import KEY, VERSIONS
         from digs_warp.study.preference.kit import make_kit
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from digs_warp.layout import EVALUATION
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import EVALUATION
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
-from digs_warp.durations import seconds_of
+from digs_warp.record.durations import seconds_of
 
 # Results that were measured for the documentation; a package without its documentation has none.
 PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "study" / "tradeoff"

@@ -7,10 +7,10 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp import layout
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.record import layout
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +32,8 @@ class Reconstruct(ReconstructionOptions):
 
     def execute(self) -> str:
         """Reconstruct and say how well it went."""
-        from digs_warp.capture import read_capture
-        from digs_warp.reconstruct import reconstruct
+        from digs_warp.data.capture import read_capture
+        from digs_warp.pipeline.reconstruct import reconstruct
 
         start = time.perf_counter()
         capture = read_capture(self.capture)

@@ -11,7 +11,7 @@ from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import TrainConfig
 
 if TYPE_CHECKING:
-    from digs_warp.reconstruct import ReconstructConfig
+    from digs_warp.pipeline.reconstruct import ReconstructConfig
 
 T = TypeVar("T")
 
@@ -70,7 +70,7 @@ class ReconstructionOptions:
 
     def reconstruct_config(self, seed: int) -> "ReconstructConfig":
         """Return the settings; ``seed`` serves all stages."""
-        from digs_warp.reconstruct import ReconstructConfig
+        from digs_warp.pipeline.reconstruct import ReconstructConfig
 
         density = self.training.density
         if density == "auto":

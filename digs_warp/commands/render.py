@@ -13,8 +13,9 @@ import tyro
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
-from digs_warp.layout import RUN_RECORD
-from digs_warp.log import RunLog, progress
+from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.progress import progress
+from digs_warp.record.run_log import RunLog
 
 if TYPE_CHECKING:
     import numpy as np
@@ -140,7 +141,7 @@ class Render:
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":
         from digs_warp.camera import Intrinsics
-        from digs_warp.capture import read_capture
+        from digs_warp.data.capture import read_capture
         from digs_warp.film.camera_path import along, orbit
 
         count = max(1, round(self.seconds * self.fps))

@@ -8,15 +8,15 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp import layout
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.usd_capture import write_capture_package
-from digs_warp.log import RunLog
-from sim.config import SimulateConfig
-from usd.writer import WriteOptions
+from digs_warp.record import layout
+from digs_warp.record.run_log import RunLog
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.usd.writer import WriteOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +35,9 @@ class Run(ReconstructionOptions):
 
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
-        from digs_warp.reconstruct import reconstruct
+        from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.report import write_report
-        from sim.record import simulate
+        from digs_warp.sim.record import simulate
 
         folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
         config = self.reconstruct_config(self.recording.seed)

@@ -10,9 +10,9 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.many_scenes import ManyScenes, format_summary
 from digs_warp.commands.output import OutputFolder
-from digs_warp.layout import DATA_SET, RUN_RECORD
-from digs_warp.log import RunLog
-from sim.config import SimulateConfig
+from digs_warp.record.layout import DATA_SET, RUN_RECORD
+from digs_warp.record.run_log import RunLog
+from digs_warp.sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Simulate:
         return self._record_many() if self.many.asked_for else self._record_one()
 
     def _record_one(self) -> str:
-        from sim.record import simulate
+        from digs_warp.sim.record import simulate
 
         start = time.perf_counter()
         folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
@@ -51,8 +51,8 @@ class Simulate:
         return f"{folder}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s"
 
     def _record_many(self) -> str:
-        from sim.data_set import plan_jobs, simulate_many
-        from sim.sensor_plan import check_effects
+        from digs_warp.sim.data_set import plan_jobs, simulate_many
+        from digs_warp.sim.sensor_plan import check_effects
 
         check_effects(self.recording)
         meshes, environments = self.many.find()

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.layout import GAUSSIANS, find_gaussians
+from digs_warp.record.layout import GAUSSIANS, find_gaussians
 
 if TYPE_CHECKING:
-    from digs_warp.gaussians import Gaussians
+    from digs_warp.data.gaussians import Gaussians
 
 OURS = ".npz"
 SPLAT_SUFFIXES = (".ply", ".spz", ".splat")
@@ -36,7 +36,7 @@ def read_splats(source: Path, options: SplatOptions) -> "Gaussians":
     Raises:
         DigsError: the source is missing, damaged or none of these.
     """
-    from digs_warp.gaussians import Gaussians
+    from digs_warp.data.gaussians import Gaussians
 
     path = find_gaussians(source)
     suffix = path.suffix.lower()
@@ -45,7 +45,7 @@ def read_splats(source: Path, options: SplatOptions) -> "Gaussians":
 
         return read_splat_file(path, options.up, options.drop_broken)
     if suffix in (*USD_SUFFIXES, ".usd"):
-        from usd.reader import read_gaussians
+        from digs_warp.usd.reader import read_gaussians
 
         return read_gaussians(path)
     require_file(path, "Gaussians")
@@ -90,6 +90,6 @@ def _write_usd(target: Path, gaussians: "Gaussians", source: Path) -> None:
 
         write_scene(gaussians, source.parent, target)
     else:
-        from usd.writer import write_gaussians
+        from digs_warp.usd.writer import write_gaussians
 
         write_gaussians(target, gaussians, {"source": source.name})

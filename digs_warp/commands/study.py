@@ -8,7 +8,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
-from digs_warp.durations import seconds_of
+from digs_warp.record.durations import seconds_of
 from digs_warp.study.catalogue import STUDIES, Study
 
 Name = Annotated[

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp import layout
-from digs_warp.capture import Frame, read_capture
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import Facts
 from digs_warp.commands.quality import read_quality
-from digs_warp.gaussians import Gaussians
-from digs_warp.log import read_json
+from digs_warp.data.capture import Frame, read_capture
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record import layout
+from digs_warp.record.files import read_json
 
 _LAYER_NAMES = {
     "file_path": "left image",
@@ -130,13 +130,13 @@ def of_run(folder: Path) -> Facts:
 
 def of_usd(path: Path) -> Facts:
     """What the scene holds, without loading the Gaussians."""
-    from usd.info import describe
+    from digs_warp.usd.info import describe
 
     return facts_of_usd(describe(path))
 
 
 def facts_of_usd(scene: dict[str, Any]) -> Facts:
-    """Return what `usd.info.describe` found, in words."""
+    """Return what `digs_warp.usd.info.describe` found, in words."""
     facts = {
         "kind": "USD scene",
         "Gaussians": f"{scene['splats']:,} at {scene['prim_path']}",
@@ -156,7 +156,7 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
 
 def of_mesh(path: Path) -> Facts:
     """The mesh as the simulator sees it: brought to a standard size, upright, at the origin."""
-    from sim.load import load_scene
+    from digs_warp.sim.load import load_scene
 
     scene = load_scene(path)
     textured = sum(material.texture is not None for material in scene.materials)

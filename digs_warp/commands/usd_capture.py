@@ -7,17 +7,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from digs_warp.capture import Capture, Frame, read_capture
 from digs_warp.checks import DigsError
 from digs_warp.commands.quality import read_quality
-from digs_warp.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD
-from digs_warp.log import read_json
+from digs_warp.data.capture import Capture, Frame, read_capture
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD
 
 if TYPE_CHECKING:
-    from digs_warp.triangle_mesh import TriangleMesh
-    from usd.cameras import CameraPath
-    from usd.capture_scene import Reconstruction
-    from usd.writer import WriteOptions
+    from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.usd.cameras import CameraPath
+    from digs_warp.usd.capture_scene import Reconstruction
+    from digs_warp.usd.writer import WriteOptions
 
 logger = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def write_capture_package(
         DigsError: a folder is not finished, there is no surface to extract, or the scene cannot be written.
     """
     from digs_warp.train.snapshots import load_snapshots
-    from usd.capture_scene import CaptureScene, write_capture_scene
+    from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
 
     capture = read_capture(capture_folder)
     names = variant_labels(reconstructions)
@@ -99,9 +99,9 @@ def variant_labels(reconstructions: Sequence[Path]) -> list[str]:
 
 
 def _reconstruction(folder: Path, name: str) -> "Reconstruction":
-    from digs_warp.gaussians import Gaussians
-    from digs_warp.point_cloud import PointCloud
-    from usd.capture_scene import Reconstruction
+    from digs_warp.data.gaussians import Gaussians
+    from digs_warp.data.point_cloud import PointCloud
+    from digs_warp.usd.capture_scene import Reconstruction
 
     points = (
         PointCloud.load(folder / INITIAL_POINTS) if (folder / INITIAL_POINTS).is_file() else None
@@ -113,8 +113,8 @@ def _reconstruction(folder: Path, name: str) -> "Reconstruction":
 
 def _camera_path(capture: Capture, reconstruction: Path) -> "CameraPath | None":
     """Return the cameras as the reconstruction used them, in the order of the recording."""
-    from digs_warp.posed_frames import CAMERAS, PosedFrames
-    from usd.cameras import CameraPath
+    from digs_warp.data.posed_frames import CAMERAS, PosedFrames
+    from digs_warp.usd.cameras import CameraPath
 
     frames: list[tuple[Frame, bool]] = [(frame, False) for frame in capture.frames]
     if (reconstruction / CAMERAS).is_file():

@@ -9,7 +9,7 @@ import tyro
 from digs_warp.checks import DigsError, UsdError
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import check_output_file
-from digs_warp.log import to_json, write_atomically
+from digs_warp.record.files import to_json, write_atomically
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,14 +63,14 @@ class Usd:
 
     def _info(self) -> str:
         from digs_warp.commands.summaries import facts_of_usd
-        from usd.info import describe
+        from digs_warp.usd.info import describe
 
         scene = describe(self.file, self.prim)
         self._write_json(to_json(scene))
         return format_facts(facts_of_usd(scene))
 
     def _validate(self) -> str:
-        from usd.validate import validate
+        from digs_warp.usd.validate import validate
 
         report = validate(self.file)
         self._write_json(report.json())
@@ -79,7 +79,7 @@ class Usd:
         return report.text()
 
     def _diff(self) -> str:
-        from usd.diff import differences
+        from digs_warp.usd.diff import differences
 
         assert self.second is not None
         found = differences(self.file, self.second, self.prim)

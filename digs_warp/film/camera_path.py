@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import look_at, rigid
 
 UP = np.array([0.0, 0.0, 1.0])

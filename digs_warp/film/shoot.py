@@ -8,8 +8,8 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
-from digs_warp.images import to_uint8
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import to_uint8
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.images import write_image
+from digs_warp.data.images import write_image
 
 # VP9 in MP4: what the wheel of OpenCV can write and browsers play.
 MP4_CODEC = "vp09"

@@ -11,17 +11,18 @@ from itertools import chain
 import numpy as np
 import warp as wp
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.device.parallel import default_threads
 from digs_warp.init import edge_kernel, normal_kernel, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
 from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
-from digs_warp.log import progress, timed
-from digs_warp.parallel import default_threads
-from digs_warp.point_cloud import PointCloud
+from digs_warp.record.progress import progress
+from digs_warp.record.run_log import timed
 
 logger = logging.getLogger(__name__)
 

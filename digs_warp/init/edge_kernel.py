@@ -10,8 +10,8 @@ and storing took longer than the Laplacian itself.
 
 import warp as wp
 
-from digs_warp.contiguous import floats_from
-from digs_warp.kernel_options import vector_module_options
+from digs_warp.device.contiguous import floats_from
+from digs_warp.device.kernel_options import vector_module_options
 
 wp.set_module_options(vector_module_options())
 

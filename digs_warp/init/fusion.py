@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.capture import Frame
-from digs_warp.point_cloud import PointCloud
-from digs_warp.sfm_model import SfmModel
+from digs_warp.data.capture import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import SfmModel
 
 
 def unmasked_points_in_box(

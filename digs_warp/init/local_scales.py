@@ -6,13 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import smooth_depth
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
-from digs_warp.sfm_model import SfmModel
+from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.point_cloud import PointCloud
+from digs_warp.data.point_cloud import PointCloud
 
 SEED = 0
 

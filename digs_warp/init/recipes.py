@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import DepthReport, depth_points
 from digs_warp.init.fusion import unmasked_points_in_box
 from digs_warp.init.random_points import random_points
-from digs_warp.point_cloud import PointCloud
-from digs_warp.sfm_model import SfmModel
 
 
 @dataclass(frozen=True, eq=False)

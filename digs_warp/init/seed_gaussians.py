@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
-from digs_warp.point_cloud import PointCloud
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.sh import coefficient_count, sh_from_rgb
 
 NEIGHBOURS = 3

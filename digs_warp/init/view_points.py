@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth

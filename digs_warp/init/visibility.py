@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.parallel import default_threads
+from digs_warp.device.parallel import default_threads
 
 # Depths agree within this many voxels plus this share of the depth.
 TOLERANCE_VOXELS = 2.0

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
-from digs_warp.images import write_image
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import write_image
 from digs_warp.interchange.common import (
     LARGEST_UINT16,
     copy_image,
@@ -28,7 +28,7 @@ from digs_warp.interchange.common import (
     object_mask,
     warn_of_lost_depth,
 )
-from digs_warp.log import to_json, write_atomically
+from digs_warp.record.files import to_json, write_atomically
 
 SCENE = "train/000000"
 OBJECT_ID = 1

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Intrinsics, pixel_centers
-from digs_warp.capture import Capture, Frame
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import write_image
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry import quat_xyzw_from_matrix
-from digs_warp.images import write_image
 from digs_warp.interchange.common import copy_image, for_each_frame, object_mask
-from digs_warp.log import write_atomically
-from digs_warp.point_cloud import PointCloud
+from digs_warp.record.files import write_atomically
 
 SPARSE = "sparse/0"
 PINHOLE_ID = 1  # COLMAP's number of the camera model fx, fy, cx, cy

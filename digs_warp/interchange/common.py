@@ -11,10 +11,10 @@ from typing import TypeVar
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, Frame
 from digs_warp.checks import CaptureError
-from digs_warp.images import write_image
-from digs_warp.log import progress
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import write_image
+from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
 from digs_warp.interchange.bop import write_bop
 from digs_warp.interchange.colmap import write_colmap_binary, write_colmap_text
 from digs_warp.interchange.redwood import write_redwood

@@ -9,13 +9,13 @@ See https://www.open3d.org/docs/release/tutorial/reconstruction_system/system_ov
 
 from pathlib import Path
 
-from digs_warp.capture import Capture, Frame
+from digs_warp.data.capture import Capture, Frame
 from digs_warp.interchange.common import (
     integer_centered,
     the_one_camera,
     write_colors_and_depths,
 )
-from digs_warp.log import to_json, write_atomically
+from digs_warp.record.files import to_json, write_atomically
 
 DEPTH_UNITS_PER_METRE = 1000.0
 

@@ -9,15 +9,15 @@ See https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 
 from pathlib import Path
 
-from digs_warp.capture import Capture, Frame
 from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture, Frame
 from digs_warp.geometry import quat_xyzw_from_matrix
 from digs_warp.interchange.common import (
     integer_centered,
     the_one_camera,
     write_colors_and_depths,
 )
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 
 DEPTH_UNITS_PER_METRE = 5000.0  # fixed by the format: a step of 0.2 mm, 13.1 m at most
 

@@ -10,9 +10,9 @@ A random background does the same on average; this term does it in every step an
 import numpy as np
 import warp as wp
 
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.losses.regions import Box, union
-from digs_warp.parallel import ParallelLaunch
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.losses.regions import Box
-from digs_warp.parallel import ParallelLaunch
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 

@@ -9,9 +9,9 @@ background is wrong wherever the background shows through differently.
 import numpy as np
 import warp as wp
 
-from digs_warp.image_planes import ImagePlanes
-from digs_warp.parallel import ParallelLaunch
-from digs_warp.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
 
 # lambda of the 3DGS reference.
 DSSIM_WEIGHT = 0.2

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from digs_warp.image_planes import ALIGNMENT
-from digs_warp.ssim import BLOCK_COLUMNS, BLOCK_ROWS, REACH
+from digs_warp.device.image_planes import ALIGNMENT
+from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, REACH
 
 # Tiles are those of the rasterizer.
 TILE_SIZE = ALIGNMENT

@@ -10,7 +10,7 @@ shrinks. Scales are taken in units of E, so that the weight does not depend on t
 
 import warp as wp
 
-from digs_warp.parallel import ParallelLaunch
+from digs_warp.device.parallel import ParallelLaunch
 
 wp.set_module_options({"enable_backward": False})
 

@@ -7,10 +7,10 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_shape
-from digs_warp.compose import compose_kernel
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.losses.compose import compose_kernel
 from digs_warp.losses.regions import Box
-from digs_warp.parallel import ParallelLaunch
 
 # Positions of the arguments that change from view to view in the inputs of `compose_kernel`.
 _PIXELS, _KEEPS_COLOR = 4, 6

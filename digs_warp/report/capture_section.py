@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
+from digs_warp.data.capture import Capture, Frame
 from digs_warp.report.causes import CAUSE, describe_causes, paint_causes
 from digs_warp.report.markup import legend, picture, picture_grid, section, swatches
 from digs_warp.report.pictures import (

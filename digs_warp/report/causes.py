@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
+from digs_warp.data.capture import Capture, Frame
 
 CAUSE = "cause_file_path"
 

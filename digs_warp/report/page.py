@@ -3,8 +3,8 @@
 from html import escape
 from pathlib import Path
 
-from digs_warp.capture import Capture
-from digs_warp.log import write_atomically
+from digs_warp.data.capture import Capture
+from digs_warp.record.files import write_atomically
 from digs_warp.report.capture_section import capture_section
 from digs_warp.report.course_section import course_section
 from digs_warp.report.markup import card, number

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.images import encode_jpeg
+from digs_warp.data.images import encode_jpeg
 
 MISSING_COLOR = np.array([128, 128, 128], dtype=np.uint8)  # grey: in none of the colour maps
 

@@ -9,9 +9,9 @@ from zipfile import BadZipFile
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
-from digs_warp.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD, TRAINING
-from digs_warp.log import read_json
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_RECORD, TRAINING
 
 METRICS = ("psnr", "ssim", "psnr_masked", "ssim_masked")
 

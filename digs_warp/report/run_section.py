@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from digs_warp.capture import Capture
-from digs_warp.layout import RUN_RECORD
-from digs_warp.log import read_json
+from digs_warp.data.capture import Capture
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import RUN_RECORD
 from digs_warp.report.markup import chart, flat_items, section, table
 from digs_warp.report.plots import Bar, bar_chart
 from digs_warp.report.results import Results

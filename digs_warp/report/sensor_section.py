@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
-from digs_warp.layout import SENSOR_PLAN
-from digs_warp.log import read_json
+from digs_warp.data.capture import Capture
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import SENSOR_PLAN
 from digs_warp.report.markup import section, table
 
 # Heading -> key in the plan.

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
-from digs_warp.images import read_image
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import read_image
 from digs_warp.report.markup import (
     details,
     legend,

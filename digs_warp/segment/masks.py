@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.images import read_image, write_image
-from digs_warp.log import progress, read_json, to_json, write_atomically
-from digs_warp.parallel import default_threads
+from digs_warp.data.capture import Frame
+from digs_warp.data.images import read_image, write_image
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.progress import progress
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.degrade import degrade_mask
 from digs_warp.segment.from_depth import mask_from_depth

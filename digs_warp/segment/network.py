@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.imports import MissingLibraryError
+from digs_warp.device.libraries import MissingLibraryError
 
 MODEL_FILE = "isnet-general-use.onnx"
 MODEL_URL = "https://github.com/danielgatis/rembg/releases/download/v0.0.0/" + MODEL_FILE

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.imports import import_pycolmap
-from digs_warp.log import progress, write_atomically
+from digs_warp.data.capture import Frame
+from digs_warp.device.libraries import import_pycolmap
+from digs_warp.record.files import write_atomically
+from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.interruptible import run_interruptible
 

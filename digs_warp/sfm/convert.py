@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Frame
+from digs_warp.data.capture import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry import invert_rigid, rigid
-from digs_warp.point_cloud import PointCloud
 from digs_warp.sfm.colmap import ImageSet
-from digs_warp.sfm_model import Observations, SfmModel
 
 
 def sfm_model(reconstruction: Any, frames: Sequence[Frame], images: ImageSet) -> SfmModel:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.imports import import_pycolmap
-from digs_warp.log import RunLog
-from digs_warp.parallel import default_threads
+from digs_warp.data.capture import Frame
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.device.libraries import import_pycolmap
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.run_log import RunLog
 from digs_warp.sfm import colmap
 from digs_warp.sfm.colmap import ImageSet
 from digs_warp.sfm.config import SfmConfig
@@ -29,7 +30,6 @@ from digs_warp.sfm.quality import (
 )
 from digs_warp.sfm.unrolled import correct_rolling_shutter
 from digs_warp.sfm.workspace import Workspace, stage_keys
-from digs_warp.sfm_model import SfmModel
 
 logger = logging.getLogger(__name__)
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError, check_shape
-from digs_warp.sfm_model import SfmModel
+from digs_warp.data.capture import Frame
+from digs_warp.data.sfm_model import SfmModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.imports import import_pycolmap
+from digs_warp.device.libraries import import_pycolmap
 from digs_warp.sfm.colmap import ImageSet
 
 # Fewer features than this on half of the images are too few to match anything.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.geometry import invert_rigid
-from digs_warp.log import progress
+from digs_warp.record.progress import progress
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.interruptible import run_interruptible

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.sfm_model import SfmModel
+from digs_warp.data.sfm_model import SfmModel
 
 logger = logging.getLogger(__name__)
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.geometry import invert_rigid
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
 from digs_warp.sfm.convert import sfm_model
@@ -18,7 +19,6 @@ from digs_warp.sfm.rolling_shutter import (
     residuals,
     walking_spins,
 )
-from digs_warp.sfm_model import SfmModel
 
 
 def correct_rolling_shutter(

@@ -16,9 +16,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.log import read_json, to_json, write_atomically
+from digs_warp.data.capture import Frame
+from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.sfm.config import SfmConfig
 
 DATABASE = "database.db"
@@ -108,7 +108,7 @@ class Workspace:
         self._write(self._read() | {"model": self.keys.model, "notes": notes})
 
     def _forget_matches(self) -> None:
-        from digs_warp.imports import import_pycolmap
+        from digs_warp.device.libraries import import_pycolmap
 
         with import_pycolmap().Database.open(self.database) as database:
             database.clear_matches()

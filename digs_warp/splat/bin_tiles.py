@@ -17,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import DigsError
-from digs_warp.parallel import ParallelLaunch, default_threads, run_together
+from digs_warp.device.parallel import ParallelLaunch, default_threads, run_together
 from digs_warp.splat.bin_kernels import (
     MAX_TILE_COLUMNS,
     emit_kernel,

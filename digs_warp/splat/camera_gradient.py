@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.parallel import launch_parallel
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.splat.project_adjoint import CAMERA_FIELDS
 
 wp.set_module_options({"enable_backward": False})

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from digs_warp.checks import DigsError
-from digs_warp.image_planes import ALIGNMENT
+from digs_warp.device.image_planes import ALIGNMENT
 from digs_warp.sh import MAX_DEGREE
 
 # Tiles are 16x16 pixels. The rasterizer evaluates a splat in blocks of 2 rows by 8 columns: one vector of

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_finite
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 
 # "vectorized": a thread per tile (`digs_warp.splat.rasterize`); "cooperative": a block of threads per tile
 # (`digs_warp.splat.rasterize_cooperative`); "plain": a thread per pixel, alone
@@ -22,7 +22,7 @@ def raster_kernels(device: str) -> RasterKernels:
 
 @dataclass
 class DeviceGaussians:
-    """Raw parameters of `digs_warp.gaussians.Gaussians` on a device; also used for their gradients."""
+    """Raw parameters of `digs_warp.data.gaussians.Gaussians` on a device; also used for their gradients."""
 
     means: wp.array  # [n] vec3
     log_scales: wp.array  # [n] vec3

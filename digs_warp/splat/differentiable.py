@@ -18,9 +18,9 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import check_shape
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry import matrix_from_rotation_vector
-from digs_warp.image_planes import ImagePlanes
-from digs_warp.parallel import launch_parallel
 from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians

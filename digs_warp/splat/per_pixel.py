@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.rasterize_cooperative import forward_cooperative_kernel, launch_cooperative
 from digs_warp.splat.rasterize_cooperative_adjoint import backward_cooperative_kernel

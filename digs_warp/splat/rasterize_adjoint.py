@@ -6,7 +6,7 @@ from functools import cache
 
 import warp as wp
 
-from digs_warp.kernel_options import vector_module_options
+from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.footprint import ViewParams

@@ -6,8 +6,8 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import check_shape
-from digs_warp.gaussians import Gaussians
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane

@@ -11,8 +11,8 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
-from digs_warp.image_planes import ImagePlanes
-from digs_warp.parallel import ParallelLaunch, default_threads
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.background import add_background_kernel, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares

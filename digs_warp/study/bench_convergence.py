@@ -8,11 +8,11 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.seed_gaussians import INITIAL_OPACITY, seed_gaussians
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
-from digs_warp.point_cloud import PointCloud
+from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
 from digs_warp.study.training_case import Case, SceneSize, record_scene, train_case
 from digs_warp.train.config import REFERENCE_RATES, TrainConfig

@@ -17,17 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Frame
+from digs_warp.data.capture import Frame
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig, Strategy
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
-from digs_warp.parallel import default_threads
-from digs_warp.sfm_model import SfmModel
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case
 from digs_warp.study.results import Result
 from digs_warp.study.synthetic_sfm import sfm_from_truth
-from sim.config import SimulateConfig
 
 WIDTH, HEIGHT = 2208, 1242
 FRAMES = 200

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.images import read_image
+from digs_warp.data.images import read_image
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment
 from digs_warp.segment.score import intersection_over_union
@@ -28,7 +28,7 @@ CASES = (
 
 def bench_masks() -> list[Result]:
     """Return intersection over union with the true masks, and the time per mask [s], of each source."""
-    from sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record import SimulateConfig, simulate
 
     results = []
     with tempfile.TemporaryDirectory() as folder:

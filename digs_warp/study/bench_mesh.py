@@ -3,11 +3,11 @@
 import time
 
 from digs_warp.film.camera_path import find_subject
-from digs_warp.log import progress
+from digs_warp.measure.surface_metrics import surface_score
+from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
 from digs_warp.study.trained_object import TrainedObject, trained_object
 from digs_warp.surface.extract import Scene, extract_surface
-from digs_warp.surface_metrics import surface_score
 
 VOXELS = (0.008, 0.004, 0.003, 0.002)  # [m]; the object is half a metre high
 NEAR = 0.005  # [m], what counts as near for the F-score

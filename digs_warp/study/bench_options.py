@@ -8,10 +8,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
 from digs_warp.study.training_case import Case, Scene, SceneSize, record_scene, train_case
 from digs_warp.train.config import TrainConfig

@@ -9,10 +9,10 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
 from digs_warp.study.sample_data import sample_data
 from digs_warp.study.training_case import Case, SceneSize, record_scene, train_case

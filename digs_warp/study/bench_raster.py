@@ -15,9 +15,9 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.gaussians import Gaussians
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_SIZE
 from digs_warp.splat.device import DeviceGaussians, RasterKernels

@@ -5,11 +5,11 @@ image sizes, with one thread and with all.
 """
 
 from digs_warp.camera import Intrinsics
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.device.parallel import default_threads
 from digs_warp.film.camera_path import find_subject, orbit
 from digs_warp.film.shoot import Clock, shoot
-from digs_warp.gaussians import Gaussians
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
 from digs_warp.study.trained_object import trained_object
 

@@ -19,9 +19,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import warp as wp
 
-from digs_warp.image_planes import ImagePlanes
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.bench_raster import NEAR, RasterScene, best_time, clock_for, count_work

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.data.capture import Frame
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.estimate import structure_from_motion
 from digs_warp.sfm.evaluate import pose_errors

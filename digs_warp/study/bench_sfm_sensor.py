@@ -9,6 +9,8 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+from digs_warp.sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from digs_warp.sim.sensor_plan import SensorPlan
 from digs_warp.study.bench_sfm import DEFAULT, measure
 from digs_warp.study.results import Result
 from digs_warp.study.sfm_photographs import (
@@ -18,8 +20,6 @@ from digs_warp.study.sfm_photographs import (
     photograph_walk,
     planned_sensor,
 )
-from sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
-from sim.sensor_plan import SensorPlan
 
 WALK = Photographs(60, 960, 540)
 

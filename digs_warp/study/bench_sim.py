@@ -16,24 +16,24 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.log import progress
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import WORKERS
+from digs_warp.sim.sensor.blame import blame
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.planner import plan
+from digs_warp.sim.sensor.scores import Scores, score
+from digs_warp.sim.sensor.tiers import Tier, sense, sense_effects
+from digs_warp.sim.sensor_plan import plan_for_facts
+from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.shutter import Shutter
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
 from digs_warp.study.sample_data import sample_data
-from sim.config import SimulateConfig
-from sim.record import WORKERS
-from sim.sensor.blame import blame
-from sim.sensor.cause import Cause
-from sim.sensor.color.recorded import recorded_images
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import measure_facts
-from sim.sensor.frame import FrameTruth
-from sim.sensor.planner import plan
-from sim.sensor.scores import Scores, score
-from sim.sensor.tiers import Tier, sense, sense_effects
-from sim.sensor_plan import plan_for_facts
-from sim.session import load_inputs, prepare_session
-from sim.shutter import Shutter
 
 MESHES = ("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box")
 ENVIRONMENT = "st_fagans_interior"
@@ -202,9 +202,9 @@ def _columns(scores: Scores) -> dict[str, float]:
 def _timed(function: Callable[[], object]) -> tuple[float, float]:
     """Return wall time and CPU time of one call among as many at once as a recording makes [ms].
 
-    A recording senses frames side by side (`sim.record.WORKERS`): what a user waits for is the time per
-    frame while they do, not that of a frame for which half of the cores stand idle. The shortest of some
-    rounds; a first call also loads and compiles, and does not count.
+    A recording senses frames side by side (`digs_warp.sim.record.WORKERS`): what a user waits for is the
+    time per frame while they do, not that of a frame for which half of the cores stand idle. The shortest
+    of some rounds; a first call also loads and compiles, and does not count.
     """
     function()
     best = (np.inf, np.inf)

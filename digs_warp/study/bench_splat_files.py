@@ -13,11 +13,11 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats, write_splats
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.film.camera_path import find_subject, orbit
-from digs_warp.gaussians import Gaussians
-from digs_warp.layout import GAUSSIANS
-from digs_warp.log import progress
-from digs_warp.metrics import psnr
+from digs_warp.measure.metrics import psnr
+from digs_warp.record.layout import GAUSSIANS
+from digs_warp.record.progress import progress
 from digs_warp.splat.render import RenderOutput, render
 from digs_warp.study.results import Result
 from digs_warp.study.trained_object import trained_object

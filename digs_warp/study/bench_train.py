@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Capture
+from digs_warp.data.capture import Capture
+from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
@@ -63,7 +63,7 @@ def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Resul
 
 
 def _record(width: int, height: int, folder: Path) -> Capture:
-    from sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record import SimulateConfig, simulate
 
     config = SimulateConfig(
         frames=FRAMES, width=width, height=height, samples_per_pixel=1, tier="law"

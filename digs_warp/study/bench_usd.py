@@ -17,17 +17,17 @@ from typing import get_args
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import look_at
-from digs_warp.log import progress
+from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
 from digs_warp.study.bench_raster import best_time
 from digs_warp.study.memory import peak_growth
 from digs_warp.study.results import Result
-from usd.convert import Precision
-from usd.reader import read_gaussians
-from usd.validate import validate
-from usd.writer import WriteOptions, write_gaussians
+from digs_warp.usd.convert import Precision
+from digs_warp.usd.reader import read_gaussians
+from digs_warp.usd.validate import validate
+from digs_warp.usd.writer import WriteOptions, write_gaussians
 
 SPLATS = 1_000_000
 PICTURED_SPLATS = 100_000

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame, Rig
-from digs_warp.capture_writer import CaptureWriter, FrameImages
-from digs_warp.log import progress
-from digs_warp.surface_metrics import SurfaceScore, surface_score
-from digs_warp.triangle_mesh import TriangleMesh
-from sim.config import SimulateConfig
-from sim.frame_maker import FrameMaker, RenderedFrame
-from sim.sensor_plan import make_plan
-from sim.session import load_inputs, prepare_session
+from digs_warp.data.capture import Capture, Frame, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.measure.surface_metrics import SurfaceScore, surface_score
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.sensor_plan import make_plan
+from digs_warp.sim.session import load_inputs, prepare_session
 
 # Points within this distance [m] of the true surface count as on it.
 THRESHOLD = 0.005

@@ -13,14 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Capture, Frame
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.posed_frames import with_cameras
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig, Strategy
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
-from digs_warp.log import progress
-from digs_warp.posed_frames import with_cameras
-from digs_warp.sfm_model import SfmModel
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
 from digs_warp.study.results import Result
 from digs_warp.study.sample_data import sample_data
@@ -29,7 +30,6 @@ from digs_warp.study.synthetic_sfm import (
     with_disparity_offset,
     with_wrong_baseline,
 )
-from sim.config import SimulateConfig
 
 STRENGTHS = (0.0, 1.0, 2.0, 4.0)
 STRATEGIES: tuple[Strategy, ...] = ("default", "random", "depth", "highdepth", "fusion")

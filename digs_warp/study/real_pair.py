@@ -8,10 +8,10 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError, require_file
-from digs_warp.images import read_image
-from sim.rig import StereoRig
-from sim.scene import Material
-from sim.sensor.frame import FrameTruth, Motion
+from digs_warp.data.images import read_image
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 # Surfaces are the same when their disparities differ by no more than this [px].
 SAME_SURFACE = 1.0

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 
 
 @dataclass(frozen=True)

@@ -6,21 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from digs_warp.sim.sensor.color.encoding import decode, encode
+from digs_warp.sim.sensor.color.image_blur import ImageBlur
+from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
+from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.protocol import DepthEffect
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.tiers import effect_rng
+from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.study.still_life import SAMPLES, photograph, pose_at, still_life, still_life_rig
-from sim.render.raycast import RaycastRenderer
-from sim.rig import StereoRig
-from sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
-from sim.sensor.color.encoding import decode, encode
-from sim.sensor.color.image_blur import ImageBlur
-from sim.sensor.color.protocol import EyeImages, PixelEffect
-from sim.sensor.color.rolling_shutter import RollingShutter
-from sim.sensor.effects import EFFECTS
-from sim.sensor.effects.protocol import DepthEffect
-from sim.sensor.facts import measure_facts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.tiers import effect_rng
-from sim.shutter import Shutter, ShutteredEye
 
 SEED = 0
 

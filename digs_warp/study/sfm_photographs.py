@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import INDEX_NAME, Frame, read_capture
-from digs_warp.capture_writer import CaptureWriter, FrameImages
-from digs_warp.log import progress
-from sim.config import SimulateConfig
-from sim.sensor.color.encoding import decode, encode
-from sim.sensor.color.protocol import EyeImages
-from sim.sensor.planner import override
-from sim.sensor.tiers import effect_rng
-from sim.sensor_plan import SensorPlan, make_plan
-from sim.session import Session, load_inputs, prepare_session
-from sim.shutter import ShutteredEye
+from digs_warp.data.capture import INDEX_NAME, Frame, read_capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.color.encoding import decode, encode
+from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.planner import override
+from digs_warp.sim.sensor.tiers import effect_rng
+from digs_warp.sim.sensor_plan import SensorPlan, make_plan
+from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.shutter import ShutteredEye
 
 SAMPLES_PER_PIXEL = 2
 LAYERS = ("file_path",)

@@ -11,14 +11,14 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.geometry import look_at, rigid
-from sim.builtin.noise import periodic_noise
-from sim.builtin.shapes import Patch, revolve
-from sim.environment import Environment, procedural_environment
-from sim.profiles import PROFILES
-from sim.render.raycast import RaycastRenderer
-from sim.rig import StereoRig
-from sim.scene import Material, Scene
-from sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.builtin.noise import periodic_noise
+from digs_warp.sim.builtin.shapes import Patch, revolve
+from digs_warp.sim.environment import Environment, procedural_environment
+from digs_warp.sim.profiles import PROFILES
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0
 SURROUND_RADIUS = 25.0  # [m], beyond the 20 m of the camera

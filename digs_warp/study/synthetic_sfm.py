@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.capture import Frame
-from digs_warp.point_cloud import PointCloud
-from digs_warp.sfm_model import Observations, SfmModel
+from digs_warp.data.capture import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import Observations, SfmModel
 
 # A view sees a point when its true depth there agrees to this share.
 VISIBLE = 0.01

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.camera import Camera
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.log import progress
+from digs_warp.record.progress import progress
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from digs_warp.triangle_mesh import TriangleMesh
 
 FRAMES = 48
 SIZE = (640, 360)
@@ -35,7 +35,7 @@ def trained_object(
     frames: int = FRAMES, size: tuple[int, int] = SIZE, steps: int = STEPS
 ) -> TrainedObject:
     """Record ``frames`` images of ``size`` [px], start from their depth and train; always the same."""
-    from sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record import SimulateConfig, simulate
 
     width, height = size
     recording = SimulateConfig(

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.capture import Frame
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.point_cloud import PointCloud
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
 from digs_warp.train.trainer import Trainer
@@ -63,7 +63,7 @@ def record_scene(size: SceneSize, folder: Path, mesh: Path | None = None) -> Sce
         folder: where the capture goes.
         mesh: the object; default: the built-in one.
     """
-    from sim.record import SimulateConfig, simulate
+    from digs_warp.sim.record import SimulateConfig, simulate
 
     config = SimulateConfig(
         mesh=mesh, frames=size.frames, width=size.width, height=size.height, tier="law"

@@ -7,8 +7,8 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
-from digs_warp.log import progress
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.progress import progress
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.fuse import fuse_views
 from digs_warp.surface.parts import Cleaned, remove_floaters

@@ -8,9 +8,9 @@ import numpy as np
 
 from digs_warp import __version__
 from digs_warp.checks import DigsError
-from digs_warp.images import linear_from_srgb, to_uint8
-from digs_warp.log import write_atomically
-from digs_warp.triangle_mesh import TriangleMesh
+from digs_warp.data.images import linear_from_srgb, to_uint8
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.record.files import write_atomically
 
 SUFFIXES = (".glb", ".ply")
 

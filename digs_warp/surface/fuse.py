@@ -11,9 +11,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.imports import import_open3d
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.device.libraries import import_open3d
 from digs_warp.surface.depth_views import DepthView
-from digs_warp.triangle_mesh import TriangleMesh
 
 # The field reaches this many voxels to both sides of the surface: enough for noise of a voxel, and thin
 # enough that the two sides of a wall of 8 voxels do not touch.

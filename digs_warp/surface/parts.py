@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.triangle_mesh import TriangleMesh
+from digs_warp.data.triangle_mesh import TriangleMesh
 
 # Parts with less than this share of the triangles of the largest one are floaters.
 LEAST_SHARE = 0.02

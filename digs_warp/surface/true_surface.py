@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError
-from digs_warp.layout import RUN_RECORD
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
+from digs_warp.record.layout import RUN_RECORD
 
 if TYPE_CHECKING:
-    from digs_warp.triangle_mesh import TriangleMesh
+    from digs_warp.data.triangle_mesh import TriangleMesh
 
 
 def read_true_surface(capture: Path) -> "TriangleMesh | None":
@@ -20,8 +20,8 @@ def read_true_surface(capture: Path) -> "TriangleMesh | None":
     Raises:
         DigsError: the record names a mesh file that is no longer there or cannot be read.
     """
-    from digs_warp.triangle_mesh import TriangleMesh
-    from sim.vertex_colors import srgb_vertex_colors
+    from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.sim.vertex_colors import srgb_vertex_colors
 
     record = capture / RUN_RECORD
     if not record.is_file():
@@ -33,11 +33,11 @@ def read_true_surface(capture: Path) -> "TriangleMesh | None":
     if "mesh" not in settings:
         return None
     if settings["mesh"] is None:
-        from sim.procedural import procedural_scene
+        from digs_warp.sim.procedural import procedural_scene
 
         scene = procedural_scene()
     else:
-        from sim.load import load_scene
+        from digs_warp.sim.load import load_scene
 
         path = Path(settings["mesh"])
         if not path.is_file():

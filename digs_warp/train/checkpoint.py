@@ -11,8 +11,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
-from digs_warp.log import write_arrays
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.record.files import write_arrays
 from digs_warp.train.trainer import Trainer, non_finite_rows
 
 _CONTROL = "control_"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.durations import seconds_of
+from digs_warp.record.durations import seconds_of
 from digs_warp.sh import MAX_DEGREE
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 from digs_warp.train.evaluate import TestView, mean_score, render_views, score_views
 from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
 from digs_warp.train.trainer import Trainer

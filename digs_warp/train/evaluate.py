@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Frame
-from digs_warp.metrics import psnr, ssim
+from digs_warp.data.capture import Frame
+from digs_warp.measure.metrics import psnr, ssim
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer

@@ -5,8 +5,8 @@
 import numpy as np
 import warp as wp
 
-from digs_warp.contiguous import floats_from
-from digs_warp.parallel import ParallelLaunch, run_together
+from digs_warp.device.contiguous import floats_from
+from digs_warp.device.parallel import ParallelLaunch, run_together
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
 

@@ -4,10 +4,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from digs_warp.capture import Frame
-from digs_warp.gaussians import Gaussians
-from digs_warp.layout import CHECKPOINT, GAUSSIANS, TRAINING
-from digs_warp.log import RunLog, progress
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
+from digs_warp.record.progress import progress
+from digs_warp.record.run_log import RunLog
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import LOG_EVERY, Course

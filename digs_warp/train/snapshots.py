@@ -6,8 +6,8 @@ Only colours that do not depend on the direction are kept: 56 bytes a splat, a q
 from dataclasses import replace
 from pathlib import Path
 
-from digs_warp.gaussians import Gaussians
-from digs_warp.layout import COURSE
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.layout import COURSE
 
 
 def save_snapshot(folder: Path, iteration: int, gaussians: Gaussians) -> None:

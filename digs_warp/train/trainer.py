@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.losses.regularizers import Regularizer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians

@@ -12,10 +12,10 @@ from functools import partial
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.data.capture import Frame
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.draws import VIEW_ORDER
 from digs_warp.train.half_size import may_halve

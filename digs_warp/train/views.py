@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Frame
+from digs_warp.data.capture import Frame
 from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import Box, mask_box, tiles_of
 from digs_warp.losses.target import pack_view

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sim.builtin.noise import smoothstep
-from sim.builtin.shapes import (
+from digs_warp.sim.builtin.noise import smoothstep
+from digs_warp.sim.builtin.shapes import (
     Patch,
     angles,
     arc_length,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.builtin.noise import mix, periodic_noise, smoothstep
+from digs_warp.sim.builtin.noise import mix, periodic_noise, smoothstep
 
 SIZE = 1024
 

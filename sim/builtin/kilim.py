@@ -6,7 +6,7 @@ picture of a crossing: in a plain weave the weft lies on top in every other cell
 
 import numpy as np
 
-from sim.builtin.noise import mix, periodic_noise
+from digs_warp.sim.builtin.noise import mix, periodic_noise
 
 # Threads round the cloth and up the cloth, and texels across one thread.
 WARPS = 256

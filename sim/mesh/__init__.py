@@ -1,1 +1,1 @@
-"""From what a mesh file holds to the arrays of a `sim.scene.Scene`; `sim.load` is the door."""
+"""Turns a mesh file into the arrays of a `digs_warp.sim.scene.Scene`; start at `digs_warp.sim.load`."""

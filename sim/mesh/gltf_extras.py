@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from sim.mesh.gltf_header import glb_binary
+from digs_warp.sim.mesh.gltf_header import glb_binary
 
 
 @dataclass(frozen=True, eq=False)

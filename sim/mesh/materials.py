@@ -1,17 +1,17 @@
-"""Materials of trimesh (glTF and MTL) as `sim.scene.Material`."""
+"""Materials of trimesh (glTF and MTL) as `digs_warp.sim.scene.Material`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from digs_warp.images import linear_from_srgb
-from sim.mesh.gltf_extras import GltfExtras
-from sim.mesh.parts import MeshPart
-from sim.mesh.pbr import MIN_OPACITY, pbr_material
-from sim.mesh.pixels import alpha_pixels
-from sim.mesh.texture import color_texture
-from sim.scene import Material
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.sim.mesh.gltf_extras import GltfExtras
+from digs_warp.sim.mesh.parts import MeshPart
+from digs_warp.sim.mesh.pbr import MIN_OPACITY, pbr_material
+from digs_warp.sim.mesh.pixels import alpha_pixels
+from digs_warp.sim.mesh.texture import color_texture
+from digs_warp.sim.scene import Material
 
 # What a mesh without any colour is drawn in: light grey clay, linear.
 PLAIN_COLOR = (0.4, 0.4, 0.4)

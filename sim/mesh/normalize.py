@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.mesh.normals import face_normals
-from sim.mesh.parts import Triangles
+from digs_warp.sim.mesh.normals import face_normals
+from digs_warp.sim.mesh.parts import Triangles
 
 logger = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.mesh.parts import Triangles
+from digs_warp.sim.mesh.parts import Triangles
 
 # Faces that meet at a larger angle keep a sharp edge between them: a sphere of 16 segments (22 degrees)
 # still looks round, the sides of a box stay flat.

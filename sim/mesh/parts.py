@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.images import linear_from_srgb
+from digs_warp.data.images import linear_from_srgb
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def _unit_colors(colors: Any) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """All parts in one list of triangles; the attributes are those of `sim.scene.Scene`, in float64.
+    """All parts in one list of triangles, with the attributes of `digs_warp.sim.scene.Scene` in float64.
 
     Normals are NaN where there are none yet.
     """

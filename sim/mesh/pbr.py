@@ -1,15 +1,15 @@
-"""Materials of glTF (metallic-roughness model) as `sim.scene.Material`."""
+"""Materials of glTF (metallic-roughness model) as `digs_warp.sim.scene.Material`."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from sim.mesh.gltf_extras import GltfExtras
-from sim.mesh.parts import MeshPart
-from sim.mesh.pixels import alpha_pixels, mean_over_surface, rgb_pixels
-from sim.mesh.texture import color_texture
-from sim.scene import Material
+from digs_warp.sim.mesh.gltf_extras import GltfExtras
+from digs_warp.sim.mesh.parts import MeshPart
+from digs_warp.sim.mesh.pixels import alpha_pixels, mean_over_surface, rgb_pixels
+from digs_warp.sim.mesh.texture import color_texture
+from digs_warp.sim.scene import Material
 
 # Blended texels fainter than this are holes: nothing reflects there either.
 MIN_OPACITY = 0.02

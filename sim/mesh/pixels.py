@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.mesh.parts import MeshPart
+from digs_warp.sim.mesh.parts import MeshPart
 
 # Where a triangle is looked up in a texture for its mean (barycentric): a rule that is exact for quadratic
 # functions.

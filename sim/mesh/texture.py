@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.mesh.parts import MeshPart
-from sim.mesh.pixels import rgb_pixels
+from digs_warp.sim.mesh.parts import MeshPart
+from digs_warp.sim.mesh.pixels import rgb_pixels
 
 logger = logging.getLogger(__name__)
 

@@ -12,21 +12,21 @@ import numpy as np
 
 from digs_warp.camera import Camera, pixel_centers
 from digs_warp.checks import DigsError
-from digs_warp.imports import PYRENDER_APT, MissingLibraryError, import_pyrender
-from sim.environment import Environment
-from sim.render.gl_scene import (
+from digs_warp.device.libraries import PYRENDER_APT, MissingLibraryError, import_pyrender
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.gl_scene import (
     material_meshes,
     normal_mesh,
     sphere_mesh,
     two_lights,
 )
-from sim.render.lighting import prepare_light
-from sim.render.protocol import RenderedView
-from sim.render.rays import SurfaceRays
-from sim.render.track import CameraTrack, exposure_by_views
-from sim.render.upload import DeviceScene, is_see_through, upload_scene
-from sim.render.view import check_inside
-from sim.scene import Scene
+from digs_warp.sim.render.lighting import prepare_light
+from digs_warp.sim.render.protocol import RenderedView
+from digs_warp.sim.render.rays import SurfaceRays
+from digs_warp.sim.render.track import CameraTrack, exposure_by_views
+from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
+from digs_warp.sim.render.view import check_inside
+from digs_warp.sim.scene import Scene
 
 # OpenGL cameras look along -z, with y up.
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])

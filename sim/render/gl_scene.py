@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.images import srgb_from_linear, to_uint8
+from digs_warp.data.images import srgb_from_linear, to_uint8
 from digs_warp.sh import sh_basis
-from sim.environment import Environment
-from sim.panorama import panorama_directions
-from sim.scene import Material, Scene
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.panorama import panorama_directions
+from digs_warp.sim.scene import Material, Scene
 
 # Segments of the surround's sphere; its texture bends within one by less than a tenth of a degree.
 SPHERE_COLUMNS, SPHERE_ROWS = 256, 128

@@ -11,10 +11,10 @@ depend on the number of threads.
 
 import warp as wp
 
-from sim.render.lighting import Light, Panorama, sample_panorama
-from sim.render.look import look_at_hit
-from sim.render.shading import coat, key_visibility, shade
-from sim.render.surface import (
+from digs_warp.sim.render.lighting import Light, Panorama, sample_panorama
+from digs_warp.sim.render.look import look_at_hit
+from digs_warp.sim.render.shading import coat, key_visibility, shade
+from digs_warp.sim.render.surface import (
     ANY_SURFACE,
     MAX_LAYERS,
     Surface,
@@ -26,7 +26,14 @@ from sim.render.surface import (
     transmission_at,
     viewer_side_normal,
 )
-from sim.render.view import FAR, Track, View, ray_direction_cam, surround_distance, view_at
+from digs_warp.sim.render.view import (
+    FAR,
+    Track,
+    View,
+    ray_direction_cam,
+    surround_distance,
+    view_at,
+)
 
 wp.set_module_options({"enable_backward": False})
 

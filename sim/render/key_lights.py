@@ -11,7 +11,7 @@ direction, with one shadow ray toward a random point of it.
 import numpy as np
 import warp as wp
 
-from sim.panorama import panorama_directions, solid_angles
+from digs_warp.sim.panorama import panorama_directions, solid_angles
 
 wp.set_module_options({"enable_backward": False})
 

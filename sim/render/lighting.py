@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.parallel import launch_parallel
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.sh import sh_basis
-from sim.environment import Environment
-from sim.panorama import panorama_directions, solid_angles
-from sim.render.key_lights import KeyLights, take_out_spots
-from sim.render.textures import mip_chain
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.panorama import panorama_directions, solid_angles
+from digs_warp.sim.render.key_lights import KeyLights, take_out_spots
+from digs_warp.sim.render.textures import mip_chain
 
 wp.set_module_options({"enable_backward": False})
 

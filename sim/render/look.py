@@ -7,14 +7,14 @@
 
 import warp as wp
 
-from sim.render.surface import (
+from digs_warp.sim.render.surface import (
     Surface,
     texture_level,
     texture_position,
     vertex_normal,
     viewer_side,
 )
-from sim.render.textures import LINEAR, SRGB, sample_texture
+from digs_warp.sim.render.textures import LINEAR, SRGB, sample_texture
 
 wp.set_module_options({"enable_backward": False})
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from sim.render.surface import Surface, is_blocked
-from sim.scene import Scene
+from digs_warp.sim.render.surface import Surface, is_blocked
+from digs_warp.sim.scene import Scene
 
 wp.set_module_options({"enable_backward": False})
 

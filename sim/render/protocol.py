@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from digs_warp.camera import Camera
-from sim.render.track import CameraTrack
-from sim.sensor.frame import FrameRays
+from digs_warp.sim.render.track import CameraTrack
+from digs_warp.sim.sensor.frame import FrameRays
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,17 +10,17 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.parallel import launch_parallel
-from sim.environment import Environment
-from sim.render.kernels import color_kernel, geometry_kernel
-from sim.render.lighting import prepare_light
-from sim.render.openness import openness_kernel, openness_nodes
-from sim.render.protocol import RenderedView
-from sim.render.rays import SurfaceRays
-from sim.render.track import CameraTrack
-from sim.render.upload import upload_scene
-from sim.render.view import make_track, make_view
-from sim.scene import Scene
+from digs_warp.device.parallel import launch_parallel
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.kernels import color_kernel, geometry_kernel
+from digs_warp.sim.render.lighting import prepare_light
+from digs_warp.sim.render.openness import openness_kernel, openness_nodes
+from digs_warp.sim.render.protocol import RenderedView
+from digs_warp.sim.render.rays import SurfaceRays
+from digs_warp.sim.render.track import CameraTrack
+from digs_warp.sim.render.upload import upload_scene
+from digs_warp.sim.render.view import make_track, make_view
+from digs_warp.sim.scene import Scene
 
 # Rays that measure how open a node of the mesh lies, on each side; large meshes share out the budget.
 OPENNESS_RAYS = 64

@@ -1,4 +1,4 @@
-"""Rays that only some effects of the sensor ask for; see `sim.sensor.frame.FrameRays`."""
+"""Rays that only some effects of the sensor ask for; see `digs_warp.sim.sensor.frame.FrameRays`."""
 
 # Kernel code is a language of its own; these checks misread it.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -12,10 +12,10 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
-from digs_warp.parallel import launch_parallel
-from sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
-from sim.render.upload import DeviceScene
-from sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+from digs_warp.device.parallel import launch_parallel
+from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
+from digs_warp.sim.render.upload import DeviceScene
+from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
 
 wp.set_module_options({"enable_backward": False})
 

@@ -5,7 +5,7 @@ reflectance is the second half of the split sum in Karis' analytic form ("Physic
 Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, with the
 bounces between coloured walls put back (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect
 Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal mirrors the object
-itself; see `sim.render.key_lights` and `mirrored_light`.
+itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -15,11 +15,11 @@ itself; see `sim.render.key_lights` and `mirrored_light`.
 
 import warp as wp
 
-from sim.render.key_lights import choose_key, key_light
-from sim.render.lighting import Light, diffuse_light, specular_light
-from sim.render.look import Look, look_at_hit
-from sim.render.surface import Surface, is_blocked, smooth_position
-from sim.render.view import FAR, View, surround_distance
+from digs_warp.sim.render.key_lights import choose_key, key_light
+from digs_warp.sim.render.lighting import Light, diffuse_light, specular_light
+from digs_warp.sim.render.look import Look, look_at_hit
+from digs_warp.sim.render.surface import Surface, is_blocked, smooth_position
+from digs_warp.sim.render.view import FAR, View, surround_distance
 
 wp.set_module_options({"enable_backward": False})
 

@@ -7,8 +7,8 @@
 
 import warp as wp
 
-from sim.render.textures import LINEAR, TextureSet, sample_texture
-from sim.scene import OPAQUE_SHARE
+from digs_warp.sim.render.textures import LINEAR, TextureSet, sample_texture
+from digs_warp.sim.scene import OPAQUE_SHARE
 
 wp.set_module_options({"enable_backward": False})
 
@@ -28,7 +28,7 @@ MAX_LAYERS = wp.constant(16)
 
 @wp.struct
 class MaterialData:
-    """`sim.scene.Material` for kernels; a texture of -1 is none."""
+    """`digs_warp.sim.scene.Material` for kernels; a texture of -1 is none."""
 
     see_through: int  # 0: opaque everywhere
     base_color: wp.vec3
@@ -48,7 +48,7 @@ class MaterialData:
 
 @wp.struct
 class Surface:
-    """Triangles and materials; arrays in the order of `sim.scene.Scene`."""
+    """Triangles and materials; arrays in the order of `digs_warp.sim.scene.Scene`."""
 
     mesh: wp.uint64  # wp.Mesh
     points: wp.array[wp.vec3]  # [n]

@@ -6,7 +6,7 @@ maps make them; vertices are already split along the seams of the texture.
 
 import numpy as np
 
-from sim.scene import Scene
+from digs_warp.sim.scene import Scene
 
 # Below this, a tangent is no direction: mirrored halves cancel out, or the texture has no extent.
 MIN_LENGTH = 1e-12

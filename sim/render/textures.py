@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.images import linear_from_srgb, srgb_from_linear, to_uint8
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 
 wp.set_module_options({"enable_backward": False})
 

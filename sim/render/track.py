@@ -9,7 +9,7 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import check_shape
-from sim.sensor.color.encoding import decode, encode
+from digs_warp.sim.sensor.color.encoding import decode, encode
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def exposure_by_views(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return image, (height, width, 3), and mask, (height, width), both uint8: the mean of many views.
 
-    Works with any renderer; see `sim.render.protocol.Renderer.render_exposure` for the arguments.
+    Works with any renderer; see `digs_warp.sim.render.protocol.Renderer.render_exposure` for the arguments.
     """
     seeds = np.random.SeedSequence(seed).generate_state(track.world_from_cam[..., 0, 0].size)
     numbers = iter(seeds.tolist())

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.warp_start import start_warp
-from sim.render.surface import MaterialData, Surface
-from sim.render.tangents import face_handedness, vertex_tangents
-from sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
-from sim.scene import Material, Scene
+from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.render.surface import MaterialData, Surface
+from digs_warp.sim.render.tangents import face_handedness, vertex_tangents
+from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
+from digs_warp.sim.scene import Material, Scene
 
 start_warp()
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.parallel import launch_parallel
-from digs_warp.warp_start import start_warp
+from digs_warp.device.parallel import launch_parallel
+from digs_warp.device.warp_start import start_warp
 
 start_warp()
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sim.sensor.cause import Cause
-from sim.sensor.filters import dilate
-from sim.sensor.frame import FrameTruth
-from sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
-from sim.sensor.steps import find_steps
-from sim.sensor.texture import MATCHABLE_SNR
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.filters import dilate
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
+from digs_warp.sim.sensor.steps import find_steps
+from digs_warp.sim.sensor.texture import MATCHABLE_SNR
 
 # Error from which a match is wrong and not merely noisy [px] ("bad-1" of the Middlebury benchmark).
 WRONG = 1.0

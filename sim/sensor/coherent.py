@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.sensor.noise_field import white_normal
+from digs_warp.sim.sensor.noise_field import white_normal
 
 
 def coherent_normal(

@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from digs_warp.checks import DigsError
-from sim.sensor.filters import dilate
-from sim.sensor.frame import FrameTruth
-from sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
-from sim.sensor.motion import image_motion
-from sim.sensor.slopes import width_ratio
-from sim.sensor.steps import find_steps
-from sim.sensor.virtual_image import virtual_disparity
+from digs_warp.sim.sensor.filters import dilate
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
+from digs_warp.sim.sensor.motion import image_motion
+from digs_warp.sim.sensor.slopes import width_ratio
+from digs_warp.sim.sensor.steps import find_steps
+from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
 # Thresholds of the statistics; the effects that use them tell their sources.
 TEXTURE_REACH = 20.0  # [px]

@@ -7,13 +7,13 @@ from typing import Protocol
 import numpy as np
 
 from digs_warp.camera import Camera
-from sim.rig import StereoRig
-from sim.scene import Material
-from sim.sensor.cause import Cause
-from sim.sensor.filters import gray_of
-from sim.sensor.right_eye import hidden_from_right
-from sim.sensor.slopes import surface_slope
-from sim.sensor.texture import Texture, measure_texture, noise_of, texture_distance
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.right_eye import hidden_from_right
+from digs_warp.sim.sensor.slopes import surface_slope
+from digs_warp.sim.sensor.texture import Texture, measure_texture, noise_of, texture_distance
 
 
 class FrameRays(Protocol):

@@ -11,10 +11,10 @@ NumPy needs a dozen passes over the image for the same; see tests/reference/righ
 import numpy as np
 import warp as wp
 
-from digs_warp.contiguous import bytes_from, floats_from
-from digs_warp.kernel_options import vector_module_options
-from digs_warp.parallel import launch_parallel
-from digs_warp.warp_start import start_warp
+from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.kernel_options import vector_module_options
+from digs_warp.device.parallel import launch_parallel
+from digs_warp.device.warp_start import start_warp
 
 start_warp()
 wp.set_module_options(vector_module_options())

@@ -12,7 +12,7 @@ holes, no texture failures.
 import numpy as np
 
 from digs_warp.checks import check_shape
-from sim.rig import StereoRig
+from digs_warp.sim.rig import StereoRig
 
 # Identifies this effect in the seeds, so that effects added later draw other numbers.
 EFFECT_ID = 1

@@ -6,10 +6,10 @@ Hirschmueller 2008, in OpenCV's implementation (StereoSGBM, five directions), wi
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
-from sim.rig import StereoRig
-from sim.sensor.blame import blame
-from sim.sensor.filters import gray_of
-from sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.blame import blame
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 # Penalties for a change of disparity by one and by more, per pixel of the window: OpenCV's suggestion.
 SMALL_STEP, LARGE_STEP = 8, 32

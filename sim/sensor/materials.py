@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.scene import Material
-from sim.sensor.frame import FrameTruth
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.frame import FrameTruth
 
 # A metal this smooth shows a sharp picture of its surroundings.
 MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from sim.sensor.filters import enlarge, separable
-from sim.sensor.row_field import RowField, spline_taps, stretched
+from digs_warp.sim.sensor.filters import enlarge, separable
+from digs_warp.sim.sensor.row_field import RowField, spline_taps, stretched
 
 # Standard deviation and mean of a byte.
 BYTE_SIGMA = np.sqrt((256**2 - 1) / 12)
@@ -146,7 +146,7 @@ def patchy_uniform(rng: np.random.Generator, shape: tuple[int, int], cell: float
     """Return a field uniform over 0 to 1 that hardly changes over ``cell`` pixels, float32.
 
     Thresholding it gives patches instead of single pixels. For a whole frame; a few pixels of a field
-    are cheaper with `sim.sensor.coherent`.
+    are cheaper with `digs_warp.sim.sensor.coherent`.
     """
     from scipy.special import ndtr
 

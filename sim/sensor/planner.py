@@ -4,10 +4,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from digs_warp.checks import DigsError
-from sim.rig import StereoRig
-from sim.sensor.effects import EFFECTS
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import SceneFacts
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import SceneFacts
 
 # "auto": what the scene calls for; "all"; "none"; or names of effects.
 Selection = str | Sequence[str]

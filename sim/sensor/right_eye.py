@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.sensor.landings import HIDDEN, UNSURE, classify
+from digs_warp.sim.sensor.landings import HIDDEN, UNSURE, classify
 
 
 def hidden_from_right(
@@ -22,7 +22,7 @@ def hidden_from_right(
         disparity: [px], (height, width), NaN where there is nothing.
         opaque: the same without what can be seen through.
         right_visibility: tells by rays whether the right eye sees the pixels it is given, both
-            (height, width), bool; see `sim.sensor.frame.FrameRays`.
+            (height, width), bool; see `digs_warp.sim.sensor.frame.FrameRays`.
     """
     state = classify(disparity, opaque)
     hidden, unsure = state == HIDDEN, state == UNSURE

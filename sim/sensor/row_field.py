@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from digs_warp.contiguous import floats_from
-from digs_warp.kernel_options import vector_module_options
-from digs_warp.warp_start import start_warp
-from sim.sensor.arrays import launch_rows, shared
-from sim.sensor.filters import enlarge
+from digs_warp.device.contiguous import floats_from
+from digs_warp.device.kernel_options import vector_module_options
+from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.sensor.arrays import launch_rows, shared
+from digs_warp.sim.sensor.filters import enlarge
 
 start_warp()
 wp.set_module_options(vector_module_options())

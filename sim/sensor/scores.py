@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.sensor.blame import WRONG, near_steps
-from sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.blame import WRONG, near_steps
+from digs_warp.sim.sensor.frame import FrameTruth
 
 # Pixels this near to a depth step count as edge pixels.
 EDGE_RADIUS = 2

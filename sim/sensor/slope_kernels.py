@@ -10,9 +10,9 @@ The formulas in NumPy: tests/reference/slopes_twin.py.
 
 import warp as wp
 
-from digs_warp.contiguous import bytes_from, floats_from
-from digs_warp.kernel_options import vector_module_options
-from digs_warp.warp_start import start_warp
+from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.kernel_options import vector_module_options
+from digs_warp.device.warp_start import start_warp
 
 start_warp()
 wp.set_module_options(vector_module_options())

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sim.sensor.arrays import launch_rows, shared
-from sim.sensor.slope_kernels import slope_kernel, steep_kernel
+from digs_warp.sim.sensor.arrays import launch_rows, shared
+from digs_warp.sim.sensor.slope_kernels import slope_kernel, steep_kernel
 
 
 def surface_slope(disparity: np.ndarray) -> np.ndarray:

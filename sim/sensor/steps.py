@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.sensor.arrays import launch_rows, shared
-from sim.sensor.slope_kernels import step_kernel
+from digs_warp.sim.sensor.arrays import launch_rows, shared
+from digs_warp.sim.sensor.slope_kernels import step_kernel
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from sim.sensor.arrays import launch_rows, shared
-from sim.sensor.filters import box_mean, distance_to
-from sim.sensor.texture_kernel import BLOCK, PIECE, texture_kernel
+from digs_warp.sim.sensor.arrays import launch_rows, shared
+from digs_warp.sim.sensor.filters import box_mean, distance_to
+from digs_warp.sim.sensor.texture_kernel import BLOCK, PIECE, texture_kernel
 
 # Gradient over image noise from which a patch is matched: 99 % of the pixels are at 0.24, 9 % at 0.12.
 MATCHABLE_SNR = 0.25

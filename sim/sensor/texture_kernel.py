@@ -1,4 +1,4 @@
-"""Kernel of `sim.sensor.texture`: gradients along rows, in windows and in blocks, in one pass over the image.
+"""Gradients along rows, in windows and in blocks, in one pass: kernel of `digs_warp.sim.sensor.texture`.
 
 All sums are of whole numbers below 2^24, exact in float32 in any order.
 """
@@ -10,9 +10,9 @@ All sums are of whole numbers below 2^24, exact in float32 in any order.
 
 import warp as wp
 
-from digs_warp.contiguous import bytes_from, floats_from
-from digs_warp.kernel_options import vector_module_options
-from digs_warp.warp_start import start_warp
+from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.kernel_options import vector_module_options
+from digs_warp.device.warp_start import start_warp
 
 start_warp()
 wp.set_module_options(vector_module_options())

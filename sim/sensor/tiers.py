@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 
 from digs_warp.checks import DigsError
-from sim.sensor.cause import Cause
-from sim.sensor.effects import EFFECTS
-from sim.sensor.effects.occlusion import Occlusion
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.law import sense_depth
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.occlusion import Occlusion
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.law import sense_depth
 
 Tier = Literal["truth", "law", "planned", "matcher"]
 
@@ -52,7 +52,7 @@ def sense(
         names = [choice.effect for choice in plan if choice.on]
         return sense_effects(truth, names, seed, strength)
     if tier == "matcher":
-        from sim.sensor.matcher import sense_by_matching
+        from digs_warp.sim.sensor.matcher import sense_by_matching
 
         return sense_by_matching(truth, recorded)
     raise DigsError(f"tier '{tier}': expected truth, law, planned or matcher")

@@ -8,16 +8,17 @@ from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 
-from digs_warp.capture import Capture, read_capture
-from digs_warp.log import to_json, versions
-from sim.config import SimulateConfig
-from sim.record import simulate
-from sim.session import Session
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.record.files import to_json
+from digs_warp.record.run_log import versions
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
+from digs_warp.sim.session import Session
 
 KEY_LENGTH = 20  # hexadecimal digits
 
 # Folders of this package and the files below it whose code decides the bytes of a capture.
-_SOURCES = ("sim/**/*.py", "digs_warp/*.py")
+_SOURCES = ("*.py", "data/*.py", "device/*.py", "record/*.py", "sim/**/*.py")
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,8 @@ class CaptureCache:
 
         Args:
             config: settings.
-            session: returns what `sim.record.simulate` may use instead of loading the scene anew; only
-                asked when something is simulated.
+            session: returns what `digs_warp.sim.record.simulate` may use instead of loading the scene
+                again; only called when something is simulated.
         """
         folder = self.folder / _code_key() / _key(config)
         if not folder.is_dir():
@@ -77,7 +78,7 @@ def _key(config: SimulateConfig) -> str:
 
 @cache
 def _code_key() -> str:
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).parents[2]
     digest = hashlib.sha256(to_json(versions()).encode())
     for path in sorted(path for pattern in _SOURCES for path in root.glob(pattern)):
         digest.update(path.read_bytes())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from sim.testing.series import NoiseSeries
+    from digs_warp.sim.testing.series import NoiseSeries
 
 MARKER = "sensor_noise"
 DEFAULT_STRENGTHS = (0, 1, 2, 4)
@@ -46,8 +46,8 @@ def sensor_noise(
 
     They are kept in pytest's cache between runs (``pytest --cache-clear`` removes them).
     """
-    from sim.testing.cache import CaptureCache
-    from sim.testing.series import NoiseSeries
+    from digs_warp.sim.testing.cache import CaptureCache
+    from digs_warp.sim.testing.series import NoiseSeries
 
     marker = request.node.get_closest_marker(MARKER)
     settings = dict(marker.kwargs) if marker else {}
@@ -61,7 +61,7 @@ def sensor_noise(
 
 
 def _config(settings: dict[str, Any]) -> Any:
-    from sim.config import SimulateConfig
+    from digs_warp.sim.config import SimulateConfig
 
     known = {field.name for field in fields(SimulateConfig)} - {"strength"}
     if unknown := sorted(settings.keys() - known):

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
-from sim.config import SimulateConfig
-from sim.session import Session, load_inputs, prepare_session
-from sim.testing.cache import CaptureCache
-from sim.testing.curve import DegradationCurve
+from digs_warp.data.capture import Capture
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.testing.cache import CaptureCache
+from digs_warp.sim.testing.curve import DegradationCurve
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_
 from digs_warp.commands.output import OutputFolder, is_ours
 from digs_warp.commands.registry import COMMANDS
 from digs_warp.commands.simulate import Simulate
-from digs_warp.log import RunLog
+from digs_warp.record.run_log import RunLog
 
 
 def our_folder(path: Path) -> Path:

@@ -1,14 +1,14 @@
-"""A small capture scene with all that `usd.capture_scene` can hold."""
+"""A small capture scene with all that `digs_warp.usd.capture_scene` can hold."""
 
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry import look_at
-from digs_warp.point_cloud import PointCloud
-from digs_warp.triangle_mesh import TriangleMesh
-from usd.cameras import CameraPath
-from usd.capture_scene import CaptureScene, Reconstruction
+from digs_warp.usd.cameras import CameraPath
+from digs_warp.usd.capture_scene import CaptureScene, Reconstruction
 
 BASELINE = 0.05
 KERNEL = {"dilation_px2": 0.3, "min_alpha": 1 / 255, "max_alpha": 0.99}

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reference.recorded import points
 
-from digs_warp.capture import Capture
+from digs_warp.data.capture import Capture
 from digs_warp.interchange.export import export_capture
+from reference.recorded import points
 
 
 def exported(capture: Capture, form: str, folder: Path) -> Path:

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.interchange.splats.files import read_splat_file, write_splat_file
 
 MEMORY_LIMIT = 1 << 30  # [bytes] beyond what the imports take

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.metrics import ssim_map
+from digs_warp.measure.metrics import ssim_map
 
 
 def photometric(

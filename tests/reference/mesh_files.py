@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import trimesh
 from PIL import Image
-from reference.scene_checks import check_arrays
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from sim.mesh.normalize import STANDARD_SIZE
-from sim.scene import Scene
+from digs_warp.sim.mesh.normalize import STANDARD_SIZE
+from digs_warp.sim.scene import Scene
+from reference.scene_checks import check_arrays
 
 # A textured square in the plane z = 0.
 OBJ = (
@@ -23,7 +23,7 @@ OBJ = (
 
 
 def check_scene(scene: Scene, size: float = STANDARD_SIZE) -> None:
-    """Everything that `sim.scene.Scene` promises."""
+    """Everything that `digs_warp.sim.scene.Scene` promises."""
     n, m = len(scene.vertices), len(scene.faces)
     check_arrays(scene)
     assert m >= 1

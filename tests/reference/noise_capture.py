@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, Rig
-from digs_warp.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.geometry import look_at
 
 INTRINSICS = Intrinsics(12, 9, 15.0, 16.0, 6.5, 4.25)

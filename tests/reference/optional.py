@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from digs_warp.imports import MissingLibraryError, import_open3d
+from digs_warp.device.libraries import MissingLibraryError, import_open3d
 
 
 def open3d_or_skip() -> Any:

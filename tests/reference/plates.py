@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.scene import Material, Scene
+from digs_warp.sim.scene import Material, Scene
 
 Vector = tuple[float, float, float]
 

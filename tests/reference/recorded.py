@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Intrinsics, pixel_centers
-from digs_warp.capture import Capture
-from digs_warp.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.geometry import look_at
 from digs_warp.interchange.recordings.read import read_recording
 from digs_warp.interchange.recordings.recording import write_capture

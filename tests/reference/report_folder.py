@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, Rig
-from digs_warp.capture_writer import CaptureWriter, FrameImages
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import read_image, write_image
 from digs_warp.geometry import look_at
-from digs_warp.images import read_image, write_image
-from digs_warp.log import RunLog, to_json
+from digs_warp.record.files import to_json
+from digs_warp.record.run_log import RunLog
 from digs_warp.report import write_report
 from digs_warp.report.pictures import over_white
 

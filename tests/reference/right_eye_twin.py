@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.sensor.landings import HIDDEN, SEEN, UNSURE
+from digs_warp.sim.sensor.landings import HIDDEN, SEEN, UNSURE
 
 
 def classified(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:

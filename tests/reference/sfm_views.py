@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Capture, Frame
-from digs_warp.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import write_image
 from digs_warp.geometry import look_at
-from digs_warp.images import write_image
 
 if TYPE_CHECKING:
-    from sim.render.protocol import Renderer
+    from digs_warp.sim.render.protocol import Renderer
 
 INTRINSICS = Intrinsics(320, 240, 300.0, 302.0, 158.0, 123.0)
 UP = np.array([0.0, 0.0, 1.0])
@@ -62,8 +62,8 @@ def record(
 
 
 def _renderer(intrinsics: Intrinsics) -> "Renderer":
-    from sim.config import SimulateConfig
-    from sim.session import load_inputs, prepare_session
+    from digs_warp.sim.config import SimulateConfig
+    from digs_warp.sim.session import load_inputs, prepare_session
 
     config = SimulateConfig(frames=3, width=intrinsics.width, height=intrinsics.height)
     return prepare_session(config, load_inputs(config)).renderer

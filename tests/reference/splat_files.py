@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
 
 

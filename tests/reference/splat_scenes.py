@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import look_at
 
 BACKGROUND = np.array([0.2, 0.5, 0.9])

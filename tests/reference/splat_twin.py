@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera, pixel_centers
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw, transform_points
 from digs_warp.sh import sh_basis
 from digs_warp.splat.config import RasterOptions

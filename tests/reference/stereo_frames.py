@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from sim.rig import StereoRig
-from sim.scene import Material
-from sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 PLAIN = Material("plain", np.ones(3), roughness=1.0)
 

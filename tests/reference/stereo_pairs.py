@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 from scipy.ndimage import map_coordinates
 
-from sim.rig import StereoRig
-from sim.sensor.frame import FrameTruth
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.frame import FrameTruth
+from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 
 
 class HiddenRays(CountedRays):

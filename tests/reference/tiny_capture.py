@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Capture
-from digs_warp.capture_writer import CaptureWriter, FrameImages
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import to_uint8
 from digs_warp.geometry import look_at
-from digs_warp.images import to_uint8
 from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.render import render
 

@@ -102,12 +102,11 @@ _FAULTS = (
 
 def make_originals(folder: Path) -> list[Path]:
     """Write one scene in every format and precision, one by the library alone, and a capture package."""
+    from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
+    from digs_warp.usd.author import author_field, begin_asset
+    from digs_warp.usd.capture_scene import write_capture_scene
+    from digs_warp.usd.writer import write_gaussians
     from reference.capture_scenes import full_scene, splats
-
-    from usd.asset_splats import WriteOptions, asset_arrays
-    from usd.author import author_field, begin_asset
-    from usd.capture_scene import write_capture_scene
-    from usd.writer import write_gaussians
 
     paths = []
     for suffix in ("usda", "usdc", "usdz"):
@@ -126,9 +125,9 @@ def make_originals(folder: Path) -> list[Path]:
 def work(folder: Path, first: int, count: int) -> None:
     """Read mutated files ``first`` to ``count``; print a line before and after each."""
     from digs_warp.checks import DigsError
-    from usd.info import describe
-    from usd.reader import read_fields
-    from usd.validate import validate
+    from digs_warp.usd.info import describe
+    from digs_warp.usd.reader import read_fields
+    from digs_warp.usd.validate import validate
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     originals = make_originals(folder)

@@ -1,4 +1,4 @@
-"""Texture, coarse fields and the failures of weak texture, in float64 NumPy; see `sim.sensor.row_field`."""
+"""Texture, coarse fields and the failures of weak texture in float64 (`sim/sensor/row_field.py`)."""
 
 import numpy as np
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from sim.rig import StereoRig, zed2_like
-from sim.sensor.law import sense_depth
+from digs_warp.sim.rig import StereoRig, zed2_like
+from digs_warp.sim.sensor.law import sense_depth
 
 RIG = zed2_like(320, 200)
 FOCAL_BASELINE = RIG.intrinsics.fx * RIG.baseline

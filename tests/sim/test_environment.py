@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.images import linear_from_srgb, write_image
-from sim.environment import (
+from digs_warp.data.images import linear_from_srgb, write_image
+from digs_warp.sim.environment import (
     Environment,
     load_environment,
     procedural_environment,
 )
-from sim.panorama import panorama_directions
+from digs_warp.sim.panorama import panorama_directions
 
 
 def test_png_is_decoded_to_linear_light(tmp_path: Path) -> None:

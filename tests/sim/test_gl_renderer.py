@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.plates import join_scenes, plate
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
+from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.geometry import look_at
-from digs_warp.imports import MissingLibraryError
-from sim.environment import Environment
-from sim.load import load_scene
-from sim.panorama import panorama_directions
-from sim.procedural import procedural_scene
-from sim.render.gl import GlRenderer
-from sim.render.raycast import RaycastRenderer
-from sim.scene import Material, Scene
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.load import load_scene
+from digs_warp.sim.panorama import panorama_directions
+from digs_warp.sim.procedural import procedural_scene
+from digs_warp.sim.render.gl import GlRenderer
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene import Material, Scene
+from reference.plates import join_scenes, plate
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics(321, 181, 300.0, 310.0, 158.3, 93.1)  # off centre, on purpose
@@ -220,6 +220,6 @@ def test_without_a_driver_the_message_names_the_packages_and_the_folder_is_untou
     )
     last = result.stderr.strip().splitlines()[-1]
     assert result.returncode != 0
-    assert last.startswith("digs_warp.imports.MissingLibraryError")
+    assert last.startswith("digs_warp.device.libraries.MissingLibraryError")
     assert "libegl1 libgl1-mesa-dri" in last
     assert not (tmp_path / "capture").exists()

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Capture
-from digs_warp.images import write_image
-from sim.config import SimulateConfig
-from sim.record import simulate
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import write_image
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
 
 SMALL = SimulateConfig(frames=1, width=96, height=72, samples_per_pixel=1)
 SUN = 70_000.0

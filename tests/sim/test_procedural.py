@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from reference.scene_checks import check_arrays
 
-from sim.builtin.noise import periodic_noise
-from sim.builtin.shapes import revolve, smooth_curve, tube
-from sim.procedural import procedural_scene
-from sim.scene import Material, Scene
+from digs_warp.sim.builtin.noise import periodic_noise
+from digs_warp.sim.builtin.shapes import revolve, smooth_curve, tube
+from digs_warp.sim.procedural import procedural_scene
+from digs_warp.sim.scene import Material, Scene
+from reference.scene_checks import check_arrays
 
 
 @pytest.fixture(scope="module")

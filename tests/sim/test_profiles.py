@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import DigsError
-from sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile
-from sim.rig import zed2_like
+from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile
+from digs_warp.sim.rig import zed2_like
 
 
 @pytest.mark.parametrize(

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.plates import join_scenes, plate
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at
-from sim.environment import Environment
-from sim.panorama import panorama_directions
-from sim.render.openness import openness_nodes
-from sim.render.raycast import RaycastRenderer
-from sim.scene import Material, Scene
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.panorama import panorama_directions
+from digs_warp.sim.render.openness import openness_nodes
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene import Material, Scene
+from reference.plates import join_scenes, plate
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(161, 91, 60.0)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import pixel_centers
-from digs_warp.capture import read_capture
-from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
-from digs_warp.images import write_image
-from digs_warp.log import read_json
-from sim.record import SimulateConfig, simulate
+from digs_warp.data.capture import read_capture
+from digs_warp.data.capture_writer import file_hashes
+from digs_warp.data.images import write_image
+from digs_warp.record.files import read_json
+from digs_warp.sim.record import SimulateConfig, simulate
 
 BOX = """v -1 -1 -1
 v 1 -1 -1

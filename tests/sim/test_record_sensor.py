@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Capture, read_capture
-from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
-from digs_warp.images import read_image
-from digs_warp.log import read_json
-from sim.config import SimulateConfig
-from sim.frame_maker import FrameMaker
-from sim.record import simulate
-from sim.sensor.cause import Cause
-from sim.sensor.filters import gray_of
-from sim.sensor.matcher import match, search_range
-from sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
-from sim.session import Session, load_inputs, prepare_session
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.capture_writer import file_hashes
+from digs_warp.data.images import read_image
+from digs_warp.record.files import read_json
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker
+from digs_warp.sim.record import simulate
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.matcher import match, search_range
+from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.session import Session, load_inputs, prepare_session
 
 CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, normals=True, seed=5)
 

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.plates import join_scenes, plate
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import look_at
-from digs_warp.images import linear_from_srgb
 from digs_warp.sh import sh_basis
-from sim.environment import Environment
-from sim.panorama import panorama_directions, solid_angles
-from sim.render.key_lights import take_out_spots
-from sim.render.lighting import irradiance_coefficients
-from sim.render.raycast import RaycastRenderer
-from sim.scene import Material, Scene
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.panorama import panorama_directions, solid_angles
+from digs_warp.sim.render.key_lights import take_out_spots
+from digs_warp.sim.render.lighting import irradiance_coefficients
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene import Material, Scene
+from reference.plates import join_scenes, plate
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(160, 90, 60.0)

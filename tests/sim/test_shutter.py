@@ -5,18 +5,18 @@ from functools import partial
 
 import numpy as np
 import pytest
-from reference.plates import plate
 from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera, Intrinsics
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import look_at, rigid
-from digs_warp.images import linear_from_srgb
-from sim.environment import Environment
-from sim.render.protocol import Renderer
-from sim.render.raycast import RaycastRenderer
-from sim.render.track import exposure_by_views
-from sim.scene import Material
-from sim.shutter import BandedRays, Shutter, ShutteredEye
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.protocol import Renderer
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.render.track import exposure_by_views
+from digs_warp.sim.scene import Material
+from digs_warp.sim.shutter import BandedRays, Shutter, ShutteredEye
+from reference.plates import plate
 
 K = Intrinsics.from_fov(160, 120, 50.0)
 UP = np.array([0.0, 0.0, 1.0])

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from digs_warp.images import linear_from_srgb
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.sh import sh_basis
-from sim.environment import Environment
-from sim.panorama import panorama_directions, solid_angles
-from sim.render.lighting import (
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.panorama import panorama_directions, solid_angles
+from digs_warp.sim.render.lighting import (
     SPECULAR_COPIES,
     WHITE_CARD,
     irradiance_coefficients,
     prepare_light,
 )
-from sim.render.textures import LINEAR, SRGB, TextureImage, mip_chain, pack_textures
+from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, mip_chain, pack_textures
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (17, 5), (1, 9), (100, 37), (1, 1)])

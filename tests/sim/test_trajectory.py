@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.geometry import is_rigid
-from sim.trajectory import (
+from digs_warp.sim.trajectory import (
     ANGLE_SHAKE,
     BANDS_HZ,
     ELEVATIONS_DEG,

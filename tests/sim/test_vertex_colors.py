@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from digs_warp.images import linear_from_srgb, srgb_from_linear
-from sim.procedural import procedural_scene
-from sim.scene import Material, Scene
-from sim.vertex_colors import sampled_texture, srgb_vertex_colors
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear
+from digs_warp.sim.procedural import procedural_scene
+from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.vertex_colors import sampled_texture, srgb_vertex_colors
 
 
 def slow_sample(texture: np.ndarray, u: float, v: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 
 
 @pytest.fixture(scope="session")

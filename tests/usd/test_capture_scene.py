@@ -8,6 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+
+from digs_warp.checks import UsdError
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.splat.render import render
+from digs_warp.usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
+from digs_warp.usd.lod import LEVELS, level_of_detail
+from digs_warp.usd.reader import ReadOptions, read_scene
+from digs_warp.usd.writer import WriteOptions
 from reference.capture_scenes import (
     BASELINE,
     camera_path,
@@ -17,14 +25,6 @@ from reference.capture_scenes import (
     tetrahedron,
 )
 from reference.usd_renderer import frustum_pixels, render_usd
-
-from digs_warp.checks import UsdError
-from digs_warp.images import linear_from_srgb
-from digs_warp.splat.render import render
-from usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
-from usd.lod import LEVELS, level_of_detail
-from usd.reader import ReadOptions, read_scene
-from usd.writer import WriteOptions
 
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
@@ -214,7 +214,7 @@ def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
 def test_stock_validators_find_nothing_in_any_variant(package: Path):
     from pxr import UsdValidation
 
-    from usd.variants import variant_combinations
+    from digs_warp.usd.variants import variant_combinations
 
     stage = open_stage(package)
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()

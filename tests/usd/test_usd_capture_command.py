@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+
+from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.data.capture import Capture
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.record.run_log import RunLog
+from digs_warp.train.snapshots import save_snapshot
+from digs_warp.usd.reader import ReadOptions, read_scene
+from digs_warp.usd.validate import validate
 from reference.capture_scenes import cloud, splats
 from reference.tiny_capture import write_tiny_capture
 from reference.usd_renderer import frustum_pixels
-
-from digs_warp.capture import Capture
-from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.log import RunLog
-from digs_warp.posed_frames import PosedFrames
-from digs_warp.train.snapshots import save_snapshot
-from usd.reader import ReadOptions, read_scene
-from usd.validate import validate
 
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 

@@ -2,11 +2,11 @@ import json
 from pathlib import Path
 
 import pytest
-from reference.capture_scenes import full_scene, splats
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
-from usd.capture_scene import write_capture_scene
-from usd.writer import WriteOptions, write_gaussians
+from digs_warp.usd.capture_scene import write_capture_scene
+from digs_warp.usd.writer import WriteOptions, write_gaussians
+from reference.capture_scenes import full_scene, splats
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from usd.crate import COUNT, SECTION, decompressed, read_sections, stored
-from usd.crate_paths import _integers, check_paths
-from usd.crate_splice import splice
-from usd.reader import read_gaussians
-from usd.structure import check_structure
-from usd.writer import write_gaussians
+from digs_warp.usd.crate import COUNT, SECTION, decompressed, read_sections, stored
+from digs_warp.usd.crate_paths import _integers, check_paths
+from digs_warp.usd.crate_splice import splice
+from digs_warp.usd.reader import read_gaussians
+from digs_warp.usd.structure import check_structure
+from digs_warp.usd.writer import write_gaussians
 
 
 @pytest.mark.parametrize("size", [0, 1, 14, 15, 16, 269, 270, 271, 5000])
@@ -177,8 +177,8 @@ def test_arrays_written_in_pieces_are_those_that_the_library_writes(
 ):
     from pxr import Usd
 
-    from usd.asset_splats import WriteOptions, asset_arrays
-    from usd.author import author_field, begin_asset
+    from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
+    from digs_warp.usd.author import author_field, begin_asset
 
     gaussians = random_gaussians(count, degree=1)
     options = WriteOptions(precision=precision)

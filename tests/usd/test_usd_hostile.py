@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference import usd_mutator
-from reference.capture_scenes import splats
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
-from usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
-from usd.memory_guard import HEADROOM, limited_memory
-from usd.reader import read_gaussians
-from usd.writer import write_gaussians
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
+from digs_warp.usd.memory_guard import HEADROOM, limited_memory
+from digs_warp.usd.reader import read_gaussians
+from digs_warp.usd.writer import write_gaussians
+from reference import usd_mutator
+from reference.capture_scenes import splats
 
 
 def test_mutated_files_are_read_or_refused_but_never_hang_or_take_the_memory():

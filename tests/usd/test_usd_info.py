@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from digs_warp.checks import UsdError
-from digs_warp.log import to_json
-from usd.info import describe
-from usd.writer import write_gaussians
+from digs_warp.record.files import to_json
+from digs_warp.usd.info import describe
+from digs_warp.usd.writer import write_gaussians
 
 
 @pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])

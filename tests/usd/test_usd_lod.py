@@ -3,12 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from reference.capture_scenes import camera_path, splats
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.splat.render import render
-from usd.lod import (
+from digs_warp.usd.lod import (
     KEPT_BEFORE_MERGING,
     LEVELS,
     MERGED_WIDENING,
@@ -16,6 +15,7 @@ from usd.lod import (
     level_of_detail,
     merged_in_voxels,
 )
+from reference.capture_scenes import camera_path, splats
 
 
 def test_full_is_everything_and_comes_first():

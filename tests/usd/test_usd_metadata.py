@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from usd.metadata import json_from_usd, portable_json, usd_from_json
-from usd.writer import write_gaussians
+from digs_warp.usd.metadata import json_from_usd, portable_json, usd_from_json
+from digs_warp.usd.writer import write_gaussians
 
 
 def test_absolute_paths_are_cut_down_to_their_names():

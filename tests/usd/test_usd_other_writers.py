@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from reference.capture_scenes import splats
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.interchange.splats.files import read_splat_file
 from digs_warp.sh import rgb_from_sh
-from usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
-from usd.writer import write_gaussians
+from digs_warp.usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
+from digs_warp.usd.writer import write_gaussians
+from reference.capture_scenes import splats
 
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 HALF = 2.0**-10

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from digs_warp.checks import UsdError
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.sh import rgb_from_sh
-from usd.reader import read_gaussians, read_scene
-from usd.writer import write_gaussians
+from digs_warp.usd.reader import read_gaussians, read_scene
+from digs_warp.usd.writer import write_gaussians
 
 HALF_EPS = 2.0**-11
 

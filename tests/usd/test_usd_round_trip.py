@@ -5,12 +5,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import matrix_from_quat_xyzw, quat_multiply, quat_xyzw_from_matrix
 from digs_warp.sh import rgb_from_sh, rotate_sh
-from usd.convert import Precision
-from usd.reader import read_gaussians, read_scene
-from usd.writer import WriteOptions, write_gaussians
+from digs_warp.usd.convert import Precision
+from digs_warp.usd.reader import read_gaussians, read_scene
+from digs_warp.usd.writer import WriteOptions, write_gaussians
 
 # Half a step of float32 at 1, relative.
 EPS = 2.0**-24

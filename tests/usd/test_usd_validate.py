@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.capture_scenes import full_scene, splats
 
 from digs_warp.checks import UsdError
-from usd.capture_scene import write_capture_scene
-from usd.convert import Precision
-from usd.findings import Report
-from usd.registration import FIELD_CHECKER, STAGE_CHECKER, register
-from usd.validate import validate
-from usd.writer import WriteOptions, write_gaussians
+from digs_warp.usd.capture_scene import write_capture_scene
+from digs_warp.usd.convert import Precision
+from digs_warp.usd.findings import Report
+from digs_warp.usd.registration import FIELD_CHECKER, STAGE_CHECKER, register
+from digs_warp.usd.validate import validate
+from digs_warp.usd.writer import WriteOptions, write_gaussians
+from reference.capture_scenes import full_scene, splats
 
 HAS_NVIDIA = importlib.util.find_spec("usd_validation_nvidia") is not None
 FIELD = "/Asset/Gaussians"

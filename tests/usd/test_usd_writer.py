@@ -8,11 +8,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.checks import UsdError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.images import linear_from_srgb
 from digs_warp.sh import rgb_from_sh, sh_from_rgb
-from usd.writer import WriteOptions, write_gaussians
+from digs_warp.usd.writer import WriteOptions, write_gaussians
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from usd.package import MAX_PACKAGE
-from usd.package_writer import check_package_size
-from usd.writer import write_gaussians
+from digs_warp.usd.package import MAX_PACKAGE
+from digs_warp.usd.package_writer import check_package_size
+from digs_warp.usd.writer import write_gaussians
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
 
@@ -30,7 +30,7 @@ def test_same_input_gives_the_same_bytes_in_another_process(
     write_gaussians(here, gaussians, {"b": 1, "a": {"d": [1.5], "c": "text"}})
     there = tmp_path / f"there{suffix}"
     program = (
-        "from pathlib import Path; from digs_warp.gaussians import Gaussians\n"
+        "from pathlib import Path; from digs_warp.data.gaussians import Gaussians\n"
         "from usd.writer import WriteOptions, write_gaussians\n"
         f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
         f"write_gaussians(Path({str(there)!r}), gaussians,"
@@ -89,7 +89,7 @@ def test_a_write_that_runs_out_of_space_leaves_the_old_file(
     # The system refuses files of more than 100 kB to this process.
     program = (
         "import resource, signal; from pathlib import Path\n"
-        "from digs_warp.checks import UsdError; from digs_warp.gaussians import Gaussians\n"
+        "from digs_warp.checks import UsdError; from digs_warp.data.gaussians import Gaussians\n"
         "from usd.writer import WriteOptions, write_gaussians\n"
         f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"

@@ -20,7 +20,7 @@ from digs_warp.interchange.recordings.files import (
     require_files,
 )
 from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
 
 CAMERAS = "scene_camera.json"
 

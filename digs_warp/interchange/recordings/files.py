@@ -9,7 +9,7 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
-from digs_warp.images import read_image
+from digs_warp.data.images import read_image
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 

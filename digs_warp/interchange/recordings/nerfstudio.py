@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import INDEX_NAME
 from digs_warp.checks import CaptureError
+from digs_warp.data.capture import INDEX_NAME
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.recordings.files import IMAGE_SUFFIXES, image_size
 from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
 
 MM_PER_METRE = 1000.0
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")

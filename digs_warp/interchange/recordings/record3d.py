@@ -22,7 +22,7 @@ from digs_warp.interchange.recordings.files import (
     require_files,
 )
 from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
 
 
 def read_record3d(folder: Path) -> Recording:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, Rig
-from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import read_image
 from digs_warp.geometry import rigid
-from digs_warp.images import read_image
 from digs_warp.interchange.recordings.resample import resample_depth, undistort
-from digs_warp.log import progress
+from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from digs_warp.interchange.recordings.files import (
 )
 from digs_warp.interchange.recordings.recording import Recording, numbered_frames
 from digs_warp.interchange.redwood import DEPTH_UNITS_PER_METRE
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
 
 
 def read_redwood(folder: Path) -> Recording:

@@ -18,7 +18,7 @@ from digs_warp.interchange.recordings.files import (
     require_files,
 )
 from digs_warp.interchange.recordings.recording import Recording, numbered_frames
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
 
 MM_PER_METRE = 1000.0
 FLOAT_SUFFIXES = (".exr", ".npy")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix
 from digs_warp.sh import rotate_sh
 

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.interchange.splats.rows import (
     SMALLEST_SCALE,
     codes_from_logits,
     logits_from_codes,
 )
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 from digs_warp.sh import C0, sh_from_rgb
 
 logger = logging.getLogger(__name__)

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Literal
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.interchange.splats.axes import WORLD_FROM_UP, turned
 from digs_warp.interchange.splats.dot_splat import read_dot_splat, write_dot_splat
 from digs_warp.interchange.splats.ply import read_ply, write_ply

@@ -5,7 +5,7 @@ import logging
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 
 logger = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from digs_warp.log import to_json
+from digs_warp.record.files import to_json
 
 
 @dataclass(frozen=True)
@@ -15,8 +15,8 @@ class Case:
 
     Attributes:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
-        recording: settings of `sim.config.SimulateConfig` that differ from the default.
-        reconstruction: dotted settings of `digs_warp.reconstruct.ReconstructConfig` that differ.
+        recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
+        reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
         effort: how long it takes, relative to the other cases of its study: a guess, for the time budget.
         threads: CPU threads; None: as the runner has them.
         finishes: also measure what can be chosen after the training (`engine.finish`).

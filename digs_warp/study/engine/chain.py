@@ -17,21 +17,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from filelock import FileLock
 
-from digs_warp.capture import Capture, Frame
-from digs_warp.gaussians import Gaussians
-from digs_warp.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
-from digs_warp.log import RunLog, read_json, to_json, versions, write_atomically
-from digs_warp.point_cloud import PointCloud
-from digs_warp.posed_frames import PosedFrames
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
+from digs_warp.record.run_log import RunLog, versions
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, digest
 from digs_warp.study.engine.finish import score_finishes
 from digs_warp.study.engine.overrides import with_settings
 from digs_warp.study.engine.yardstick import YARDSTICK, score_on_yardstick
 from digs_warp.study.machine import processor
-from sim.config import SimulateConfig
 
 if TYPE_CHECKING:
-    from digs_warp.reconstruct import ReconstructConfig
+    from digs_warp.pipeline.reconstruct import ReconstructConfig
 
 CAPTURES = "captures"
 SFM = "sfm"
@@ -68,7 +69,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
             the same settings, too, with the time that it took.
         folder: of the study.
     """
-    from digs_warp.reconstruct import ReconstructConfig, reconstruct
+    from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
@@ -103,8 +104,8 @@ def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, Point
         case: as in `run_case`.
         folder: of the study; recordings and structure from motion are taken from there, or left there.
     """
-    from digs_warp.front_end import front_end
-    from digs_warp.reconstruct import ReconstructConfig
+    from digs_warp.pipeline.front_end import front_end
+    from digs_warp.pipeline.reconstruct import ReconstructConfig
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
@@ -149,7 +150,7 @@ def _workplace(case: Case, matched: Path, folder: Path) -> Path:
 
 
 def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
-    from sim.record import simulate
+    from digs_warp.sim.record import simulate
 
     recording = folder / CAPTURES / key
     with _lock(recording):
@@ -219,8 +220,8 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
 
 
 def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:
+    from digs_warp.measure.surface_metrics import surface_score
     from digs_warp.surface.true_surface import read_true_surface
-    from digs_warp.surface_metrics import surface_score
 
     surface = read_true_surface(capture.folder)
     if surface is None:

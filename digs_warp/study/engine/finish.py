@@ -9,9 +9,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from digs_warp.capture import Frame
-from digs_warp.gaussians import Gaussians
-from digs_warp.metrics import psnr
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.measure.metrics import psnr
 
 # Smallest alpha that is drawn; the first is the usual one, a step of an 8-bit image.
 ALPHA_CUTS = (1 / 255, 0.02, 0.05, 0.1)
@@ -60,9 +60,9 @@ def _with_cut(gaussians: Gaussians, frames: Sequence[Frame], cut: float) -> dict
 def _precisions(gaussians: Gaussians, frames: Sequence[Frame]) -> list[dict[str, Any]]:
     from digs_warp.splat.device import DeviceGaussians
     from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
-    from usd.convert import Precision
-    from usd.reader import read_gaussians
-    from usd.writer import WriteOptions, write_gaussians
+    from digs_warp.usd.convert import Precision
+    from digs_warp.usd.reader import read_gaussians
+    from digs_warp.usd.writer import WriteOptions, write_gaussians
 
     views = load_test_views(frames)
     found = []

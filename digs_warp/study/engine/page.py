@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from digs_warp.log import write_atomically
+from digs_warp.record.files import write_atomically
 from digs_warp.report import markup
 from digs_warp.report.style import CSS
 from digs_warp.study.engine.charts import Chart

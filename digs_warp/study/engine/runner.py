@@ -7,8 +7,8 @@ from multiprocessing.connection import wait
 from pathlib import Path
 
 from digs_warp.checks import DigsError
-from digs_warp.log import progress
-from digs_warp.parallel import default_threads
+from digs_warp.device.parallel import default_threads
+from digs_warp.record.progress import progress
 from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.store import Store
 from digs_warp.study.engine.worker import Measure, Worker

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.capture import Frame
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import Gaussians
 
 # The recording; its scene is that of the case.
 YARDSTICK: dict[str, Any] = {
@@ -31,7 +31,7 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
     images = render_views(DeviceGaussians.from_numpy(gaussians), views)
     score = mean_score(score_views(images, views))
     if find_spec("flip_evaluator"):
-        from digs_warp.flip import flip
+        from digs_warp.measure.flip import flip
 
         pairs = zip(images, views, strict=True)
         score["flip"] = fmean(flip(image, view.target) for image, view in pairs)

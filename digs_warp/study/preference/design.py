@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.log import read_json, to_json, write_atomically
+from digs_warp.record.files import read_json, to_json, write_atomically
 
 LETTERS = ("A", "B", "C", "D")  # top left, top right, bottom left, bottom right
 SQUARE = ((0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1))

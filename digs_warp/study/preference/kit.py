@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.gaussians import Gaussians
-from digs_warp.log import progress, write_atomically
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.files import write_atomically
+from digs_warp.record.progress import progress
 from digs_warp.study.preference.design import KEY, LETTERS, VERSIONS, Question, design, save_key
 
 FOV_DEG = 45.0

@@ -265,8 +265,8 @@ def _difference(
 
 def _usual_value(knob: str) -> Any:
     """Return what the usual settings have for a knob."""
-    from digs_warp.reconstruct import ReconstructConfig
-    from sim.config import SimulateConfig
+    from digs_warp.pipeline.reconstruct import ReconstructConfig
+    from digs_warp.sim.config import SimulateConfig
 
     part, setting, _ = KNOBS[knob]
     changed = RECORDING if part == "recording" else RECONSTRUCTION

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.train.density.refinement import Refinement, joined, rotation_matrices
 
 # Values of the 3DGS reference. Steps count from 1.

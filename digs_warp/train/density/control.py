@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 import warp as wp
 
-from digs_warp.parallel import launch_parallel
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.statistics import SplatStatistics
 from digs_warp.train.config import TrainConfig

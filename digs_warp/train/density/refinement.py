@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Refinement:
         """Return the moments of the new population from ``values`` of the old one, float32.
 
         Args:
-            name: the parameter, one of `digs_warp.gaussians.FIELDS`.
+            name: the parameter, one of `digs_warp.data.gaussians.FIELDS`.
             values: first or second moments, shape (n, ...).
         """
         moved = values[self.sources]

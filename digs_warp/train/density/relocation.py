@@ -14,7 +14,7 @@ from math import comb
 
 import numpy as np
 
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.train.density.refinement import Refinement
 
 # Below this opacity a Gaussian is dead: it moves to where it helps.

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.color.protocol import EyeImages
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
 
 # Share of saturated and dark pixels above which a camera does not leave the exposure as it is [tuned].
 BADLY_EXPOSED = 0.1

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from digs_warp.images import linear_from_srgb, srgb_from_linear, to_uint8
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 
 # Steps of linear light: sRGB climbs fastest in the dark, where one step is a twentieth of an 8-bit step.
 LINEAR_STEPS = 65535

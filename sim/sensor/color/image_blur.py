@@ -1,7 +1,7 @@
 """Motion blur of the images: the camera moves while the shutter is open.
 
 The images are the mean of several views along the way, in linear light, so that edges, highlights and
-masks blur as they do in a camera. `sim.shutter` renders them; this file says how many are needed.
+masks blur as they do in a camera. `digs_warp.sim.shutter` renders them; this file says how many are needed.
 """
 
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
 
 # Blur below half a pixel hides behind the pixel's own size.
 VISIBLE_BLUR_PX = 0.5

@@ -11,7 +11,7 @@ as one reads it off recorded images; r is what W leaves of it.
 
 import numpy as np
 
-from sim.rig import StereoRig
+from digs_warp.sim.rig import StereoRig
 
 MIDDLE_GREY = 0.18  # linear
 

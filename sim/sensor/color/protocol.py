@@ -6,9 +6,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import SceneFacts
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import SceneFacts
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.sensor.color.encoding import decode, encode
-from sim.sensor.color.protocol import EyeImages, PixelEffect
-from sim.sensor.frame import FrameTruth
-from sim.sensor.tiers import effect_rng
+from digs_warp.sim.sensor.color.encoding import decode, encode
+from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.tiers import effect_rng
 
 
 def recorded_images(

@@ -2,7 +2,7 @@
 
 Both eyes read the same row at the same time, so depth stays right for what a row sees; but the frame as
 a whole is bent against the one pose that is recorded with it. Rows are rendered in bands, each from
-where the camera was then (`sim.shutter`): depth, mask and images bend together.
+where the camera was then (`digs_warp.sim.shutter`): depth, mask and images bend together.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
 
 # Skew below half a pixel from first to last row bends nothing that anybody could measure.
 VISIBLE_SKEW_PX = 0.5

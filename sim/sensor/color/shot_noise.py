@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.color.noise_law import shot_factor
-from sim.sensor.color.protocol import EyeImages
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.noise_field import white_normal
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color.noise_law import shot_factor
+from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.noise_field import white_normal
 
 
 @dataclass(frozen=True)

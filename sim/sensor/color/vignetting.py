@@ -11,10 +11,10 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.camera import Intrinsics, pixel_centers
-from sim.rig import StereoRig
-from sim.sensor.color.protocol import EyeImages
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
 
 # Loss in the corners below which nobody sees a difference: about one 8-bit step.
 VISIBLE_LOSS = 0.01

@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import (
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.filters import (
     DOUBLED_KERNEL,
     DOUBLED_VARIANCE,
     HALVED_VARIANCE,
@@ -18,8 +18,8 @@ from sim.sensor.filters import (
     halved,
     separable,
 )
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import smooth_normal
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.noise_field import smooth_normal
 
 # The texture's share follows the grey values in a band: details finer than the noise's own correlation
 # and shading coarser than twice that carry none of it.

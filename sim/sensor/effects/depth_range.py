@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 # Room for noise at the ends of the range [px].
 MARGIN = 2.0

@@ -9,14 +9,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_normal, coherent_uniform
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.steps import Runs, Steps, find_steps
-from sim.sensor.texture import noise_of
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.coherent import coherent_normal, coherent_uniform
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.steps import Runs, Steps, find_steps
+from digs_warp.sim.sensor.texture import noise_of
 
 # Smallest jump that a window notices [px] (measured on textured steps of 10 to 40 px).
 STEP = 2.0

@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import DARK, SATURATED, TEXTURE_REACH, SceneFacts
-from sim.sensor.filters import distance_to, erode
-from sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import DARK, SATURATED, TEXTURE_REACH, SceneFacts
+from digs_warp.sim.sensor.filters import distance_to, erode
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 # Share of the surface in view that must be too bright or too dark before the effect shows.
 MIN_SHARE = 1e-3

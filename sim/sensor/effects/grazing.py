@@ -5,13 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_uniform
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import GRAZING_RATIO, SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.slopes import slope_along_columns, steep_pixels, width_ratio
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.coherent import coherent_uniform
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import GRAZING_RATIO, SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.slopes import slope_along_columns, steep_pixels, width_ratio
 
 # Semi-global matching of slanted planes, window 5: matched shares of 99, 75, 19 and 2 % at a slope along
 # rows of 0.35, 0.40, 0.45 and 0.50, that is |ln(1 - slope)| = 0.43, 0.51, 0.60, 0.69: a logistic curve.

@@ -5,15 +5,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_uniform
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.materials import is_mirror, pixels_of
-from sim.sensor.pixels import pixels_where
-from sim.sensor.virtual_image import virtual_disparity
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.coherent import coherent_uniform
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.materials import is_mirror, pixels_of
+from digs_warp.sim.sensor.pixels import pixels_where
+from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
 # Share of the surface in view that must mirror before the effect shows.
 MIN_SHARE = 1e-4

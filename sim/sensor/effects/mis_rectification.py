@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import smooth_normal
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.noise_field import smooth_normal
 
 # RMS disparity error [px] and share of matched pixels by row offset [px], semi-global matching of pairs
 # shifted on purpose; a rectified pair has 0.13 px.

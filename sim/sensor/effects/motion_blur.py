@@ -5,14 +5,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_normal
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.motion import image_motion
-from sim.sensor.pixels import pixels_where
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.coherent import coherent_normal
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.motion import image_motion
+from digs_warp.sim.sensor.pixels import pixels_where
 
 # Blur along the rows [px] up to which a matcher does not mind; along the columns even 41 px do no harm.
 HARMLESS = 9.0

@@ -5,13 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.coherent import coherent_uniform
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.steps import Runs, find_runs
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.coherent import coherent_uniform
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.steps import Runs, find_runs
 
 # Hidden share below which nobody would see the effect.
 MIN_SHARE = 1e-4

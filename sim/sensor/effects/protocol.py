@@ -5,9 +5,9 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 
 @dataclass(frozen=True)

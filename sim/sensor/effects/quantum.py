@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import enlarge_smoothly
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import smooth_normal
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.filters import enlarge_smoothly
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.noise_field import smooth_normal
 
 # Correlation length, as a share of the image width: 46 px on the pair (741 px wide) that shows it.
 SCALE = 1 / 16

@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.facts import TEXTURE_REACH, SceneFacts
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import patchy_uniform
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import TEXTURE_REACH, SceneFacts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.noise_field import patchy_uniform
 
 # Semi-global matching of plain discs in good texture: a radius of 20 px is filled and right; 40, 80, 120
 # px fail over 6, 34 and 53 % of the area. Failure at a distance t from the last window with texture, of

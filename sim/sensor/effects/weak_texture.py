@@ -5,16 +5,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.rig import StereoRig
-from sim.sensor.effects.protocol import Choice, choose_above
-from sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
-from sim.sensor.facts import SceneFacts
-from sim.sensor.filters import box_mean
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.noise_field import level_above, normal_rows
-from sim.sensor.row_field import interpolated
-from sim.sensor.tables import LogTable
-from sim.sensor.texture import BLOCK, noise_of
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.filters import box_mean
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.noise_field import level_above, normal_rows
+from digs_warp.sim.sensor.row_field import interpolated
+from digs_warp.sim.sensor.tables import LogTable
+from digs_warp.sim.sensor.texture import BLOCK, noise_of
 
 # Disparity error [px] by typical gradient / image noise: semi-global matching (window 5, image noise 2 DN)
 # of rendered scenes, between a brick wall (0.75 times as much) and a blurred photograph (1.3 times). The

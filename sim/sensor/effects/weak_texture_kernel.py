@@ -1,4 +1,6 @@
-"""Noise, strips and holes of weak texture in one pass over the frame; see `sim.sensor.effects.weak_texture`.
+"""Noise, strips and holes of weak texture in one pass over the frame.
+
+The law is in `digs_warp.sim.sensor.effects.weak_texture`.
 
 Seven fields are added up from their rows, piece by piece, and never stored: image by image, reading and
 writing them took most of the time. The formulas in NumPy: tests/reference/weak_texture_twin.py.
@@ -14,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from digs_warp.contiguous import bytes_from, floats_from
-from digs_warp.kernel_options import vector_module_options
-from sim.sensor.arrays import launch_rows, shared
-from sim.sensor.cause import Cause
-from sim.sensor.row_field import PIECE, RowField, Rows, sum_rows
+from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.kernel_options import vector_module_options
+from digs_warp.sim.sensor.arrays import launch_rows, shared
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.row_field import PIECE, RowField, Rows, sum_rows
 
 wp.set_module_options(vector_module_options())
 

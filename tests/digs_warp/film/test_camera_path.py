@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from reference.splat_files import random_gaussians
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.film.camera_path import Subject, along, find_subject, orbit
 from digs_warp.geometry import look_at, rigid
+from reference.splat_files import random_gaussians
 
 SUBJECT = Subject(np.array([1.0, 2.0, 3.0]), 0.25)
 UP = np.array([0.0, 0.0, 1.0])

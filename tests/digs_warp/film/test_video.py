@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
-from reference.tiny_capture import ball
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
+from digs_warp.data.images import read_image, to_uint8
 from digs_warp.film.camera_path import find_subject, orbit
 from digs_warp.film.shoot import Clock, shoot
 from digs_warp.film.video import write_frames, write_video
-from digs_warp.images import read_image, to_uint8
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
+from reference.tiny_capture import ball
 
 CAMERAS = orbit(find_subject(ball()), Intrinsics.from_fov(96, 64, 45.0), 6)
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from reference.init_twin import back_projected, voxel_means
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at
 from digs_warp.init.back_project import back_project
 from digs_warp.init.voxel import MAX_INDEX, VoxelSums
+from reference.init_twin import back_projected, voxel_means
 
 HEIGHT, WIDTH = 17, 31
 CAMERA = Camera(

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from reference.init_twin import laplacian_of_pairs, threshold_of
 from scipy import ndimage
 
 from digs_warp.init.edges import LAPLACIAN_5X5, edge_magnitude, smooth_depth
+from reference.init_twin import laplacian_of_pairs, threshold_of
 
 # A plane of about 2 m in float32: 44 weighted differences of values with a step of 1.2e-7 * 2.
 PLANE_ROUNDING = 1e-4

@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.ball_capture import BASELINE, INTRINSICS, RADIUS, ball_views, write_capture
-from reference.init_twin import normals_of
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry import look_at, matrix_from_quat_xyzw
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import FLATNESS
@@ -20,7 +19,8 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
 from digs_warp.init.uncertainty import depth_deviation, stereo_weights
 from digs_warp.init.visibility import not_seen_through
-from digs_warp.point_cloud import PointCloud
+from reference.ball_capture import BASELINE, INTRINSICS, RADIUS, ball_views, write_capture
+from reference.init_twin import normals_of
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from digs_warp.capture import Capture
+from digs_warp.data.capture import Capture
 from digs_warp.init.config import InitConfig, Strategy
 from digs_warp.init.recipes import initialize
+from digs_warp.sim.testing.series import NoiseSeries
 from digs_warp.study.synthetic_sfm import sfm_from_truth
-from sim.testing.series import NoiseSeries
 
 STRATEGIES: tuple[Strategy, ...] = ("highdepth", "depth", "fusion")
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.ball_capture import RADIUS, View, ball_views, write_capture
 
-from digs_warp.capture import Frame
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import Frame
 from digs_warp.init.recipes import InitConfig, initial_points
+from reference.ball_capture import RADIUS, View, ball_views, write_capture
 
 CONFIG = InitConfig(voxel_size=0.02)
 
@@ -210,7 +210,7 @@ def test_settings_that_make_no_sense_raise(wrong: dict[str, float]) -> None:
 
 
 def test_depth_of_another_size_than_the_image_raises(tmp_path: Path, views: list[View]) -> None:
-    from digs_warp.images import write_image
+    from digs_warp.data.images import write_image
 
     capture = write_capture(tmp_path, views[:2])
     write_image(capture.frames[1].files["depth_file_path"], np.ones((30, 40), dtype=np.float32))

@@ -10,26 +10,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Frame, Rig
-from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import DigsError
-from digs_warp.images import to_uint8, write_image
+from digs_warp.data.capture import Frame, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import to_uint8, write_image
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.scale import estimate_scale
-from digs_warp.sfm_model import SfmModel
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.tiers import depth_of, sense_effects
+from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.shutter import Shutter
 from digs_warp.study.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,
     with_wrong_baseline,
 )
-from sim.config import SimulateConfig
-from sim.sensor.effects import EFFECTS
-from sim.sensor.frame import FrameTruth
-from sim.sensor.tiers import depth_of, sense_effects
-from sim.session import load_inputs, prepare_session
-from sim.shutter import Shutter
 
 TRUE = 1.37
 FRAMES = 4

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from digs_warp.gaussians import FIELDS
+from digs_warp.data.gaussians import FIELDS
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.seed_gaussians import (
     LONELY_SCALE,
     MAX_SCALE_RATIO,
@@ -11,7 +12,6 @@ from digs_warp.init.seed_gaussians import (
     neighbour_scales,
     seed_gaussians,
 )
-from digs_warp.point_cloud import PointCloud
 from digs_warp.sh import rgb_from_sh
 
 

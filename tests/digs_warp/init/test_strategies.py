@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Capture, Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import write_image
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.geometry import look_at
-from digs_warp.images import write_image
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import looked_at, random_points
 from digs_warp.init.recipes import Initialization, initialize
 from digs_warp.init.scale import estimate_scale
-from digs_warp.sfm_model import SfmModel
 from digs_warp.study.synthetic_sfm import sfm_from_truth
+from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
 
 SFM_PER_METRE = 2.5
 

@@ -4,11 +4,11 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from reference.optional import open3d_or_skip
 
 from digs_warp.checks import DigsError
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.voxel import MAX_INDEX, VoxelSums, merge_voxel_sums
-from digs_warp.point_cloud import PointCloud
+from reference.optional import open3d_or_skip
 
 VOXEL = 0.0625  # a power of two: cell borders are exact
 

@@ -1,9 +1,9 @@
 """What the tests of all exports start from."""
 
 import pytest
-from reference.recorded import small_capture
 
-from digs_warp.capture import Capture
+from digs_warp.data.capture import Capture
+from reference.recorded import small_capture
 
 
 @pytest.fixture(scope="session")

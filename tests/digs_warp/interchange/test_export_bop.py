@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import read_image
+from digs_warp.geometry import rigid
+from digs_warp.interchange.bop import depth_scale
 from reference.exported import exported, points_as_integer_centered, true_points
 from reference.recorded import CAMERA, HEIGHT, WIDTH
-
-from digs_warp.capture import Capture
-from digs_warp.capture_writer import CaptureWriter, FrameImages
-from digs_warp.geometry import rigid
-from digs_warp.images import read_image
-from digs_warp.interchange.bop import depth_scale
 
 
 def test_bop_puts_every_pixel_and_the_object_where_they_were(

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import read_image
+from digs_warp.device.libraries import import_pycolmap
 from reference.exported import exported, true_points, zoomed
 from reference.recorded import HEIGHT, WIDTH
-
-from digs_warp.capture import Capture
-from digs_warp.images import read_image
-from digs_warp.imports import import_pycolmap
 
 
 @pytest.mark.parametrize("form", ["colmap", "colmap-binary"])

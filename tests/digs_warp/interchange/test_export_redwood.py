@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+
+from digs_warp.data.capture import Capture
 from reference.exported import exported, true_points
 from reference.optional import open3d_or_skip
 from reference.recorded import HEIGHT, WIDTH
-
-from digs_warp.capture import Capture
 
 
 def test_open3d_gets_the_points_back_from_redwood(capture: Capture, tmp_path: Path) -> None:

@@ -4,6 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import read_image
+from digs_warp.geometry import matrix_from_quat_xyzw, rigid
+from digs_warp.interchange.export import export_capture
 from reference.exported import (
     exported,
     points_as_integer_centered,
@@ -12,12 +18,6 @@ from reference.exported import (
 )
 from reference.optional import open3d_or_skip
 from reference.recorded import HEIGHT, TIMES, WIDTH
-
-from digs_warp.capture import Capture
-from digs_warp.checks import CaptureError
-from digs_warp.geometry import matrix_from_quat_xyzw, rigid
-from digs_warp.images import read_image
-from digs_warp.interchange.export import export_capture
 
 
 def rows(path: Path) -> list[list[str]]:

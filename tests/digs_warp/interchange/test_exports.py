@@ -5,18 +5,18 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from reference.exported import exported, with_last_frame, zoomed
-from reference.recorded import CAMERA, HEIGHT, WIDTH
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Capture
-from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.commands.convert import CaptureFormat, Convert
-from digs_warp.images import encode_jpeg, read_image
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.interchange.common import encode_depth
 from digs_warp.interchange.export import EXPORTERS, export_capture
-from digs_warp.log import read_json
+from digs_warp.record.files import read_json
+from reference.exported import exported, with_last_frame, zoomed
+from reference.recorded import CAMERA, HEIGHT, WIDTH
 
 
 @pytest.mark.parametrize("form", ["tum", "redwood"])

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
-from reference import loss_twin
 
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss, DepthTarget, depth_weights
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, tiles_of
 from digs_warp.losses.regularizers import Regularizer
+from reference import loss_twin
 
 WIDTH, HEIGHT = 70, 20
 EVERYTHING = (0, 0, WIDTH, HEIGHT)

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from reference.report_folder import write_capture, write_reconstruction
 
-from digs_warp.capture import Capture
-from digs_warp.log import RunLog
+from digs_warp.data.capture import Capture
+from digs_warp.record.run_log import RunLog
+from reference.report_folder import write_capture, write_reconstruction
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.report_folder import write_and_parse
 
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
-from digs_warp.images import write_image
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import write_image
 from digs_warp.report import write_report
+from reference.report_folder import write_and_parse
 
 NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
 

@@ -6,6 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.images import read_image, write_image
+from digs_warp.record.run_log import RunLog
+from digs_warp.report import write_report
 from reference.report_folder import (
     HEIGHT,
     TEST_EVERY,
@@ -15,11 +20,6 @@ from reference.report_folder import (
     write_capture,
     write_reconstruction,
 )
-
-from digs_warp.capture import Capture, read_capture
-from digs_warp.images import read_image, write_image
-from digs_warp.log import RunLog
-from digs_warp.report import write_report
 
 
 def test_the_page_holds_everything_itself(run: tuple[Capture, Path, Path], tmp_path: Path) -> None:

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.images import read_image, write_image
+from digs_warp.data.capture import Frame
+from digs_warp.data.images import read_image, write_image
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment, with_masks
 from digs_warp.segment.network import (
@@ -20,6 +19,7 @@ from digs_warp.segment.network import (
     network_input,
 )
 from digs_warp.segment.score import intersection_over_union
+from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry import look_at, rigid
-from digs_warp.point_cloud import PointCloud
 from digs_warp.sfm.evaluate import Similarity, pose_errors, umeyama
-from digs_warp.sfm_model import Observations, SfmModel
 
 INTRINSICS = Intrinsics.from_fov(64, 48, 60.0)
 

@@ -8,8 +8,9 @@ import pytest
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry import look_at
-from digs_warp.point_cloud import PointCloud
 from digs_warp.sfm.quality import (
     SfmQuality,
     check_agreement,
@@ -17,7 +18,6 @@ from digs_warp.sfm.quality import (
     check_motion,
     measure_quality,
 )
-from digs_warp.sfm_model import Observations, SfmModel
 
 UP = np.array([0.0, 0.0, 1.0])
 GOOD = SfmQuality(

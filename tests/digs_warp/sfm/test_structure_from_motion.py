@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
-from digs_warp.images import write_image
+from digs_warp.data.capture import Frame
+from digs_warp.data.images import write_image
+from digs_warp.data.sfm_model import SfmModel
 from digs_warp.sfm import colmap
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.estimate import SfmResult, structure_from_motion
 from digs_warp.sfm.evaluate import pose_errors
-from digs_warp.sfm_model import SfmModel
+from reference.sfm_views import INTRINSICS, arc, photograph, turns_on_the_spot
 
 # The photographs are small: features are also sought in the image enlarged twice.
 CONFIG = SfmConfig(double_size=True, features=800, pairing="sequential", overlap=3, loop_images=2)

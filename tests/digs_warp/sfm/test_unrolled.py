@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pycolmap
 import pytest
-from reference.sfm_views import INTRINSICS, arc
 from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Capture, Frame
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import Capture, Frame
 from digs_warp.geometry import invert_rigid
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.convert import sfm_model
 from digs_warp.sfm.evaluate import pose_errors
 from digs_warp.sfm.unrolled import correct_rolling_shutter
+from reference.sfm_views import INTRINSICS, arc
 
 READOUT = 0.02
 # Seconds between photographs: the arc is walked at 0.25 m/s.

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
-from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.differentiable import RasterizedView, rasterize, rotation_jacobian
 from digs_warp.splat.render import SplatRenderer, render
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
 SCENE = random_gaussians(12, seed=4)
 VIEW = camera(33, 27)

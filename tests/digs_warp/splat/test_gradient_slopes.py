@@ -10,9 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from reference.smooth_cut import CUT_WIDTH, SMOOTH_CUT
-from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
-from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
 
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.splat import renderer as renderer_module
@@ -21,6 +18,9 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.rasterize import forward_kernel
 from digs_warp.splat.rasterize_adjoint import backward_kernel
 from digs_warp.splat.render import SplatRenderer
+from reference.smooth_cut import CUT_WIDTH, SMOOTH_CUT
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
+from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
 
 SEEDS = 100
 VIEW = camera(12, 10, fx=14.0, fy=13.0)

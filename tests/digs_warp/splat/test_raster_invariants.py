@@ -5,16 +5,16 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 import warp as wp
-from reference.splat_scenes import BACKGROUND, NEAR, camera, hard_cases, random_gaussians
-from reference.splat_twin import Parameters, render_twin
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians, RasterKernels
 from digs_warp.splat.renderer import SplatRenderer
+from reference.splat_scenes import BACKGROUND, NEAR, camera, hard_cases, random_gaussians
+from reference.splat_twin import Parameters, render_twin
 
 MANY = random_gaussians(3000, seed=1)
 SIZE = (200, 150)

@@ -5,6 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+
+from digs_warp.camera import Camera
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.device import DeviceGaussians, RasterKernels
+from digs_warp.splat.render import SplatRenderer
+from digs_warp.splat.statistics import SplatStatistics
 from reference.splat_scenes import BACKGROUND, SplatScene, hard_cases, random_scene
 from reference.splat_twin import (
     Adjoints,
@@ -14,12 +20,6 @@ from reference.splat_twin import (
     render_twin,
     twin_gradients,
 )
-
-from digs_warp.camera import Camera
-from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians, RasterKernels
-from digs_warp.splat.render import SplatRenderer
-from digs_warp.splat.statistics import SplatStatistics
 
 # The polynomial for exp is good to 2e-6 relative, float32 sums to about 1e-7 a step.
 IMAGE_TOLERANCE = 5e-6

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from reference.splat_scenes import NEAR, camera, random_gaussians
 
 from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, DEFAULT_OPTIONS, TILE_SIZE
 from digs_warp.splat.device import DeviceGaussians
@@ -15,6 +14,7 @@ from digs_warp.splat.records import (
     SPLAT_V,
 )
 from digs_warp.splat.renderer import SplatRenderer
+from reference.splat_scenes import NEAR, camera, random_gaussians
 
 SIZE = (16 * 12, 16 * 9)  # whole tiles
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
 from digs_warp.camera import Camera
-from digs_warp.gaussians import Gaussians
-from digs_warp.image_planes import ImagePlanes
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.splat.device import DeviceGaussians, RasterKernels
 from digs_warp.splat.render import SplatRenderer, render
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
 MANY = random_gaussians(800, seed=1)
 SIZE = (150, 110)

@@ -2,15 +2,15 @@
 
 import numpy as np
 import trimesh
-from reference.optional import open3d_or_skip
-from reference.tiny_capture import RADIUS, ball
 
 from digs_warp.camera import Intrinsics
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.study.bench_mesh import bench_mesh, measure_meshes
 from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.trained_object import TrainedObject
-from digs_warp.triangle_mesh import TriangleMesh
+from reference.optional import open3d_or_skip
+from reference.tiny_capture import RADIUS, ball
 
 
 def test_distances_by_voxel_size() -> None:

@@ -1,10 +1,9 @@
 """The benchmark of films, on a small scene: what is measured and said, not how fast it is."""
 
-from reference.tiny_capture import ball
-
-from digs_warp.parallel import default_threads
+from digs_warp.device.parallel import default_threads
 from digs_warp.study.bench_render import bench_render, measure_films
 from digs_warp.study.benchmarks import BENCHMARKS
+from reference.tiny_capture import ball
 
 
 def test_frame_rates_by_size_and_threads() -> None:

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.sfm_views import INTRINSICS, arc
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Frame
-from digs_warp.images import write_image
+from digs_warp.data.capture import Frame
+from digs_warp.data.images import write_image
 from digs_warp.study.bench_sfm import CHOICES, DEFAULT, run_case
 from digs_warp.study.bench_sfm_sensor import sensors
 from digs_warp.study.sfm_photographs import (
@@ -21,6 +20,7 @@ from digs_warp.study.sfm_photographs import (
     photograph_walk,
     planned_sensor,
 )
+from reference.sfm_views import INTRINSICS, arc
 
 
 def test_every_choice_changes_the_default() -> None:

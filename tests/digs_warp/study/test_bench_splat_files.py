@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from reference.tiny_capture import ball
 
 from digs_warp.study.bench_splat_files import FORMATS, bench_splat_files, measure_formats
 from digs_warp.study.benchmarks import BENCHMARKS
+from reference.tiny_capture import ball
 
 
 def test_exact_formats_lose_nothing_and_small_ones_little() -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.bench_init import PeakMemory, bench_init
 from digs_warp.study.init_cases import InitCase, render_case
 from digs_warp.study.init_strategies import SFM_PER_METRE, scaled
 from digs_warp.study.synthetic_sfm import sfm_from_truth
-from sim.config import SimulateConfig
 
 
 @pytest.fixture(scope="module")

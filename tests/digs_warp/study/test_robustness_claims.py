@@ -7,24 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Frame, Rig
-from digs_warp.capture_writer import CaptureWriter, FrameImages
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS
-from digs_warp.images import to_uint8, write_image
+from digs_warp.data.capture import Frame, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.gaussians import FIELDS
+from digs_warp.data.images import to_uint8, write_image
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.tiers import depth_of, sense_effects
+from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.shutter import Shutter
 from digs_warp.train import evaluate
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
-from sim.config import SimulateConfig
-from sim.sensor.effects import EFFECTS
-from sim.sensor.frame import FrameTruth
-from sim.sensor.tiers import depth_of, sense_effects
-from sim.session import load_inputs, prepare_session
-from sim.shutter import Shutter
 
 NAMES = tuple(effect.name for effect in EFFECTS)
 # The most that an effect may cost at four times its real strength [dB]; stray points cost most.

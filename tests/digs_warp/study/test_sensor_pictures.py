@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.images import read_image
+from digs_warp.data.images import read_image
+from digs_warp.sim.sensor.color import COLOR_EFFECTS
+from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.study.sensor_pictures import SensorStudio, depth_strip
-from sim.sensor.color import COLOR_EFFECTS
-from sim.sensor.effects import EFFECTS
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.blame import near_steps
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.matcher import sense_by_matching
+from digs_warp.sim.sensor.planner import plan
+from digs_warp.sim.sensor.scores import bad_by_edge_distance, score
+from digs_warp.sim.sensor.tiers import sense
+from digs_warp.sim.sensor_plan import plan_for_facts
+from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.shutter import Shutter
 from digs_warp.study.real_pair import WarpedRays, load_motorcycle
-from sim.config import SimulateConfig
-from sim.sensor.blame import near_steps
-from sim.sensor.color.recorded import recorded_images
-from sim.sensor.facts import measure_facts
-from sim.sensor.frame import FrameTruth
-from sim.sensor.matcher import sense_by_matching
-from sim.sensor.planner import plan
-from sim.sensor.scores import bad_by_edge_distance, score
-from sim.sensor.tiers import sense
-from sim.sensor_plan import plan_for_facts
-from sim.session import load_inputs, prepare_session
-from sim.shutter import Shutter
 
 
 @pytest.fixture(scope="module")

@@ -5,16 +5,16 @@ import shlex
 from pathlib import Path
 
 import pytest
-from reference.study_records import record_of
 
 from digs_warp import cli
 from digs_warp.cli import main
-from digs_warp.reconstruct import ReconstructConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.overrides import with_settings
 from digs_warp.study.engine.store import RESULTS, Store
-from sim.config import SimulateConfig
+from reference.study_records import record_of
 
 BY_NAME = {study.name: study for study in STUDIES}
 

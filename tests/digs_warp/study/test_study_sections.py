@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from reference.study_records import record_of
 
 from digs_warp.study.catalogue import STUDIES, Study
 from digs_warp.study.engine.page import write_pages
+from reference.study_records import record_of
 
 BY_NAME = {study.name: study for study in STUDIES}
 
@@ -146,7 +146,7 @@ def test_laws_find_the_costs_that_made_the_seconds() -> None:
 
 
 def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
-    from sim.sensor_plan import ALL_EFFECT_NAMES
+    from digs_warp.sim.sensor_plan import ALL_EFFECT_NAMES
 
     study = BY_NAME["robustness"]
     cases = study.cases(1, 1, 300)

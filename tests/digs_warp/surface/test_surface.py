@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from reference.optional import open3d_or_skip
-from reference.tiny_capture import RADIUS, ball
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.images import srgb_from_linear
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.film.camera_path import Subject, orbit
-from digs_warp.gaussians import FIELDS, Gaussians
 from digs_warp.geometry import quat_xyzw_from_matrix
-from digs_warp.images import srgb_from_linear
 from digs_warp.sh import C0
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, within_mask
 from digs_warp.surface.files import vertex_normals, write_mesh
 from digs_warp.surface.fuse import fuse_views, inside_ball
 from digs_warp.surface.parts import remove_floaters
-from digs_warp.triangle_mesh import TriangleMesh
+from reference.optional import open3d_or_skip
+from reference.tiny_capture import RADIUS, ball
 
 VOXEL = 0.008
 ORIGIN = np.zeros(3)
@@ -222,7 +222,7 @@ def test_a_glb_is_y_up_with_linear_colours(tmp_path: Path) -> None:
 
 
 def test_other_readers_take_our_files(tmp_path: Path, mesh: TriangleMesh) -> None:
-    from sim.load import load_scene
+    from digs_warp.sim.load import load_scene
 
     for name in ("a.glb", "a.ply"):
         write_mesh(tmp_path / name, mesh)

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.tiny_capture import ball
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.geometry import look_at
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.half_size import DENSE_STEPS, MIN_WIDTH_PX, half_size_steps, typical_width_px
+from reference.tiny_capture import ball
 
 UP = np.array([0.0, 0.0, 1.0])
 # 2 m away with a focal length of 400 px: a millimetre is 0.2 px wide.

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.tiny_capture import ball
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Frame
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry import look_at
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, view_index
 from digs_warp.train.views import View, half_size, halved, packed_view
+from reference.tiny_capture import ball
 
 
 def camera(number: int, width: int = 40, height: int = 30) -> Camera:

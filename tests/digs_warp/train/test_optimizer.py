@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from reference.adam_twin import adam_twin
-from reference.splat_scenes import random_gaussians
 
 from digs_warp.checks import DigsError
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.optimizer import Adam
+from reference.adam_twin import adam_twin
+from reference.splat_scenes import random_gaussians
 
 STEPS = 5
 

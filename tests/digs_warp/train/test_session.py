@@ -11,19 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.tiny_capture import ball, write_tiny_capture
 
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
 from digs_warp.cli import main
-from digs_warp.gaussians import FIELDS, Gaussians
-from digs_warp.layout import CHECKPOINT, GAUSSIANS, TRAINING
-from digs_warp.log import RunLog
+from digs_warp.data.capture import Capture
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
+from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.evaluate import load_test_views
 from digs_warp.train.session import train_gaussians
 from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
+from reference.tiny_capture import ball, write_tiny_capture
 
 
 @pytest.fixture(scope="module")

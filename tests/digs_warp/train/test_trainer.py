@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.tiny_capture import ball, write_tiny_capture
 
-from digs_warp.capture import Capture
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.capture import Capture
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
 from digs_warp.train.views import scene_extent
+from reference.tiny_capture import ball, write_tiny_capture
 
 
 @pytest.fixture(scope="module")

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 from digs_warp.camera import Intrinsics
-from digs_warp.capture import Capture, Frame, read_capture
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import Capture, Frame, read_capture
 from digs_warp.losses.regions import mask_box
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
 from digs_warp.train.views import View, half_size, halved, load_view
+from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
 
 @pytest.fixture(scope="module")

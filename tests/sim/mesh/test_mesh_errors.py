@@ -9,6 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+
+from digs_warp.checks import DigsError, MeshError
+from digs_warp.sim.load import load_scene
+from digs_warp.sim.mesh.normalize import STANDARD_SIZE
 from reference.mesh_files import (
     OBJ,
     check_scene,
@@ -19,10 +23,6 @@ from reference.mesh_files import (
     save,
     textured_square,
 )
-
-from digs_warp.checks import DigsError, MeshError
-from sim.load import load_scene
-from sim.mesh.normalize import STANDARD_SIZE
 
 
 @pytest.mark.filterwarnings("error")

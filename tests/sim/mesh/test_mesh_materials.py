@@ -7,6 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import PBRMaterial
+
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.sim.load import load_scene
 from reference.mesh_files import (
     OBJ,
     check_scene,
@@ -16,11 +21,6 @@ from reference.mesh_files import (
     save,
     textured_square,
 )
-from trimesh.visual import ColorVisuals, TextureVisuals
-from trimesh.visual.material import PBRMaterial
-
-from digs_warp.images import linear_from_srgb
-from sim.load import load_scene
 
 
 def test_a_texture_keeps_its_orientation_and_size(tmp_path: Path) -> None:

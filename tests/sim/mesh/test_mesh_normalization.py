@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
 
-from sim.load import load_scene
-from sim.mesh.normalize import STANDARD_SIZE
+from digs_warp.sim.load import load_scene
+from digs_warp.sim.mesh.normalize import STANDARD_SIZE
+from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
 
 
 @pytest.mark.parametrize("factor", [1000.0, 0.001, 1.0])

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.mesh_files import check_scene
 
-from sim.load import load_scene
+from digs_warp.sim.load import load_scene
+from reference.mesh_files import check_scene
 
 # Size of the base-colour texture after SOURCES.md of the sample data; None: it says there is none.
 SAMPLE_TEXTURES: dict[str, int | None] = {

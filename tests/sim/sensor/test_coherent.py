@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.sensor.coherent import coherent_normal, coherent_uniform
-from sim.sensor.steps import find_runs, find_steps
+from digs_warp.sim.sensor.coherent import coherent_normal, coherent_uniform
+from digs_warp.sim.sensor.steps import find_runs, find_steps
 
 SHAPE = (240, 320)
 ROWS, COLUMNS = (axis.ravel() for axis in np.indices(SHAPE))

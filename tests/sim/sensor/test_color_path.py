@@ -4,21 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import make_frame
 
-from digs_warp.images import srgb_from_linear
-from sim.profiles import load_profile
-from sim.rig import StereoRig
-from sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
-from sim.sensor.color.auto_exposure import AutoExposure
-from sim.sensor.color.encoding import decode, encode
-from sim.sensor.color.noise_law import STEPS_PER_LINEAR, read_sigma, shot_factor
-from sim.sensor.color.protocol import EyeImages, PixelEffect
-from sim.sensor.color.read_noise import ReadNoise
-from sim.sensor.color.shot_noise import ShotNoise
-from sim.sensor.color.vignetting import Vignetting
-from sim.sensor.facts import SceneFacts, measure_facts
-from sim.sensor.frame import Motion
+from digs_warp.data.images import srgb_from_linear
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
+from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
+from digs_warp.sim.sensor.color.encoding import decode, encode
+from digs_warp.sim.sensor.color.noise_law import STEPS_PER_LINEAR, read_sigma, shot_factor
+from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
+from digs_warp.sim.sensor.color.read_noise import ReadNoise
+from digs_warp.sim.sensor.color.shot_noise import ShotNoise
+from digs_warp.sim.sensor.color.vignetting import Vignetting
+from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
+from digs_warp.sim.sensor.frame import Motion
+from reference.stereo_frames import make_frame
 
 RIG = load_profile("zed2-720").rig(320, 180)
 GREY = 0.18

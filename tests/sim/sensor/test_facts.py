@@ -4,12 +4,12 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 from digs_warp.checks import DigsError
-from sim.scene import Material
-from sim.sensor.facts import SceneFacts, measure_facts
-from sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth, Motion
+from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 SHAPE = (240, 320)
 AREA = SHAPE[0] * SHAPE[1]

@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import broadband, flat, make_frame, make_rig
-from reference.stereo_pairs import HiddenRays, box_frame, plane_pair, shifted_right_eye
 
 from digs_warp.checks import DigsError
-from sim.sensor.blame import blame, near_steps
-from sim.sensor.cause import Cause
-from sim.sensor.color.read_noise import ReadNoise
-from sim.sensor.color.recorded import recorded_images
-from sim.sensor.color.shot_noise import ShotNoise
-from sim.sensor.filters import gray_of
-from sim.sensor.matcher import match, search_range, sense_by_matching
-from sim.sensor.scores import bad_by_edge_distance, score
-from sim.sensor.texture import noise_of
+from digs_warp.sim.sensor.blame import blame, near_steps
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.color.read_noise import ReadNoise
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.color.shot_noise import ShotNoise
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.matcher import match, search_range, sense_by_matching
+from digs_warp.sim.sensor.scores import bad_by_edge_distance, score
+from digs_warp.sim.sensor.texture import noise_of
+from reference.stereo_frames import broadband, flat, make_frame, make_rig
+from reference.stereo_pairs import HiddenRays, box_frame, plane_pair, shifted_right_eye
 
 
 @pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])

@@ -2,13 +2,18 @@
 
 import numpy as np
 import pytest
-from reference.slopes_twin import slopes_twin
-from reference.stereo_frames import make_rig
 
 from digs_warp.camera import Camera, pixel_centers
 from digs_warp.geometry import rigid
-from sim.sensor.motion import image_motion
-from sim.sensor.slopes import slope_along_columns, steep_pixels, surface_slope, width_ratio
+from digs_warp.sim.sensor.motion import image_motion
+from digs_warp.sim.sensor.slopes import (
+    slope_along_columns,
+    steep_pixels,
+    surface_slope,
+    width_ratio,
+)
+from reference.slopes_twin import slopes_twin
+from reference.stereo_frames import make_rig
 
 
 def test_image_motion_is_that_of_projected_points() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sim.sensor.noise_field import random_bytes, white_normal
+from digs_warp.sim.sensor.noise_field import random_bytes, white_normal
 
 
 def generator(seed: int) -> np.random.Generator:

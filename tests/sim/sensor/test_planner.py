@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference.stereo_frames import make_frame, make_rig
 
 from digs_warp.checks import DigsError
-from sim.profiles import load_profile
-from sim.sensor.effects import EFFECTS
-from sim.sensor.facts import SceneFacts, measure_facts
-from sim.sensor.planner import format_plan, plan
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
+from digs_warp.sim.sensor.planner import format_plan, plan
+from reference.stereo_frames import make_frame, make_rig
 
 NAMES = [effect.name for effect in EFFECTS]
 

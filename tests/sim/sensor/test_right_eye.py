@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.landings import HIDDEN, SEEN, UNSURE, classify
 from reference.right_eye_twin import classified
 from reference.stereo_frames import CountedRays, make_frame
-
-from sim.scene import Material
-from sim.sensor.landings import HIDDEN, SEEN, UNSURE, classify
 
 SHAPE = (240, 320)
 

@@ -2,6 +2,14 @@
 
 import numpy as np
 import pytest
+
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
+from digs_warp.sim.sensor.noise_field import UNREACHED, level_above, normal_rows
+from digs_warp.sim.sensor.row_field import interpolated, spline_taps, stretched
+from digs_warp.sim.sensor.tables import LogTable
+from digs_warp.sim.sensor.texture import BLOCK, measure_texture
+from digs_warp.sim.sensor.texture_kernel import LEAST_GRADIENT
 from reference.weak_texture_twin import (
     block_means,
     gradient_of,
@@ -10,14 +18,6 @@ from reference.weak_texture_twin import (
     weak_texture,
     windowed_rms,
 )
-
-from sim.sensor.cause import Cause
-from sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
-from sim.sensor.noise_field import UNREACHED, level_above, normal_rows
-from sim.sensor.row_field import interpolated, spline_taps, stretched
-from sim.sensor.tables import LogTable
-from sim.sensor.texture import BLOCK, measure_texture
-from sim.sensor.texture_kernel import LEAST_GRADIENT
 
 SHAPES = [(1, 1), (1, 40), (40, 1), (3, 3), (21, 66), (30, 200)]
 

@@ -9,9 +9,9 @@ import pytest
 
 # How many loops over a piece of a row are vector code; what only sets a value needs no loop.
 KERNELS = {
-    "sim.sensor.texture_kernel": 5,
-    "sim.sensor.slope_kernels": 3,
-    "sim.sensor.effects.weak_texture_kernel": 2,
+    "digs_warp.sim.sensor.texture_kernel": 5,
+    "digs_warp.sim.sensor.slope_kernels": 3,
+    "digs_warp.sim.sensor.effects.weak_texture_kernel": 2,
 }
 
 

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 
 from digs_warp.checks import DigsError
-from sim.profiles import load_profile
-from sim.sensor.cause import Cause
-from sim.sensor.effects import EFFECTS
-from sim.sensor.effects.protocol import Choice
-from sim.sensor.frame import FrameTruth, Motion, Sensed
-from sim.sensor.law import sense_depth
-from sim.sensor.tiers import depth_of, effect_rng, sense, sense_effects
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
+from digs_warp.sim.sensor.law import sense_depth
+from digs_warp.sim.sensor.tiers import depth_of, effect_rng, sense, sense_effects
+from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 
 NAMES = [effect.name for effect in EFFECTS]
 

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.capture import Capture
-from digs_warp.capture_writer import file_hashes
 from digs_warp.checks import DigsError
-from digs_warp.images import write_image
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import file_hashes
+from digs_warp.data.images import write_image
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from sim.config import SimulateConfig
-from sim.sensor.cause import Cause
-from sim.testing import cache
-from sim.testing.cache import CaptureCache
-from sim.testing.curve import DegradationCurve
-from sim.testing.series import NoiseSeries
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.testing import cache
+from digs_warp.sim.testing.cache import CaptureCache
+from digs_warp.sim.testing.curve import DegradationCurve
+from digs_warp.sim.testing.series import NoiseSeries
 
 BOX = Path(__file__).parent / "box.obj"
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from reference.recorded import check_same
 
-from digs_warp.capture import Capture, read_capture
 from digs_warp.cli import main
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.interchange.export import export_capture
+from reference.recorded import check_same
 
 
 def test_the_command_converts_a_recording(

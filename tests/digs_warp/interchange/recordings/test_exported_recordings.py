@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.recorded import check_same, converted
 
 from digs_warp.camera import Camera
-from digs_warp.capture import Capture
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.commands.info import describe
+from digs_warp.data.capture import Capture
 from digs_warp.interchange.export import export_capture
 from digs_warp.interchange.recordings.read import READERS, read_recording
+from reference.recorded import check_same, converted
 
 
 @pytest.mark.parametrize(("form", "tolerance"), [("tum", 2e-4), ("redwood", 1e-3), ("bop", 2e-4)])

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
 
-from digs_warp.capture import Capture
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import encode_jpeg, write_image
 from digs_warp.geometry import OPENCV_FROM_OPENGL
-from digs_warp.images import encode_jpeg, write_image
 from digs_warp.interchange.recordings.read import read_recording
-from digs_warp.log import to_json
+from digs_warp.record.files import to_json
+from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
 
 
 def test_our_own_folder_is_a_nerfstudio_recording(capture: Capture, tmp_path: Path) -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.recorded import HEIGHT, WIDTH, check_same, converted
 
-from digs_warp.capture import Capture
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import read_image, write_image
 from digs_warp.geometry import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
-from digs_warp.images import read_image, write_image
 from digs_warp.interchange.recordings.recording import load_depth
-from digs_warp.log import to_json
+from digs_warp.record.files import to_json
+from reference.recorded import HEIGHT, WIDTH, check_same, converted
 
 
 def write_scannet(capture: Capture, folder: Path) -> None:

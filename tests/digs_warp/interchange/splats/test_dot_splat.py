@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.optional import open3d_or_skip
-from reference.splat_files import random_gaussians, shapes
 
 from digs_warp.checks import DigsError
 from digs_warp.interchange.splats.dot_splat import ROW, read_dot_splat, write_dot_splat
 from digs_warp.sh import C0
+from reference.optional import open3d_or_skip
+from reference.splat_files import random_gaussians, shapes
 
 
 @pytest.mark.parametrize("count", [1, 200])

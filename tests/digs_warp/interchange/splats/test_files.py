@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.splat_files import random_gaussians, shapes
 
 from digs_warp.checks import DigsError
 from digs_warp.interchange.splats.axes import WORLD_FROM_UP, turned
 from digs_warp.interchange.splats.files import SUFFIXES, read_splat_file, write_splat_file
 from digs_warp.interchange.splats.rows import codes_from_logits, logits_from_codes
 from digs_warp.sh import rgb_from_sh
+from reference.splat_files import random_gaussians, shapes
 
 
 @pytest.mark.parametrize("up", ["y", "-y"])

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
-from reference.splat_files import random_gaussians, shapes
 
 from digs_warp.checks import DigsError
-from digs_warp.gaussians import Gaussians
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.interchange.splats import spz_codes as codes
 from digs_warp.interchange.splats.axes import WORLD_FROM_Y_UP, turned
 from digs_warp.interchange.splats.files import read_splat_file
@@ -23,6 +22,7 @@ from digs_warp.interchange.splats.spz_container import (
     write_spz_container,
 )
 from digs_warp.sh import C0, rgb_from_sh
+from reference.splat_files import random_gaussians, shapes
 
 VERSIONS = (2, 3, 4)
 

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference.ball_capture import ball_views, write_capture
 
 from digs_warp.camera import Camera
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.posed_frames import PosedFrames
-from digs_warp.reconstruct import ReconstructConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.chain import _one_matches, _scale_error, _share_sfm, start_of_case
+from reference.ball_capture import ball_views, write_capture
 
 STAGE = "structure from motion"
 

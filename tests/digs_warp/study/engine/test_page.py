@@ -4,7 +4,7 @@ import csv
 import re
 from pathlib import Path
 
-from digs_warp.images import read_image
+from digs_warp.data.images import read_image
 from digs_warp.study.engine.charts import Chart, Curve
 from digs_warp.study.engine.page import Section, Table, write_pages
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from reference.tiny_capture import ball
 
 from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.study.preference.design import LETTERS, design, load_key
 from digs_warp.study.preference.evaluate import Answer, evaluate, read_answers
+from reference.tiny_capture import ball
 
 STRATEGIES = ("default", "fusion", "highdepth", "random")
 

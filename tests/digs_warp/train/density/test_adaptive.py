@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference.density_twin import rotation
 
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.train.density.adaptive import (
     GRADIENT_LIMIT,
     MIN_OPACITY,
@@ -18,6 +17,7 @@ from digs_warp.train.density.adaptive import (
     with_low_opacities,
 )
 from digs_warp.train.density.refinement import Refinement, unchanged
+from reference.density_twin import rotation
 
 EXTENT = 2.0
 SMALL, LARGE, HUGE = np.log(0.004), np.log(0.05), np.log(0.5)  # around 0.01 and 0.1 of the extent

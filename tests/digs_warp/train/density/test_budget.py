@@ -5,17 +5,17 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import warp as wp
-from reference.splat_scenes import random_gaussians
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.capture import Frame
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import Frame
 from digs_warp.geometry import look_at
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.budget import bytes_per_splat, check_start, splat_cap
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import packed_view
+from reference.splat_scenes import random_gaussians
 
 
 @pytest.mark.parametrize("degree", [0, 1, 3])

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.density_twin import brightness_along_a_line, noise, relocated
 
-from digs_warp.gaussians import FIELDS, Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import MonteCarlo
@@ -17,6 +16,7 @@ from digs_warp.train.density.relocation import (
     shared_by_copies,
 )
 from digs_warp.train.draws import EXPLORE
+from reference.density_twin import brightness_along_a_line, noise, relocated
 
 
 def population(opacities: np.ndarray) -> Gaussians:

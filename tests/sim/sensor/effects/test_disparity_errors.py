@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import broadband, make_frame, make_rig
 from scipy.stats import kstest
 
-from sim.rig import StereoRig
-from sim.sensor.cause import Cause
-from sim.sensor.effects.correlated_noise import temporal_noise, texture_pattern
-from sim.sensor.effects.mis_rectification import MisRectification
-from sim.sensor.effects.static_field import unit_field
-from sim.sensor.frame import FrameTruth
-from sim.sensor.tiers import depth_of, sense_effects
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.correlated_noise import temporal_noise, texture_pattern
+from digs_warp.sim.sensor.effects.mis_rectification import MisRectification
+from digs_warp.sim.sensor.effects.static_field import unit_field
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.tiers import depth_of, sense_effects
+from reference.stereo_frames import broadband, make_frame, make_rig
 
 ERRORS = ("ripple", "correlated-noise", "static-field", "quantum")
 

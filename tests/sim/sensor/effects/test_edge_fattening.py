@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.edge_fattening import EdgeFattening, outline_shift
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from reference.stereo_frames import broadband, make_frame, make_rig
 from reference.stereo_pairs import box_frame
-
-from sim.sensor.cause import Cause
-from sim.sensor.effects.edge_fattening import EdgeFattening, outline_shift
-from sim.sensor.frame import FrameTruth, Sensed
 
 FAR, NEAR = 10.0, 30.0
 

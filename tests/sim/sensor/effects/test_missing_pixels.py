@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
-from sim.sensor.cause import Cause
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.texture import LUMA_NOISE
-from sim.sensor.tiers import depth_of, sense_effects
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.texture import LUMA_NOISE
+from digs_warp.sim.sensor.tiers import depth_of, sense_effects
+from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 SHAPE = (240, 320)
 

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import make_frame, make_rig
-from reference.stereo_pairs import HiddenRays, box_frame
 
-from sim.sensor.cause import Cause
-from sim.sensor.effects.occlusion import (
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.occlusion import (
     FAR_REACH,
     HOLE_SHARES_FAR,
     HOLE_SHARES_NEAR,
@@ -19,8 +17,10 @@ from sim.sensor.effects.occlusion import (
     Occlusion,
     hole_share,
 )
-from sim.sensor.frame import FrameTruth, Sensed
-from sim.sensor.landings import SEEN, classify
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.landings import SEEN, classify
+from reference.stereo_frames import make_frame, make_rig
+from reference.stereo_pairs import HiddenRays, box_frame
 
 FAR = 8.0
 

@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.stereo_frames import CountedRays, broadband, flat, make_frame, make_rig
-from reference.stereo_pairs import box_frame
 
 from digs_warp.camera import pixel_centers
-from sim.scene import Material
-from sim.sensor.cause import Cause
-from sim.sensor.effects.flying_pixels import FlyingPixels
-from sim.sensor.effects.mirror import Mirror
-from sim.sensor.effects.motion_blur import MotionBlur
-from sim.sensor.effects.specular import Specular, failure_shares
-from sim.sensor.effects.transparency import Transparency
-from sim.sensor.frame import FrameTruth, Motion, Sensed
-from sim.sensor.virtual_image import curvature_along_rows, virtual_disparity
+from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.effects.flying_pixels import FlyingPixels
+from digs_warp.sim.sensor.effects.mirror import Mirror
+from digs_warp.sim.sensor.effects.motion_blur import MotionBlur
+from digs_warp.sim.sensor.effects.specular import Specular, failure_shares
+from digs_warp.sim.sensor.effects.transparency import Transparency
+from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
+from digs_warp.sim.sensor.virtual_image import curvature_along_rows, virtual_disparity
+from reference.stereo_frames import CountedRays, broadband, flat, make_frame, make_rig
+from reference.stereo_pairs import box_frame
 
 CHROME = Material("chrome", np.ones(3), roughness=0.0, metallic=1.0)
 GLAZE = Material("glaze", np.ones(3), roughness=0.1)

@@ -1,0 +1,150 @@
+"""Writes a capture folder, frame by frame; `digs_warp.data.capture` reads it."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.checks import CaptureError, DigsError, check_finite
+from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
+from digs_warp.data.images import write_image
+from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.record.files import to_json, write_atomically
+from digs_warp.record.layout import RUN_RECORD
+
+FORMAT_VERSION = 1
+
+# Key in transforms.json -> where the writer puts the file of frame 7.
+_FILES = {
+    "file_path": "images/{:04d}.png",
+    "right_file_path": "right/{:04d}.png",
+    "depth_file_path": "depth/{:04d}.exr",
+    "depth_true_file_path": "depth_true/{:04d}.exr",
+    "mask_path": "masks/{:04d}.png",
+    "cause_file_path": "cause/{:04d}.png",
+    "confidence_file_path": "confidence/{:04d}.png",
+    "normals_file_path": "normals/{:04d}.exr",
+}
+
+# What every simulated frame has; the other layers are there for some sensors, or on request.
+BASIC_LAYERS = (
+    "file_path",
+    "right_file_path",
+    "depth_file_path",
+    "depth_true_file_path",
+    "mask_path",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameImages:
+    """The pixels of one frame, as `CaptureWriter` takes them; see `Frame` for their meaning.
+
+    Sensors say in ``depth`` why a value is missing: -inf is too near, +inf too far, NaN anything else.
+    ``confidence`` is 0 to 255 here, as in the file.
+    """
+
+    image: np.ndarray
+    depth: np.ndarray | None = None
+    mask: np.ndarray | None = None
+    right: np.ndarray | None = None
+    depth_true: np.ndarray | None = None
+    cause: np.ndarray | None = None
+    confidence: np.ndarray | None = None
+    normals: np.ndarray | None = None
+
+    def by_key(self) -> dict[str, np.ndarray]:
+        """The images that are there, under the keys of transforms.json."""
+        images = {
+            "file_path": self.image,
+            "right_file_path": self.right,
+            "depth_file_path": self.depth,
+            "depth_true_file_path": self.depth_true,
+            "mask_path": self.mask,
+            "cause_file_path": self.cause,
+            "confidence_file_path": self.confidence,
+            "normals_file_path": self.normals,
+        }
+        return {key: pixels for key, pixels in images.items() if pixels is not None}
+
+
+@dataclass
+class CaptureWriter:
+    """Writes a capture folder frame by frame; the index comes last, so that it never names a missing file.
+
+    Frames may be written in any order. `has_frame` tells which are complete: a run that was cut off
+    goes on where it stopped.
+    """
+
+    folder: Path
+    intrinsics: Intrinsics
+    rig: Rig | None = None
+    _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def has_frame(self, number: int, keys: Sequence[str] = BASIC_LAYERS) -> bool:
+        """Whether all files of frame ``number`` lie in the folder already; ``keys`` names the layers."""
+        return all((self.folder / _FILES[key].format(number)).is_file() for key in keys)
+
+    def write_frame(self, number: int, images: FrameImages) -> None:
+        """Write the files of frame ``number``."""
+        shape = (self.intrinsics.height, self.intrinsics.width)
+        for key, pixels in images.by_key().items():
+            if pixels.shape[:2] != shape:
+                raise CaptureError(f"frame {number}, {key}: shape {pixels.shape}, expected {shape}")
+            write_image(self.folder / _FILES[key].format(number), pixels)
+
+    def add_pose(
+        self,
+        number: int,
+        world_from_cam: np.ndarray,
+        time: float,
+        intrinsics: Intrinsics | None = None,
+    ) -> None:
+        """Note the pose and time [s] of frame ``number``, whose files are written (now or before).
+
+        ``intrinsics`` is its own camera where that differs from the others', at the same image size.
+        """
+        check_finite(f"frame {number}: world_from_cam", world_from_cam)
+        paths = {key: pattern.format(number) for key, pattern in _FILES.items()}
+        self._entries[number] = {
+            **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
+            "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
+            "time": time,
+            **({} if intrinsics is None else _camera_keys(intrinsics)),
+        }
+
+    def finish(self, metadata: dict[str, Any] | None = None) -> Capture:
+        """Write transforms.json and return the capture."""
+        if not self._entries:
+            raise DigsError(f"capture '{self.folder}': no frame was added")
+        k = self.intrinsics
+        ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": "metre"}
+        if self.rig is not None:
+            ours["rig"] = {"baseline": self.rig.baseline}
+        index = {
+            "camera_model": "PINHOLE",
+            "w": k.width,
+            "h": k.height,
+            **_camera_keys(k),
+            "digs_warp": ours | (metadata or {}),
+            "frames": [self._entries[number] for number in sorted(self._entries)],
+        }
+        write_atomically(self.folder / INDEX_NAME, to_json(index).encode())
+        return read_capture(self.folder)
+
+
+def _camera_keys(k: Intrinsics) -> dict[str, float]:
+    return {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
+
+
+def file_hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of every file below ``folder`` but run.json, by relative path."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != RUN_RECORD
+    }

@@ -1,0 +1,71 @@
+"""Coloured points: what an initialization hands to the splat seeding."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.checks import DigsError, check_finite, check_shape
+from digs_warp.record.files import open_arrays, write_arrays
+
+FIELDS = ("points_world", "colors")
+OPTIONAL_FIELDS = ("axes_world", "axis_deviations")
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points with colours; the order carries no meaning.
+
+    Attributes:
+        points_world: positions [m], shape (n, 3), float32.
+        colors: sRGB values in 0..1, shape (n, 3), float32.
+        axes_world: unit directions along which the Gaussians of the points are thinner or longer than
+            across, shape (n, 3), float32; None: they are round.
+        axis_deviations: their standard deviations [m] along these axes, shape (n,), float32; None as well.
+    """
+
+    points_world: np.ndarray
+    colors: np.ndarray
+    axes_world: np.ndarray | None = None
+    axis_deviations: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.points_world)
+        if (self.axes_world is None) != (self.axis_deviations is None):
+            raise DigsError("points: axes and deviations along them belong together; give both")
+        shapes = {
+            "points_world": (None, 3),
+            "colors": (count, 3),
+            "axes_world": (count, 3),
+            "axis_deviations": (count,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is not None:
+                array = np.asarray(value, dtype=np.float32)
+                check_finite(name, check_shape(name, array, shape))
+                object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.points_world)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The corners (minimum, maximum) of the box around the points [m]; needs a point."""
+        return self.points_world.min(axis=0), self.points_world.max(axis=0)
+
+    def save(self, path: Path) -> None:
+        """Write an ``.npz`` with one array per field; the file appears only when complete."""
+        arrays = {name: getattr(self, name) for name in (*FIELDS, *OPTIONAL_FIELDS)}
+        write_arrays(path, {name: array for name, array in arrays.items() if array is not None})
+
+    @staticmethod
+    def load(path: Path) -> "PointCloud":
+        """Read a file that `save` wrote.
+
+        Raises:
+            DigsError: the file is missing, truncated, or lacks a field.
+        """
+        with open_arrays(path, "points", FIELDS) as arrays:
+            optional = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
+            return PointCloud(*(arrays[name] for name in FIELDS), **optional)

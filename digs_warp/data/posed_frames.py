@@ -1,0 +1,94 @@
+"""The frames as a reconstruction used them: metric cameras, masks, and which were held out.
+
+A recording's own poses and masks may differ from these: structure from motion estimates the ones, a
+segmentation the others. ``cameras.json`` in the reconstruction's folder keeps them.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.record.files import read_json, to_json, write_atomically
+
+CAMERAS = "cameras.json"
+
+
+@dataclass(frozen=True, eq=False)
+class PosedFrames:
+    """Frames with metric cameras, in the order of the recording.
+
+    Attributes:
+        training: what initialization and training see.
+        held_out: what measures the result.
+        sfm_per_metre: the scale of the structure from motion that gave the poses; None: the recording's
+            own poses.
+    """
+
+    training: tuple[Frame, ...]
+    held_out: tuple[Frame, ...]
+    sfm_per_metre: float | None = None
+
+    def save(self, folder: Path) -> None:
+        """Write cameras.json into the reconstruction's ``folder``."""
+        entries = [
+            _entry(frame, folder, held_out)
+            for frames, held_out in ((self.training, False), (self.held_out, True))
+            for frame in frames
+        ]
+        record = {"sfm_per_metre": self.sfm_per_metre, "frames": entries}
+        write_atomically(Path(folder) / CAMERAS, to_json(record).encode())
+
+    @staticmethod
+    def load(capture: Capture, folder: Path) -> "PosedFrames":
+        """Read what `save` wrote; the images stay those of ``capture``.
+
+        Raises:
+            DigsError: the file is missing or broken, or names a frame that the capture does not have.
+        """
+        path = Path(folder) / CAMERAS
+        record = read_json(path, "cameras of the reconstruction")
+        frames = {frame.name: frame for frame in capture.frames}
+        groups: dict[bool, list[Frame]] = {False: [], True: []}
+        try:
+            for entry in record["frames"]:
+                frame = _posed(frames[entry["name"]], entry, Path(folder))
+                groups[bool(entry["held_out"])].append(frame)
+            return PosedFrames(tuple(groups[False]), tuple(groups[True]), record["sfm_per_metre"])
+        except KeyError as error:
+            raise DigsError(
+                f"'{path}': {error} is not in the capture '{capture.folder}' or not in the file; name the "
+                "capture that was reconstructed"
+            ) from error
+        except (TypeError, ValueError) as error:
+            raise DigsError(f"'{path}': {error}; reconstruct again") from error
+
+
+def with_cameras(frames: Iterable[Frame], sfm: SfmModel) -> list[Frame]:
+    """Return the frames that the model has a camera for, with that camera."""
+    cameras = dict(zip(sfm.names, sfm.cameras, strict=True))
+    return [replace(f, camera=cameras[f.name]) for f in frames if f.name in cameras]
+
+
+def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "name": frame.name,
+        "held_out": held_out,
+        "world_from_cam": frame.camera.world_from_cam.tolist(),
+    }
+    # Masks of the recording stay where they are; only ours lie in the reconstruction's folder.
+    mask = frame.files.get("mask_path")
+    if mask is not None and mask.resolve().is_relative_to(Path(folder).resolve()):
+        entry["mask"] = str(mask.resolve().relative_to(Path(folder).resolve()))
+    return entry
+
+
+def _posed(frame: Frame, entry: dict[str, Any], folder: Path) -> Frame:
+    camera = replace(frame.camera, world_from_cam=np.array(entry["world_from_cam"], np.float64))
+    files = frame.files | ({"mask_path": folder / entry["mask"]} if "mask" in entry else {})
+    return replace(frame, camera=camera, files=files)

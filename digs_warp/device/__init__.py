@@ -1,0 +1,1 @@
+"""The machine below the kernels: threads, launches, compilation, memory layouts, foreign libraries."""

@@ -1,0 +1,77 @@
+"""Float images on a device, in the layout that the hot kernels read: planar, padded, rows aligned."""
+
+import numpy as np
+import warp as wp
+
+# Rows and columns are rounded up to one 512-bit vector of float32, the size of a raster tile.
+ALIGNMENT = 16
+
+# A border of zeros on each side: windows that reach over the image edge read zeros. At least the 13 px that
+# `digs_warp.measure.ssim` reads beyond the edge: two SSIM windows, one of them rounded up to whole vectors.
+PADDING = 16
+
+
+class ImagePlanes:
+    """``channels`` float32 planes of one size with a border of zeros, in one flat Warp array.
+
+    Pixel (x, y) of channel c lies at ``origin + c * plane + y * pitch + x``. Kernels never write the
+    border, so windows that reach over the image edge read zeros. A smaller image (`resize`) lies at the top
+    left of the same memory: the layout never changes.
+
+    Attributes:
+        width, height: size of the present image [px].
+        max_width, max_height: the size that the memory is for [px].
+    """
+
+    def __init__(self, width: int, height: int, channels: int, device: str = "cpu") -> None:
+        self.max_width = width
+        self.max_height = height
+        self.width = width
+        self.height = height
+        self.channels = channels
+        self.pitch = -(-width // ALIGNMENT) * ALIGNMENT + 2 * PADDING
+        rows = -(-height // ALIGNMENT) * ALIGNMENT + 2 * PADDING
+        self.plane = self.pitch * rows
+        self.origin = PADDING * self.pitch + PADDING
+        self.data = wp.zeros(self.plane * channels, dtype=float, device=device)
+
+    @staticmethod
+    def of(pixels: np.ndarray, device: str = "cpu") -> "ImagePlanes":
+        """Return planes that hold pixels, shape (height, width, channels)."""
+        planes = ImagePlanes(pixels.shape[1], pixels.shape[0], pixels.shape[2], device)
+        planes.assign(pixels)
+        return planes
+
+    def resize(self, width: int, height: int) -> None:
+        """Hold an image of another size; what lay outside of it becomes border.
+
+        Raises:
+            ValueError: it is larger than the memory is for.
+        """
+        if width > self.max_width or height > self.max_height:
+            raise ValueError(
+                f"image of {width}x{height} px in planes of {self.max_width}x{self.max_height} px"
+            )
+        right, bottom = PADDING + self.width, PADDING + self.height
+        if self.channels:
+            planes = self.data.reshape((self.channels, self.plane // self.pitch, self.pitch))
+            if width < self.width:
+                planes[:, PADDING:bottom, PADDING + width : right].zero_()
+            if height < self.height:
+                planes[:, PADDING + height : bottom, PADDING:right].zero_()
+        self.width, self.height = width, height
+
+    def assign(self, pixels: np.ndarray) -> None:
+        """Fill from pixels, shape (height, width, channels) or (height, width)."""
+        padded = np.zeros((self.channels, self.plane // self.pitch, self.pitch), dtype=np.float32)
+        pixels = np.atleast_3d(pixels).transpose(2, 0, 1)
+        inside = slice(PADDING, None)
+        padded[:, inside, inside][:, : self.height, : self.width] = pixels
+        self.data.assign(padded.reshape(-1))
+
+    def to_numpy(self) -> np.ndarray:
+        """Return a copy of the pixels, shape (height, width, channels), float32."""
+        padded = self.data.numpy().reshape(self.channels, -1, self.pitch)
+        p = PADDING
+        inside = padded[:, p : p + self.height, p : p + self.width]
+        return np.ascontiguousarray(inside.transpose(1, 2, 0))

@@ -1,0 +1,102 @@
+"""Run one Warp launch on all CPU cores.
+
+Warp runs a CPU launch as one serial loop on the calling thread. `ParallelLaunch` cuts the index range
+into chunks, records one launch per chunk, and a few threads replay them; ``ctypes`` releases the
+interpreter lock meanwhile. Kernels must write disjoint addresses per index (``wp.atomic_add`` is a plain
+``+=`` on a CPU) and take the chunk's first index as their first argument; then the result does not
+depend on the number of threads.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from digs_warp.device.threads import default_threads
+from digs_warp.device.warp_start import start_warp
+
+start_warp()
+
+# More chunks than threads even out uneven chunks, and a thread that was held up; a launch costs about 5 us.
+CHUNKS_PER_THREAD = 8
+EVEN_CHUNKS_PER_THREAD = 3
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="warp")
+
+
+class ParallelLaunch:
+    """A recorded launch of ``kernel`` over indices 0..dim-1, shared out over CPU threads.
+
+    The kernel's first parameter is the first index of a chunk (int); ``inputs`` are the others. On a
+    CUDA device it is a single launch. Array arguments are bound when recorded: call `run` again after
+    changing their contents, build a new object after replacing them. ``even`` says that all indices take
+    about the same time: fewer chunks do then.
+    """
+
+    def __init__(
+        self,
+        kernel: Any,
+        dim: int,
+        inputs: list[Any],
+        device: str = "cpu",
+        threads: int = 0,
+        even: bool = False,
+    ) -> None:
+        self.threads = threads or default_threads()
+        per_thread = EVEN_CHUNKS_PER_THREAD if even else CHUNKS_PER_THREAD
+        pieces = self.threads * per_thread if device == "cpu" and self.threads > 1 else 1
+        size = max(1, -(-dim // pieces))
+        self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
+        self.chunks: list[Any] = [
+            wp.launch(
+                kernel,
+                dim=min(size, dim - first),
+                inputs=[first, *inputs],
+                device=device,
+                record_cmd=True,
+            )
+            for first in range(0, dim, size)
+        ]
+
+    def set_param(self, index: int, value: Any) -> None:
+        """Change argument ``index`` of ``inputs`` for the next runs; a number that it has costs nothing."""
+        before = self._inputs[index]
+        if isinstance(value, (int, float)) and value == before:
+            return
+        self._inputs[index] = value
+        for launch in self.chunks:
+            launch.set_param_at_index(index + 1, value)
+
+    def run(self) -> None:
+        """Execute and wait."""
+        run_together([self])
+
+
+def run_together(launches: Sequence[ParallelLaunch]) -> None:
+    """Execute launches that do not need each other's results, and wait: the threads are woken only once."""
+    chunks = [chunk for launch in launches for chunk in launch.chunks]
+    threads = min(len(chunks), max((launch.threads for launch in launches), default=1))
+    queue = iter(chunks)  # taking the next item is atomic: the threads share it
+
+    def work() -> None:
+        for chunk in queue:
+            chunk.launch()
+
+    # The calling thread works, too. result() hands on an exception of a chunk.
+    others = [_pool(threads - 1).submit(work) for _ in range(threads - 1)]
+    work()
+    for other in others:
+        other.result()
+
+
+def launch_parallel(
+    kernel: Any, dim: int, inputs: list[Any], device: str = "cpu", threads: int = 0
+) -> None:
+    """Run ``kernel`` once over indices 0..dim-1 on all cores; see `ParallelLaunch`."""
+    if dim > 0:
+        ParallelLaunch(kernel, dim, inputs, device, threads).run()

@@ -1,0 +1,56 @@
+"""Image metrics in float64 NumPy. Images have values in 0..1, shape (height, width, 3)."""
+
+import numpy as np
+
+from digs_warp.checks import check_shape
+from digs_warp.measure.ssim import C1, C2, window_weights
+
+# Identical images would give infinity, which JSON cannot hold; 8-bit rounding alone gives 59 dB.
+MAX_PSNR = 100.0
+
+
+def psnr(image: np.ndarray, target: np.ndarray, mask: np.ndarray | None = None) -> float:
+    """Return the peak signal-to-noise ratio [dB], at most 100; over ``mask`` (bool) where given.
+
+    An empty mask gives NaN.
+    """
+    check_shape("image", image, target.shape)
+    squared = (np.asarray(image, np.float64) - target) ** 2
+    if mask is not None:
+        squared = squared[mask]
+    if squared.size == 0:
+        return float("nan")
+    return float(min(MAX_PSNR, -10.0 * np.log10(max(squared.mean(), 10 ** (-MAX_PSNR / 10)))))
+
+
+def ssim_map(image: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return SSIM per pixel and channel, same shape: 11x11 Gaussian window, zero padding.
+
+    The formula stands in `digs_warp.measure.ssim`; this is its plain float64 form.
+    """
+    from scipy.ndimage import correlate1d
+
+    weights = np.array(window_weights())
+
+    def blur(values: np.ndarray) -> np.ndarray:
+        rows = correlate1d(values, weights, axis=0, mode="constant")
+        return correlate1d(rows, weights, axis=1, mode="constant")
+
+    x, y = np.asarray(image, np.float64), np.asarray(target, np.float64)
+    mean_x, mean_y = blur(x), blur(y)
+    var_x = blur(x * x) - mean_x**2
+    var_y = blur(y * y) - mean_y**2
+    covariance = blur(x * y) - mean_x * mean_y
+    numerator = (2 * mean_x * mean_y + C1) * (2 * covariance + C2)
+    return numerator / ((mean_x**2 + mean_y**2 + C1) * (var_x + var_y + C2))
+
+
+def ssim(image: np.ndarray, target: np.ndarray, mask: np.ndarray | None = None) -> float:
+    """Return the mean SSIM; over the pixels of ``mask`` (bool, (height, width)) where given.
+
+    An empty mask gives NaN.
+    """
+    values = ssim_map(image, target)
+    if mask is not None:
+        values = values[mask]
+    return float(values.mean()) if values.size else float("nan")

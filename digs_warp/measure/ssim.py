@@ -1,0 +1,343 @@
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""Structural similarity and L1 between two images, fused, with the gradient of their sum.
+
+Legend (Wang et al. 2004): m and s are mean and variance under an 11x11 Gaussian window W (sigma 1.5), x
+the rendered image, y the target, per channel; pixels outside the image are 0 (zero padding, as in the 3DGS
+reference).
+
+    A = 2 m_x m_y + C1,  B = 2 s_xy + C2,  D = m_x^2 + m_y^2 + C1,  E = s_x + s_y + C2
+    SSIM = A B / (D E)
+
+With the moments m_x, e_xx = W * x^2 and e_xy = W * x y as variables (s_x = e_xx - m_x^2 and so on; e_xx and
+e_yy are only needed as their sum),
+
+    dSSIM/de_xx = -SSIM / E
+    dSSIM/de_xy = 2 A / (D E)
+    dSSIM/dm_x  = 2 (m_y B / E - m_x SSIM) / D - 2 m_x dSSIM/de_xx - m_y dSSIM/de_xy
+
+and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
+
+    W * dSSIM/dm_x + 2 x (W * dSSIM/de_xx) + y (W * dSSIM/de_xy)
+
+Where pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
+are blurred.
+
+One thread walks down a strip of 64 columns of one channel, at most `SEGMENT_ROWS` rows of it, and keeps only
+the last rows of every stage, in rings as high as a window: image line -> moments, blurred along
+the row -> blurred along the column, SSIM and its derivatives -> blurred along the row -> blurred along the
+column, gradient. Nothing in between goes through memory, at the price of derivatives computed twice in the
+columns around a strip. Only where blocks are active it is computed: elsewhere image and target are the same
+background, SSIM is 1 and its gradient 0.
+"""
+
+import math
+
+import warp as wp
+
+from digs_warp.device.contiguous import floats_from, prefetch_floats
+
+# Products and sums are not contracted, but for those of a window: fused, the variance of two equal constants
+# would not cancel, and SSIM would miss 1 by 1e-4.
+wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+
+WINDOW = 11
+REACH = WINDOW // 2  # the window reaches this far [px]
+SIGMA = 1.5
+C1 = 0.01**2  # for values in 0..1
+C2 = 0.03**2
+
+# Blocks are active or not; a strip is one block wide.
+BLOCK_ROWS = 16
+BLOCK_COLUMNS = 64
+# A thread's part of a strip: long, because each part begins with 20 rows that only fill the rings.
+SEGMENT_ROWS = 512
+
+
+def window_weights() -> list[float]:
+    """Return the 11 weights of the separable window; they sum to 1."""
+    raw = [math.exp(-((i - REACH) ** 2) / (2 * SIGMA**2)) for i in range(WINDOW)]
+    return [value / sum(raw) for value in raw]
+
+
+_C1 = wp.constant(C1)
+_C2 = wp.constant(C2)
+_ROWS = wp.constant(BLOCK_ROWS)
+_COLUMNS = wp.constant(BLOCK_COLUMNS)
+_SEGMENT_BLOCKS = wp.constant(SEGMENT_ROWS // BLOCK_ROWS)
+_REACH = wp.constant(REACH)
+_TWICE = wp.constant(2 * REACH)
+
+# Derivatives are needed one window around the strip, rounded up to whole vectors ...
+_MARGIN_COLUMNS = 8
+_WIDE_COLUMNS = BLOCK_COLUMNS + 2 * _MARGIN_COLUMNS
+_MARGIN = wp.constant(_MARGIN_COLUMNS)
+_WIDE = wp.constant(_WIDE_COLUMNS)
+# ... and the image one window around those. Four lines are kept of each row (x, y, x^2 + y^2, x y), twice.
+_LINE_COLUMNS = _WIDE_COLUMNS + 2 * REACH
+_LINE = wp.constant(_LINE_COLUMNS)
+_LINES = wp.constant(4 * _LINE_COLUMNS)
+_LINES_TWICE = wp.constant(8 * _LINE_COLUMNS)
+# Rows that are asked for ahead: a pitch apart, the processor does not foresee them.
+_AHEAD = wp.constant(4)
+# Rings of blurred rows: of the four moments, and of the three derivatives.
+_RING_ROWS = wp.constant(WINDOW)
+_SEVERAL_RINGS = wp.constant(4 * WINDOW)
+_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+_MOMENT_RING = wp.constant(WINDOW * _WIDE_COLUMNS)
+_MOMENT_RINGS = wp.constant(4 * WINDOW * _WIDE_COLUMNS)
+_GRADIENT_RING = wp.constant(WINDOW * BLOCK_COLUMNS)
+_GRADIENT_RINGS = wp.constant(3 * WINDOW * BLOCK_COLUMNS)
+# Lines of the derivatives of a row and of 1 - SSIM, twice; then which columns exist, the weights of a row,
+# the sums of each column, and the gradient of a row.
+_DERIVATIVES = wp.constant(4 * _WIDE_COLUMNS)
+_EXISTS = wp.constant(8 * _WIDE_COLUMNS)
+_WEIGHT = wp.constant(9 * _WIDE_COLUMNS)
+_SUM_L1 = wp.constant(10 * _WIDE_COLUMNS)
+_SUM_DSSIM = wp.constant(11 * _WIDE_COLUMNS)
+_GRADIENT = wp.constant(12 * _WIDE_COLUMNS)
+_ROW_MEMORY = wp.constant(15 * _WIDE_COLUMNS)
+
+
+# The window is symmetric: weights of the taps at distance 5, 4, 3, 2, 1, 0.
+_TAPS = zip(window_weights()[: REACH + 1], range(REACH, -1, -1), strict=True)
+_WINDOW_SUM = f"""
+#pragma clang fp contract(fast)
+return {" + ".join(f"{weight:.9g}f * d{distance}" for weight, distance in _TAPS)};
+"""
+
+
+@wp.func_native(_WINDOW_SUM)
+def window_sum(d5: float, d4: float, d3: float, d2: float, d1: float, d0: float) -> float:
+    """Weighted sum of eleven taps, given as sums of the two at distance 5, 4, 3, 2, 1 and the middle one."""
+    ...
+
+
+@wp.func
+def ring_place(row: int) -> int:
+    """Where a row lies in a ring.
+
+    Of 11 rows, not 16: in a ring of a power of two, LLVM derives places from each other bit by bit, and the
+    loops that read there become gathers.
+    """
+    # Rows above the image are negative; a mask tells LLVM that the sum is not.
+    return ((row + _SEVERAL_RINGS) & _NOT_NEGATIVE) % _RING_ROWS
+
+
+@wp.kernel
+def similarity_kernel(
+    first: int,
+    blocks_x: int,
+    blocks_y: int,
+    width: int,
+    height: int,
+    pitch: int,
+    plane: int,
+    origin: int,
+    active: wp.array[int],  # [blocks_y * blocks_x] not 0 where the loss counts
+    image: wp.array[float],  # 3 padded planes
+    target: wp.array[float],  # 3 padded planes
+    weighted: int,  # whether pixels count as much as ``weights`` say; otherwise all count 1
+    weights: wp.array[float],  # 1 padded plane
+    l1_weight: float,
+    dssim_weight: float,
+    # outputs
+    adj_image: wp.array[float],  # 3 padded planes
+    sums: wp.array2d[float],  # [strips, 2] weighted sums of |x - y| and of 1 - SSIM
+):
+    """Compare a strip of one channel; write d(l1_weight sum w |x - y| + dssim_weight sum w (1 - SSIM)) / dx.
+
+    The gradient holds where the next 10 pixels on each side are compared or are background in both images.
+    """
+    strip = first + wp.tid()
+    segments = (blocks_y + _SEGMENT_BLOCKS - 1) // _SEGMENT_BLOCKS
+    channel = strip // (blocks_x * segments)
+    block_x = strip % blocks_x
+    first_block = strip // blocks_x % segments * _SEGMENT_BLOCKS
+    sums[strip, 0] = 0.0
+    sums[strip, 1] = 0.0
+    top = int(blocks_y * _ROWS)
+    end = int(0)
+    for block in range(first_block, wp.min(first_block + _SEGMENT_BLOCKS, blocks_y)):
+        if active[block * blocks_x + block_x] != 0:
+            top = wp.min(top, block * _ROWS)
+            end = wp.min((block + 1) * _ROWS, height)
+    if top >= end:
+        return
+    left = block_x * _COLUMNS
+    columns = wp.min(_COLUMNS, width - left)
+    base = origin + channel * plane + left
+    line = wp.zeros(shape=(_LINES_TWICE,), dtype=float)
+    moments = wp.zeros(shape=(_MOMENT_RINGS,), dtype=float)
+    rows = wp.zeros(shape=(_ROW_MEMORY,), dtype=float)
+    gradients = wp.zeros(shape=(_GRADIENT_RINGS,), dtype=float)
+    for i_e in range(_WIDE):
+        column = left - _MARGIN + i_e
+        rows[_EXISTS + i_e] = wp.where(column >= 0 and column < width, 1.0, 0.0)
+        rows[_WEIGHT + i_e] = 1.0
+    # A row is blurred one turn after it was written, while the next is written elsewhere: reads that straddle
+    # two vectors which were just written would have to wait for both to reach the cache.
+    for turn in range(top - _TWICE, end + _TWICE + 2):
+        half = (turn & 1) * _LINES
+        source = base + turn * pitch - _MARGIN - _REACH
+        prefetch_floats(image, source + _AHEAD * pitch, _LINE)
+        prefetch_floats(target, source + _AHEAD * pitch, _LINE)
+        image_line = floats_from(image, source, _LINE)
+        target_line = floats_from(target, source, _LINE)
+        for i in range(_LINE):
+            x = image_line[i]
+            y = target_line[i]
+            line[half + i] = x
+            line[half + _LINE + i] = y
+            line[half + 2 * _LINE + i] = x * x + y * y
+            line[half + 3 * _LINE + i] = x * y
+        if turn > top - _TWICE:
+            to_row = ring_place(turn - 1) * _WIDE
+            for moment in range(4):
+                o = _LINES - half + moment * _LINE
+                b = moment * _MOMENT_RING + to_row
+                for c in range(_WIDE):
+                    moments[b + c] = window_sum(
+                        line[o + c] + line[o + c + 10],
+                        line[o + c + 1] + line[o + c + 9],
+                        line[o + c + 2] + line[o + c + 8],
+                        line[o + c + 3] + line[o + c + 7],
+                        line[o + c + 4] + line[o + c + 6],
+                        line[o + c + 5],
+                    )
+        row = turn - 1 - _REACH
+        present = (row & 1) * _DERIVATIVES
+        if row >= top - _REACH:
+            u5 = ring_place(row - 5) * _WIDE
+            u4 = ring_place(row - 4) * _WIDE
+            u3 = ring_place(row - 3) * _WIDE
+            u2 = ring_place(row - 2) * _WIDE
+            u1 = ring_place(row - 1) * _WIDE
+            u0 = ring_place(row) * _WIDE
+            v1 = ring_place(row + 1) * _WIDE
+            v2 = ring_place(row + 2) * _WIDE
+            v3 = ring_place(row + 3) * _WIDE
+            v4 = ring_place(row + 4) * _WIDE
+            v5 = ring_place(row + 5) * _WIDE
+            for moment_v in range(4):
+                p = moment_v * _MOMENT_RING
+                m = present + moment_v * _WIDE
+                for cv in range(_WIDE):
+                    rows[m + cv] = window_sum(
+                        moments[p + u5 + cv] + moments[p + v5 + cv],
+                        moments[p + u4 + cv] + moments[p + v4 + cv],
+                        moments[p + u3 + cv] + moments[p + v3 + cv],
+                        moments[p + u2 + cv] + moments[p + v2 + cv],
+                        moments[p + u1 + cv] + moments[p + v1 + cv],
+                        moments[p + u0 + cv],
+                    )
+            if weighted != 0:
+                weight_line = floats_from(weights, origin + row * pitch + left - _MARGIN, _WIDE)
+                for w in range(_WIDE):
+                    rows[_WEIGHT + w] = weight_line[w]
+            inside = float(0.0)
+            if row >= 0 and row < height:
+                inside = float(1.0)
+            # From moments to SSIM and its derivatives, in place.
+            for col in range(_WIDE):
+                mean_x = rows[present + col]
+                mean_y = rows[present + _WIDE + col]
+                squares = mean_x * mean_x + mean_y * mean_y
+                a = 2.0 * mean_x * mean_y + _C1
+                s = 2.0 * (rows[present + 3 * _WIDE + col] - mean_x * mean_y) + _C2
+                d = squares + _C1
+                e = rows[present + 2 * _WIDE + col] - squares + _C2
+                inverse = 1.0 / (d * e)
+                ssim = a * s * inverse
+                g_xx = -ssim * d * inverse
+                g_xy = 2.0 * a * inverse
+                g_mean = (
+                    2.0 * (mean_y * s * inverse - mean_x * ssim * e * inverse)
+                    - 2.0 * mean_x * g_xx
+                    - mean_y * g_xy
+                )
+                weight = inside * rows[_EXISTS + col] * rows[_WEIGHT + col]
+                rows[present + col] = weight * g_mean
+                rows[present + _WIDE + col] = weight * g_xx
+                rows[present + 2 * _WIDE + col] = weight * g_xy
+                rows[present + 3 * _WIDE + col] = weight * (1.0 - ssim)
+            counts = row >= top and row < end
+            if counts:
+                counts = active[row // _ROWS * blocks_x + block_x] != 0
+            if counts:
+                image_row = floats_from(image, base + row * pitch, _COLUMNS)
+                target_row = floats_from(target, base + row * pitch, _COLUMNS)
+                for j in range(_COLUMNS):
+                    at = _MARGIN + j
+                    here = rows[_EXISTS + at] * rows[_WEIGHT + at]
+                    rows[_SUM_L1 + j] = rows[_SUM_L1 + j] + here * wp.abs(
+                        image_row[j] - target_row[j]
+                    )
+                    rows[_SUM_DSSIM + j] = rows[_SUM_DSSIM + j] + rows[present + 3 * _WIDE + at]
+        if row > top - _REACH:
+            to_gradients = ring_place(row - 1) * _COLUMNS
+            for derivative in range(3):
+                og = _DERIVATIVES - present + derivative * _WIDE + _MARGIN - _REACH
+                bg = derivative * _GRADIENT_RING + to_gradients
+                for cg in range(_COLUMNS):
+                    gradients[bg + cg] = window_sum(
+                        rows[og + cg] + rows[og + cg + 10],
+                        rows[og + cg + 1] + rows[og + cg + 9],
+                        rows[og + cg + 2] + rows[og + cg + 8],
+                        rows[og + cg + 3] + rows[og + cg + 7],
+                        rows[og + cg + 4] + rows[og + cg + 6],
+                        rows[og + cg + 5],
+                    )
+        done = row - 1 - _REACH
+        if done >= top:
+            s5 = ring_place(done - 5) * _COLUMNS
+            s4 = ring_place(done - 4) * _COLUMNS
+            s3 = ring_place(done - 3) * _COLUMNS
+            s2 = ring_place(done - 2) * _COLUMNS
+            s1 = ring_place(done - 1) * _COLUMNS
+            s0 = ring_place(done) * _COLUMNS
+            t1 = ring_place(done + 1) * _COLUMNS
+            t2 = ring_place(done + 2) * _COLUMNS
+            t3 = ring_place(done + 3) * _COLUMNS
+            t4 = ring_place(done + 4) * _COLUMNS
+            t5 = ring_place(done + 5) * _COLUMNS
+            for derivative_v in range(3):
+                pg = derivative_v * _GRADIENT_RING
+                mg = _GRADIENT + derivative_v * _COLUMNS
+                for cw in range(_COLUMNS):
+                    rows[mg + cw] = window_sum(
+                        gradients[pg + s5 + cw] + gradients[pg + t5 + cw],
+                        gradients[pg + s4 + cw] + gradients[pg + t4 + cw],
+                        gradients[pg + s3 + cw] + gradients[pg + t3 + cw],
+                        gradients[pg + s2 + cw] + gradients[pg + t2 + cw],
+                        gradients[pg + s1 + cw] + gradients[pg + t1 + cw],
+                        gradients[pg + s0 + cw],
+                    )
+            if weighted != 0:
+                weight_done = floats_from(weights, origin + done * pitch + left - _MARGIN, _WIDE)
+                for wd in range(_WIDE):
+                    rows[_WEIGHT + wd] = weight_done[wd]
+            image_done = floats_from(image, base + done * pitch, _COLUMNS)
+            target_done = floats_from(target, base + done * pitch, _COLUMNS)
+            for k in range(_COLUMNS):
+                xd = image_done[k]
+                yd = target_done[k]
+                d_ssim = rows[_GRADIENT + k] + 2.0 * xd * rows[_GRADIENT + _COLUMNS + k]
+                d_ssim = d_ssim + yd * rows[_GRADIENT + 2 * _COLUMNS + k]
+                sign = wp.where(xd > yd, 1.0, wp.where(xd < yd, -1.0, 0.0))
+                d_l1 = rows[_WEIGHT + _MARGIN + k] * sign
+                rows[_GRADIENT + k] = l1_weight * d_l1 - dssim_weight * d_ssim
+            out_row = floats_from(adj_image, base + done * pitch, _COLUMNS)
+            if columns == _COLUMNS:
+                for out in range(_COLUMNS):
+                    out_row[out] = rows[_GRADIENT + out]
+            else:
+                for out_t in range(columns):
+                    out_row[out_t] = rows[_GRADIENT + out_t]
+    total_l1 = float(0.0)
+    total_dssim = float(0.0)
+    for summed in range(_COLUMNS):
+        total_l1 += rows[_SUM_L1 + summed]
+        total_dssim += rows[_SUM_DSSIM + summed]
+    sums[strip, 0] = total_l1
+    sums[strip, 1] = total_dssim

@@ -1,0 +1,152 @@
+# Kernels are typed by Warp, whose stubs pyright cannot follow; scipy comes without stubs:
+# pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false, reportInvalidTypeForm=false
+"""How far reconstructed points lie from a true surface, and how much of the surface they cover."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import warp as wp
+
+from digs_warp.checks import DigsError, check_positive, check_shape
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.device.parallel import launch_parallel
+
+# Neighbours that tell how densely points lie at a place of the surface.
+NEIGHBOURS = 8
+
+# Samples of the true surface for the way back; the error of a mean over them is below 1 % of its spread.
+DEFAULT_SAMPLES = 20_000
+
+
+@dataclass(frozen=True)
+class SurfaceScore:
+    """Distances between points and a surface [m].
+
+    Attributes:
+        accuracy: mean distance from the points to the surface.
+        accuracy_median: median of the same; stray points do not move it.
+        completeness: mean distance from the surface to the nearest point.
+        chamfer: mean of accuracy and completeness.
+        precision: share of points within ``threshold`` of the surface.
+        recall: share of the surface within ``threshold`` of a point.
+        f_score: harmonic mean of precision and recall.
+        spacing_ratio: how unevenly the points lie along the surface: upper over lower quartile, over the
+            surface, of the distance to the eighth nearest point. 1: a perfect grid; 1.28: random and even
+            (a planar Poisson process); more: clusters. It does not depend on the number of points.
+        threshold: the distance [m] that the shares refer to.
+    """
+
+    accuracy: float
+    accuracy_median: float
+    completeness: float
+    chamfer: float
+    precision: float
+    recall: float
+    f_score: float
+    spacing_ratio: float
+    threshold: float
+
+    def to_json(self) -> dict[str, float]:
+        """Return the numbers by name."""
+        return asdict(self)
+
+
+def surface_score(
+    points_world: np.ndarray,
+    surface: TriangleMesh,
+    threshold: float,
+    samples: int = DEFAULT_SAMPLES,
+    seed: int = 0,
+) -> SurfaceScore:
+    """Compare points with a true surface.
+
+    Distances to the surface are exact (point to triangle). The surface is sampled evenly by area for the
+    way back; parts that no camera saw count as missing.
+
+    Args:
+        points_world: reconstructed points [m], shape (n, 3), n >= 1.
+        surface: the true mesh, in the same world.
+        threshold: distance [m] for precision, recall and F-score.
+        samples: number of points on the surface.
+        seed: decides the samples.
+
+    Raises:
+        DigsError: no points, no surface, or a threshold that is not above 0.
+    """
+    from scipy.spatial import cKDTree
+
+    points = check_shape("points", np.asarray(points_world, np.float32), (None, 3))
+    check_positive("threshold", threshold)
+    if len(points) == 0 or len(surface) == 0:
+        raise DigsError(
+            f"surface score: {len(points)} points and {len(surface)} triangles, expected at least one each"
+        )
+    to_surface = distances_to_surface(points, surface)
+    places = sample_surface(surface, samples, seed)
+    nearest, _ = cKDTree(points).query(
+        places, k=range(1, min(NEIGHBOURS, len(points)) + 1), workers=-1
+    )
+    to_points = nearest[:, 0]
+    dense, sparse = np.percentile(nearest[:, -1], (25, 75))
+    precision = float((to_surface <= threshold).mean())
+    recall = float((to_points <= threshold).mean())
+    total = precision + recall
+    accuracy, completeness = float(to_surface.mean()), float(to_points.mean())
+    return SurfaceScore(
+        accuracy=accuracy,
+        accuracy_median=float(np.median(to_surface)),
+        completeness=completeness,
+        chamfer=0.5 * (accuracy + completeness),
+        precision=precision,
+        recall=recall,
+        f_score=2 * precision * recall / total if total > 0 else 0.0,
+        spacing_ratio=float(sparse / max(dense, np.finfo(np.float64).tiny)),
+        threshold=threshold,
+    )
+
+
+def sample_surface(surface: TriangleMesh, count: int, seed: int = 0) -> np.ndarray:
+    """Return points spread evenly by area over the triangles [m], shape (count, 3), float64."""
+    random = np.random.default_rng(seed)
+    corners = surface.points_world[surface.triangles].astype(np.float64)
+    edges = corners[:, 1:] - corners[:, :1]
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    if not areas.sum() > 0:
+        raise DigsError("surface: its triangles have no area; expected a surface, not a line")
+    chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
+    # The square root makes the density even over a triangle.
+    root, along = np.sqrt(random.random(count)), random.random(count)
+    first, second = root * (1 - along), root * along
+    return (
+        corners[chosen, 0] + first[:, None] * edges[chosen, 0] + second[:, None] * edges[chosen, 1]
+    )
+
+
+def distances_to_surface(points_world: np.ndarray, surface: TriangleMesh) -> np.ndarray:
+    """Return the distance [m] from each point, shape (n, 3), to the nearest triangle, shape (n,)."""
+    corners = np.ascontiguousarray(surface.points_world)
+    mesh = wp.Mesh(
+        points=wp.array(corners, dtype=wp.vec3, device="cpu"),
+        indices=wp.array(surface.triangles.ravel(), dtype=int, device="cpu"),
+    )
+    points = np.ascontiguousarray(points_world, dtype=np.float32)
+    # A query has to be bounded; nothing is further away than the box around both is wide.
+    limit = float(np.linalg.norm(np.ptp(np.vstack([points, corners]), axis=0))) + 1.0
+    distances = wp.zeros(len(points), dtype=float, device="cpu")
+    inputs = [mesh.id, wp.array(points, dtype=wp.vec3, device="cpu"), limit, distances]
+    launch_parallel(_distance_kernel, len(points), inputs)
+    return distances.numpy()
+
+
+@wp.kernel(enable_backward=False)
+def _distance_kernel(
+    first: int,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    limit: float,
+    distances: wp.array(dtype=float),
+):
+    i = first + wp.tid()
+    found = wp.mesh_query_point_no_sign(mesh, points[i], limit)
+    nearest = wp.mesh_eval_position(mesh, found.face, found.u, found.v)
+    distances[i] = wp.length(points[i] - nearest)

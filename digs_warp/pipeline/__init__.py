@@ -1,0 +1,1 @@
+"""The whole reconstruction: from a capture to Gaussians."""

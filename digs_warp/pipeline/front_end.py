@@ -1,0 +1,182 @@
+"""Capture -> posed frames with masks, and the points to start from (paper sections 3.1 to 3.3).
+
+The order is the paper's: structure from motion sees whole images, background included; masks come after it;
+the depth maps inside them tell the scale; then everything is metric.
+"""
+
+import logging
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.posed_frames import CAMERAS, PosedFrames, with_cameras
+from digs_warp.data.sfm_model import SfmModel
+from digs_warp.init.config import InitConfig
+from digs_warp.init.local_scales import local_scales
+from digs_warp.init.random_points import looked_at
+from digs_warp.init.recipes import initialize
+from digs_warp.init.scale import estimate_scale
+from digs_warp.record.layout import INITIAL_POINTS
+from digs_warp.record.run_log import RunLog
+from digs_warp.segment.config import SegmentConfig
+from digs_warp.segment.masks import segment, with_masks
+from digs_warp.sfm.config import SfmConfig
+
+if TYPE_CHECKING:
+    from digs_warp.sfm.estimate import SfmResult
+
+logger = logging.getLogger(__name__)
+
+SFM = "sfm"
+MASKS = "masks"
+HELD_OUT = "held_out"
+
+# Strategies that start from sparse points, or from as many.
+NEED_SFM = ("default", "random", "fusion")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontEndConfig:
+    """How a capture becomes posed frames and points."""
+
+    sfm: SfmConfig = field(default_factory=lambda: SfmConfig(poses="capture"))
+    segment: SegmentConfig = field(default_factory=SegmentConfig)
+    init: InitConfig = field(default_factory=InitConfig)
+    test_every: int = 8
+    """Every n-th view, from the first on, is held out for the evaluation."""
+
+    @property
+    def needs_sfm(self) -> bool:
+        """Whether images are matched: for the poses, or for the sparse points that a strategy starts from."""
+        return self.sfm.poses != "capture" or self.init.strategy in NEED_SFM
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """Structure from motion in metres, and the scale it had; the scale of given poses is 1."""
+
+    sfm: SfmModel
+    sfm_per_metre: float
+
+
+def front_end(
+    capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog, resume: bool = False
+) -> tuple[PosedFrames, PointCloud]:
+    """Return the frames as the reconstruction sees them, and the points that it starts from.
+
+    Leaves cameras.json and initial_points.npz in ``folder``, beside the workspace of structure from motion
+    and new masks, if any; ``resume`` takes from there what is finished.
+
+    Raises:
+        DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
+    """
+    if resume and (folder / INITIAL_POINTS).is_file() and (folder / CAMERAS).is_file():
+        return PosedFrames.load(capture, folder), PointCloud.load(folder / INITIAL_POINTS)
+    if not capture.knows_poses and config.sfm.poses != "sfm":
+        raise DigsError(
+            f"capture '{capture.folder}': the recording has no camera poses; let them be estimated with "
+            "--poses sfm"
+        )
+    frames = _split(capture, config.test_every)
+    sparse = None
+    if config.needs_sfm:
+        with log.stage("structure from motion"):
+            sparse = _structure_from_motion(capture, config.sfm, folder / SFM, log)
+    if config.segment.masks != "capture":
+        with log.stage("masks"):
+            frames = _masked(frames, config.segment, folder / MASKS)
+    model: _Model | None = None
+    if sparse is not None:
+        with log.stage("scale"):
+            model = _in_metres(sparse, capture, frames, config.init, log)
+        frames = _registered(frames, model)
+    with log.stage("initialize"):
+        start = initialize(
+            frames.training,
+            config.init,
+            sfm=model.sfm if model else None,
+            sfm_per_metre=model.sfm_per_metre if model else None,
+            baseline=capture.rig.baseline if capture.rig else None,
+        )
+    log.results["initialization"] = {"sources": start.sources} | (
+        asdict(start.depth) if start.depth else {}
+    )
+    frames.save(folder)
+    start.points.save(folder / INITIAL_POINTS)
+    return frames, start.points
+
+
+def _split(capture: Capture, test_every: int) -> PosedFrames:
+    training, held_out = capture.split(test_every)
+    if not training:
+        raise DigsError(
+            f"capture '{capture.folder}': {len(capture)} frame, expected at least 2: "
+            "one is held out for the evaluation"
+        )
+    return PosedFrames(tuple(training), tuple(held_out))
+
+
+def _structure_from_motion(
+    capture: Capture, config: SfmConfig, workspace: Path, log: RunLog
+) -> "SfmResult":
+    """Pose all frames, those held out as well: without a pose they could not be compared."""
+    from digs_warp.sfm.estimate import structure_from_motion
+
+    if config.readout_time is None:
+        config = replace(config, readout_time=capture.readout_time)
+    result = structure_from_motion(capture.frames, config, workspace)
+    log.results["sfm"] = asdict(result.quality)
+    return result
+
+
+def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
+    """Give the frames masks. Those held out keep their own: what is tested must not be the yardstick."""
+    training = with_masks(frames.training, segment(frames.training, config, folder))
+    held_out = list(frames.held_out)
+    if any(not frame.has("mask_path") for frame in held_out):
+        held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
+    return replace(frames, training=tuple(training), held_out=tuple(held_out))
+
+
+def _in_metres(
+    sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig, log: RunLog
+) -> _Model:
+    """Scale the model by what the depth maps say (eq. 6 and 7), and choose its world."""
+    if sparse.is_metric:
+        return _Model(sparse.model, 1.0)
+    ratios = local_scales(sparse.model, frames.training, config)
+    scale = estimate_scale(ratios, config.scale)
+    log.results["scale"] = asdict(scale)
+    sfm = sparse.model.in_metres(scale.sfm_per_metre)
+    return _Model(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre)
+
+
+def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
+    """Return the rigid motion, (4, 4), into the recording's world, or into an upright one."""
+    from digs_warp.sfm.world import upright_world, world_as_recorded
+
+    if not capture.knows_poses:
+        return upright_world(sfm.cameras, looked_at(sfm.cameras))
+    recorded = {frame.name: frame.camera for frame in capture.frames}
+    return world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names])
+
+
+def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:
+    """Return the frames that the model has a camera for, with it; warn of the others."""
+    training, held_out = (
+        tuple(with_cameras(group, model.sfm)) for group in (frames.training, frames.held_out)
+    )
+    every = (*frames.training, *frames.held_out)
+    lost = [frame.name for frame in every if frame.name not in model.sfm.names]
+    if lost:
+        logger.warning("%d frames were not registered and are left out: %s", len(lost), lost[:5])
+    if not training:
+        raise DigsError(
+            f"structure from motion: none of the {len(frames.training)} training frames was registered"
+        )
+    return PosedFrames(training, held_out, model.sfm_per_metre)

@@ -1,0 +1,1 @@
+"""What a run leaves behind: files, their names, the record of settings and times, progress."""

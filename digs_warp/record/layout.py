@@ -1,0 +1,36 @@
+"""Where things lie in the folders that the commands write: the one place that holds these names."""
+
+from pathlib import Path
+
+from digs_warp.checks import DigsError
+
+# In the folder of `digs-warp run`:
+CAPTURE = "capture"
+RECONSTRUCTION = "reconstruction"
+SCENE = "scene.usdz"
+REPORT = "report.html"
+# In every folder that a command wrote:
+RUN_RECORD = "run.json"
+# In a capture folder of the simulator (its index: `digs_warp.data.capture`):
+SENSOR_PLAN = "sensor_plan.json"
+# In the folder of `digs-warp simulate` with many scenes:
+DATA_SET = "summary.json"
+# In the folder of `digs-warp reconstruct`:
+INITIAL_POINTS = "initial_points.npz"
+CHECKPOINT = "checkpoint.npz"
+TRAINING = "training.jsonl"
+COURSE = "course"
+GAUSSIANS = "gaussians.npz"
+EVALUATION = "evaluation.json"
+
+
+def find_gaussians(source: Path) -> Path:
+    """Return the Gaussians of a reconstruction folder, of a `run` folder, or the file itself."""
+    if not source.is_dir():
+        return source
+    for folder in (source, source / RECONSTRUCTION):
+        if (folder / GAUSSIANS).is_file():
+            return folder / GAUSSIANS
+    raise DigsError(
+        f"'{source}': no {GAUSSIANS} in it; name a folder that 'digs-warp reconstruct' has finished"
+    )

@@ -1,0 +1,160 @@
+"""`digs-warp convert` on Gaussians: any format into any other, decided by what the source is."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.splat_scenes import SUFFIXES, SplatOptions, read_splats
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.run_log import RunLog
+from digs_warp.usd.reader import read_scene
+from reference.splat_files import random_gaussians, shapes
+from reference.tiny_capture import write_tiny_capture
+
+DEGREE = 1
+
+
+@pytest.fixture
+def gaussians() -> Gaussians:
+    """What every format holds: colours within 0..1, no view dependence."""
+    g = random_gaussians(20, DEGREE)
+    g.sh[:, 0] = g.sh[:, 0].clip(-1.5, 1.5)
+    g.sh[:, 1:] = 0
+    return g
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    code = main(["convert", *map(str, arguments)])
+    out, err = capsys.readouterr()
+    return code, out + err
+
+
+@pytest.mark.parametrize("source", SUFFIXES)
+@pytest.mark.parametrize("target", SUFFIXES)
+def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str, capsys) -> None:
+    """The scene survives, to the precision of the coarsest format."""
+    first, second, third = (
+        tmp_path / f"{name}" for name in ("start.npz", "a" + source, "b" + target)
+    )
+    gaussians.save(first)
+    assert run(capsys, first, second)[0] == EXIT_OK
+    code, text = run(capsys, second, third)
+    assert code == EXIT_OK, text
+    assert "20 Gaussians" in text
+    read = read_splats(third, SplatOptions())
+    np.testing.assert_allclose(read.means, gaussians.means, atol=1e-5)
+    np.testing.assert_allclose(shapes(read), shapes(gaussians), atol=0.4)
+    np.testing.assert_allclose(read.opacities, gaussians.opacities, atol=1.1 / 255)
+    np.testing.assert_allclose(read.sh[:, 0], gaussians.sh[:, 0], atol=0.05)
+
+
+def test_a_reconstruction_folder_is_a_source(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
+    gaussians.save(tmp_path / "reconstruction/gaussians.npz")
+    assert run(capsys, tmp_path / "reconstruction", tmp_path / "a.ply")[0] == EXIT_OK
+    read = read_splats(tmp_path / "a.ply", SplatOptions())
+    np.testing.assert_array_equal(read.quats, gaussians.quats)
+
+
+def test_up_turns_what_formats_without_axes_hold(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    """A scene trained with y down, converted with --up -y, stands in USD and SPZ, which know where up is."""
+    gaussians.save(tmp_path / "a.npz")
+    assert run(capsys, tmp_path / "a.npz", tmp_path / "down.ply", "--up", "-y")[0] == EXIT_OK
+    raw = read_splats(tmp_path / "down.ply", SplatOptions())
+    np.testing.assert_array_equal(raw.means[:, 1], -gaussians.means[:, 2])
+    for name in ("b.usdz", "b.spz"):
+        target = tmp_path / name
+        assert run(capsys, tmp_path / "down.ply", target, "--up", "-y")[0] == EXIT_OK
+        read = read_splats(target, SplatOptions())
+        np.testing.assert_allclose(read.means, gaussians.means, atol=1e-5)
+
+
+def test_broken_rows_are_dropped_on_request(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
+    from digs_warp.interchange.splats.ply import write_ply
+
+    gaussians.means[3] = np.nan
+    write_ply(tmp_path / "a.ply", gaussians)
+    code, text = run(capsys, tmp_path / "a.ply", tmp_path / "b.spz")
+    assert code == EXIT_BAD_INPUT
+    assert "--drop-broken" in text
+    code, text = run(capsys, tmp_path / "a.ply", tmp_path / "b.spz", "--drop-broken")
+    assert code == EXIT_OK
+    assert "19 Gaussians" in text
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "message"),
+    [
+        ("none.ply", "b.spz", "no such file"),
+        ("a.npz", "b.obj", "suffix '.obj', expected one of .npz, .ply"),
+        ("a.npz", "b", "suffix '', expected one of"),
+        ("notes.txt", "b.ply", "suffix '.txt', expected Gaussians"),
+        ("a.npz", "a.npz", "the file exists"),
+        ("capture", "b.ply", "a capture; add --to with one of colmap"),
+        (".", "b.ply", "no gaussians.npz in it"),
+    ],
+)
+def test_what_cannot_be_converted_is_said(
+    tmp_path: Path, gaussians: Gaussians, source: str, target: str, message: str, capsys
+) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    (tmp_path / "notes.txt").write_text("hello")
+    if source == "capture":
+        write_tiny_capture(tmp_path / "capture", frames=2)
+    before = sorted(tmp_path.rglob("*"))
+    code, text = run(capsys, tmp_path / source, tmp_path / target)
+    assert (code, message in text) == (EXIT_BAD_INPUT, True), text
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_existing_files_are_replaced_only_on_request(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    (tmp_path / "b.ply").write_text("mine")
+    assert run(capsys, tmp_path / "a.npz", tmp_path / "b.ply")[0] == EXIT_BAD_INPUT
+    assert (tmp_path / "b.ply").read_text() == "mine"
+    assert run(capsys, tmp_path / "a.npz", tmp_path / "b.ply", "--overwrite")[0] == EXIT_OK
+    code, text = run(capsys, tmp_path / "b.ply", tmp_path / "b.ply", "--overwrite")
+    assert code == EXIT_BAD_INPUT
+    assert "is the source itself" in text
+
+
+def test_the_target_is_named_once(tmp_path: Path, capsys) -> None:
+    assert run(capsys, tmp_path / "a.npz")[0] == EXIT_WRONG_USAGE
+    assert run(capsys, "a.npz", "b.ply", "--out", "c.ply")[0] == EXIT_WRONG_USAGE
+
+
+def test_only_a_reconstruction_lends_its_record_to_usd(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    """A foreign file is not said to have been trained as whatever lies beside it."""
+    gaussians.save(tmp_path / "gaussians.npz")
+    RunLog("reconstruct", {"iterations": 123}).save(tmp_path / "run.json")
+    run(capsys, tmp_path / "gaussians.npz", tmp_path / "foreign.ply")
+    for name in ("gaussians.npz", "foreign.ply"):
+        assert run(capsys, tmp_path / name, tmp_path / f"{name}.usda")[0] == EXIT_OK
+    ours, foreign = (
+        read_scene(tmp_path / f"{name}.usda").metadata for name in ("gaussians.npz", "foreign.ply")
+    )
+    assert ours["settings"] == {"iterations": 123}
+    assert "settings" not in foreign
+    assert foreign["source"] == "foreign.ply"
+
+
+def test_info_knows_splat_files_from_meshes(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    for suffix in (".ply", ".spz", ".splat"):
+        main(["convert", str(tmp_path / "a.npz"), str(tmp_path / f"a{suffix}")])
+        capsys.readouterr()
+        assert main(["info", str(tmp_path / f"a{suffix}")]) == EXIT_OK
+        assert "20 Gaussians" in capsys.readouterr().out
+    mesh = trimesh.creation.box().export(file_type="ply")
+    assert isinstance(mesh, bytes)
+    (tmp_path / "box.ply").write_bytes(mesh)
+    assert main(["info", str(tmp_path / "box.ply")]) == EXIT_OK
+    assert "triangles" in capsys.readouterr().out

@@ -1,0 +1,125 @@
+"""`digs-warp render`: a film of whatever holds Gaussians."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.render import Render
+from digs_warp.data.images import read_image
+from digs_warp.film.shoot import Clock
+from reference.tiny_capture import ball, write_tiny_capture
+
+SMALL = ["--width", "64", "--height", "48", "--seconds", "0.1"]
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    ball().save(tmp_path / "reconstruction/gaussians.npz")
+    return tmp_path / "reconstruction"
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    code = main(["render", *map(str, arguments), *SMALL])
+    out, err = capsys.readouterr()
+    return code, out + err
+
+
+def test_a_video_and_how_fast_it_was(tmp_path: Path, scene: Path, capsys) -> None:
+    code, text = run(capsys, scene, "--out", tmp_path / "a.mp4")
+    assert code == EXIT_OK, text
+    assert "3 frames of 64x48 px, 1,500 Gaussians" in text
+    assert "frames/s" in text
+    assert (tmp_path / "a.mp4").is_file()
+    assert run(capsys, scene, "--out", tmp_path / "a.mp4")[0] == EXIT_BAD_INPUT
+    assert run(capsys, scene, "--out", tmp_path / "a.mp4", "--overwrite")[0] == EXIT_OK
+
+
+def test_the_same_scene_from_every_format_looks_the_same(
+    tmp_path: Path, scene: Path, capsys
+) -> None:
+    main(["convert", str(scene), str(tmp_path / "a.usdz")])
+    main(["convert", str(scene), str(tmp_path / "a.spz")])
+    first = {}
+    for source in (scene, tmp_path / "a.usdz", tmp_path / "a.spz"):
+        out = tmp_path / f"frames-{source.name}"
+        assert run(capsys, source, "--out", out)[0] == EXIT_OK
+        assert sorted(p.name for p in out.iterdir()) == [
+            "0000.png",
+            "0001.png",
+            "0002.png",
+            "run.json",
+        ]
+        first[source] = read_image(out / "0001.png").astype(float)
+    for image in first.values():
+        assert np.abs(image - first[scene]).mean() < 1.0
+    assert first[scene].min() < 200  # something is to be seen
+
+
+def test_along_the_path_of_a_capture(tmp_path: Path, scene: Path, capsys) -> None:
+    """The first frame of the film is the first photograph, but for the size."""
+    capture = write_tiny_capture(tmp_path / "capture", frames=4)
+    code, text = run(
+        capsys,
+        *(scene, "--out", tmp_path / "film", "--follow", tmp_path / "capture"),
+        *("--background", 0, 0, 0),
+    )
+    assert code == EXIT_OK, text
+    film = read_image(tmp_path / "film/0000.png").astype(float)
+    photograph = capture.frames[0].load_image()  # 72 x 54
+    rows = ((np.arange(48) + 0.5) * 54 / 48).astype(int)
+    columns = ((np.arange(64) + 0.5) * 72 / 64).astype(int)
+    mask = capture.frames[0].load_mask()[rows][:, columns] > 250
+    assert np.abs(film - photograph[rows][:, columns])[mask].mean() < 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--out", "a.avi"], "suffix '.avi', expected .mp4, .gif, or a folder"),
+        (["--out", "a.mp4", "--follow", "none"], "no such folder"),
+        (["--out", "a.mp4", "--elevation-deg", "95"], "elevation 95"),
+    ],
+)
+def test_what_cannot_be_filmed_is_said(
+    tmp_path: Path, scene: Path, monkeypatch, arguments, message, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, text = run(capsys, scene, *arguments)
+    assert (code, message in text) == (EXIT_BAD_INPUT, True), text
+    assert not list(tmp_path.glob("a.*"))
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--fps", "0"], ["--background", "0", "0", "2"], ["--fov-deg", "180"]]
+)
+def test_values_out_of_range_are_wrong_usage(scene: Path, arguments, capsys) -> None:
+    assert run(capsys, scene, "--out", "a.mp4", *arguments)[0] == EXIT_WRONG_USAGE
+
+
+def test_frames_of_an_earlier_film_are_replaced_only_on_request(
+    tmp_path: Path, scene: Path, capsys
+) -> None:
+    out = tmp_path / "film"
+    assert run(capsys, scene, "--out", out)[0] == EXIT_OK
+    first = (out / "0000.png").read_bytes()
+    assert run(capsys, scene, "--out", out)[0] == EXIT_BAD_INPUT
+    assert run(capsys, scene, "--out", out, "--overwrite", "--background", 0, 0, 0)[0] == EXIT_OK
+    assert (out / "0000.png").read_bytes() != first
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "0000.png").write_text("mine")
+    assert run(capsys, scene, "--out", mine, "--overwrite")[0] == EXIT_BAD_INPUT
+    assert (mine / "0000.png").read_text() == "mine"
+
+
+def test_an_interrupted_film_leaves_nothing(tmp_path: Path, scene: Path, capsys) -> None:
+    def interrupted():
+        yield np.zeros((48, 64, 3), np.uint8)
+        raise KeyboardInterrupt
+
+    command = Render(source=scene, out=tmp_path / "film")
+    with pytest.raises(KeyboardInterrupt):
+        command._write_folder(interrupted(), Clock())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["reconstruction"]

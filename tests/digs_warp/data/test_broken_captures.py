@@ -1,0 +1,198 @@
+"""Every way in which a capture folder can be broken, and what the error names."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import read_capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import write_image
+from reference.noise_capture import INTRINSICS, change_frame, change_index, write_capture
+
+
+@pytest.mark.parametrize(
+    ("key", "load", "pixels"),
+    [
+        ("file_path", "load_image", np.zeros((8, 12, 3), np.uint8)),
+        ("right_file_path", "load_right_image", np.zeros((8, 12, 3), np.uint8)),
+        ("depth_file_path", "load_depth", np.zeros((8, 12), np.float32)),
+        ("depth_true_file_path", "load_depth_true", np.zeros((8, 12), np.float32)),
+        ("mask_path", "load_mask", np.zeros((8, 12), np.uint8)),
+    ],
+)
+def test_another_size_names_file_found_and_expected(
+    tmp_path: Path, key: str, load: str, pixels: np.ndarray
+) -> None:
+    frame = write_capture(tmp_path, 1).frames[0]
+    write_image(frame.files[key], pixels)
+    with pytest.raises(CaptureError, match=r"0000\.(png|exr)': 12x8 pixels, expected 12x9"):
+        getattr(frame, load)()
+
+
+@pytest.mark.parametrize("key", ["file_path", "depth_file_path", "mask_path"])
+def test_a_truncated_file_is_named_when_loaded(tmp_path: Path, key: str) -> None:
+    frame = write_capture(tmp_path, 1).frames[0]
+    path = frame.files[key]
+    path.write_bytes(path.read_bytes()[:60])
+    load = {"file_path": "load_image", "depth_file_path": "load_depth", "mask_path": "load_mask"}
+    with pytest.raises(DigsError, match=path.name):
+        getattr(frame, load[key])()
+
+
+def test_numbers_of_the_wrong_type_are_refused(tmp_path: Path) -> None:
+    files = write_capture(tmp_path, 1).frames[0].files
+    write_image(files["depth_file_path"].with_suffix(".png"), np.ones((9, 12), np.uint8))
+    write_image(files["mask_path"], np.ones((9, 12), np.uint16))
+    write_image(files["file_path"], np.ones((9, 12, 1), np.uint8))
+    change_frame(tmp_path, 0, depth_file_path="depth/0000.png")
+    frame = read_capture(tmp_path).frames[0]
+    with pytest.raises(CaptureError, match="uint8, expected a float EXR in metres"):
+        frame.load_depth()
+    with pytest.raises(CaptureError, match="expected 8 bits"):
+        frame.load_mask()
+    with pytest.raises(CaptureError, match="1 channels of uint8, expected 3"):
+        frame.load_image()
+
+
+def test_a_file_the_capture_lacks_is_named(tmp_path: Path) -> None:
+    frame = write_capture(tmp_path, 1, stereo=False).frames[0]
+    with pytest.raises(CaptureError, match=r"'0000': the capture has no 'right_file_path'"):
+        frame.load_right_image()
+
+
+def test_no_folder_no_index_no_json(tmp_path: Path) -> None:
+    with pytest.raises(CaptureError, match="gone': no such folder"):
+        read_capture(tmp_path / "gone")
+    with pytest.raises(
+        CaptureError, match=r"no transforms\.json.*interrupted.*convert FOLDER --from"
+    ):
+        read_capture(tmp_path)
+    (tmp_path / "walk.mp4").write_bytes(b"film")
+    with pytest.raises(CaptureError, match=r"walk\.mp4': expected a folder, found a file"):
+        read_capture(tmp_path / "walk.mp4")
+    (tmp_path / "transforms.json").write_text('{"frames": [')
+    with pytest.raises(DigsError, match="not valid JSON"):
+        read_capture(tmp_path)
+    (tmp_path / "transforms.json").write_text("[1, 2]")
+    with pytest.raises(DigsError, match="expected a JSON object, found list"):
+        read_capture(tmp_path)
+    (tmp_path / "transforms.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DigsError, match="not valid JSON"):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize("frames", [None, [], {}, "0000"])
+def test_an_index_without_frames_raises(tmp_path: Path, frames: Any) -> None:
+    write_capture(tmp_path, 1)
+    change_index(tmp_path, frames=frames)
+    with pytest.raises(CaptureError, match="lists no frames"):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize("key", ["w", "h", "fl_x", "fl_y", "cx", "cy"])
+def test_missing_intrinsics_are_named(tmp_path: Path, key: str) -> None:
+    write_capture(tmp_path, 1)
+    change_index(tmp_path, **{key: None})
+    with pytest.raises(CaptureError, match=f"frame 0: .*has no '{key}'"):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"file_path": None},
+        {"transform_matrix": None},
+        {"transform_matrix": [[1, 0], [0, 1]]},
+        {"transform_matrix": np.diag([2.0, 2, 2, 1]).tolist()},
+        {"transform_matrix": np.diag([-1.0, 1, 1, 1]).tolist()},
+        {"transform_matrix": np.full((4, 4), np.nan).tolist()},
+        {"transform_matrix": "identity"},
+        {"time": "noon"},
+        {"file_path": 7},
+        {"w": "wide"},
+        {"fl_x": -3.0},
+    ],
+    ids=str,
+)
+def test_a_frame_that_makes_no_sense_is_named(tmp_path: Path, changes: dict[str, Any]) -> None:
+    write_capture(tmp_path, 3)
+    change_frame(tmp_path, 1, **changes)
+    with pytest.raises(CaptureError, match="frame 1"):
+        read_capture(tmp_path)
+
+
+def test_a_frame_that_is_no_object_is_named(tmp_path: Path) -> None:
+    write_capture(tmp_path, 1)
+    change_index(tmp_path, frames=["images/0000.png"])
+    with pytest.raises(CaptureError, match="frame 0"):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "ours",
+    [
+        {"rig": {}},
+        {"rig": {"baseline": "wide"}},
+        {"rig": {"baseline": -1}},
+        {"rig": None},
+        {"rig": 3},
+    ],
+)
+def test_a_broken_rig_raises(tmp_path: Path, ours: Any) -> None:
+    write_capture(tmp_path, 1)
+    change_index(tmp_path, digs_warp=ours)
+    with pytest.raises(CaptureError, match="digs_warp"):
+        read_capture(tmp_path)
+
+
+def test_no_path_leaves_the_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "capture"
+    write_capture(folder, 2)
+    outside = tmp_path / "secret.png"
+    write_image(outside, np.zeros((9, 12, 3), np.uint8))
+    (folder / "link.png").symlink_to(outside)
+    (folder / "up").symlink_to(tmp_path)
+    for path in (
+        "../secret.png",
+        str(outside),
+        "images/../../secret.png",
+        "link.png",
+        "up/secret.png",
+    ):
+        change_frame(folder, 1, file_path=path)
+        with pytest.raises(CaptureError, match=r"frame 1, file_path: .*leaves the capture folder"):
+            read_capture(folder)
+
+
+def test_a_link_within_the_folder_is_fine(tmp_path: Path) -> None:
+    write_capture(tmp_path, 1)
+    (tmp_path / "link.png").symlink_to(tmp_path / "images/0000.png")
+    change_frame(tmp_path, 0, file_path="link.png")
+    assert read_capture(tmp_path).frames[0].load_image().shape == (9, 12, 3)
+
+
+def test_a_file_that_the_index_names_but_is_not_there(tmp_path: Path) -> None:
+    write_capture(tmp_path, 2)
+    (tmp_path / "depth/0001.exr").unlink()
+    with pytest.raises(CaptureError, match=r"frame 1, depth_file_path: 'depth/0001\.exr' does not"):
+        read_capture(tmp_path)
+
+
+def test_the_writer_refuses_what_the_reader_would(tmp_path: Path) -> None:
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    with pytest.raises(CaptureError, match=r"frame 4, file_path: shape \(5, 5, 3\)"):
+        writer.write_frame(
+            4,
+            FrameImages(
+                np.zeros((5, 5, 3), np.uint8),
+                np.zeros((9, 12), np.float32),
+                np.zeros((9, 12), np.uint8),
+            ),
+        )
+    with pytest.raises(DigsError, match="frame 4: world_from_cam"):
+        writer.add_pose(4, np.full((4, 4), np.nan), time=0.0)
+    with pytest.raises(DigsError, match="no frame was added"):
+        writer.finish()

@@ -1,0 +1,169 @@
+"""The capture folder: round trips, and folders made by others."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import Rig, read_capture
+from digs_warp.data.capture_writer import BASIC_LAYERS, CaptureWriter, file_hashes
+from digs_warp.data.images import read_image, write_image
+from reference.noise_capture import INTRINSICS, frame_images, view, write_capture
+
+
+@pytest.mark.parametrize("stereo", [True, False])
+def test_what_is_written_is_read(tmp_path: Path, stereo: bool) -> None:
+    write_capture(tmp_path, 3, stereo)
+    capture = read_capture(tmp_path)
+    assert len(capture) == 3
+    assert capture.rig == (Rig(0.12) if stereo else None)
+    assert capture.metadata["note"] == "a test"
+    for number, frame in enumerate(capture.frames):
+        images = frame_images(number, stereo)
+        assert frame.name == f"{number:04d}"
+        assert frame.time == 0.5 * number
+        assert frame.camera.intrinsics == INTRINSICS
+        np.testing.assert_allclose(frame.camera.world_from_cam, view(number), atol=1e-15)
+        np.testing.assert_array_equal(frame.load_image(), images.image)
+        np.testing.assert_array_equal(frame.load_depth(), images.depth)
+        np.testing.assert_array_equal(frame.load_mask(), images.mask)
+        if stereo:
+            assert images.right is not None
+            assert images.depth_true is not None
+            np.testing.assert_array_equal(frame.load_right_image(), images.right)
+            np.testing.assert_array_equal(frame.load_depth_true(), images.depth_true)
+
+
+def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
+    write_capture(tmp_path / "a")
+    write_capture(tmp_path / "b")
+    hashes = file_hashes(tmp_path / "a")
+    assert hashes == file_hashes(tmp_path / "b")
+    assert set(hashes) == {"transforms.json"} | {
+        f"{folder}/{number:04d}.{suffix}"
+        for number in range(3)
+        for folder, suffix in [
+            ("images", "png"),
+            ("right", "png"),
+            ("depth", "exr"),
+            ("depth_true", "exr"),
+            ("masks", "png"),
+        ]
+    }
+
+
+def test_frames_may_be_written_in_any_order_and_resumed(tmp_path: Path) -> None:
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(2, frame_images(2))
+    writer.write_frame(0, frame_images(0))
+    assert [writer.has_frame(number) for number in range(3)] == [True, False, True]
+    (tmp_path / "masks/0002.png").unlink()
+    assert not writer.has_frame(2)
+
+    again = CaptureWriter(tmp_path, INTRINSICS)
+    for number in (2, 1, 0):
+        if not again.has_frame(number):
+            again.write_frame(number, frame_images(number))
+        again.add_pose(number, view(number), time=float(number))
+    assert [frame.name for frame in again.finish().frames] == ["0000", "0001", "0002"]
+
+
+def test_the_layers_of_a_sensor_come_back_and_are_optional(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    cause = rng.integers(0, 17, (9, 12), dtype=np.uint8)
+    confidence = rng.integers(0, 256, (9, 12), dtype=np.uint8)
+    normals = rng.normal(size=(9, 12, 3)).astype(np.float32)
+    layers = replace(frame_images(0), cause=cause, confidence=confidence, normals=normals)
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(0, layers)
+    writer.write_frame(1, frame_images(1))
+    wanted = (*BASIC_LAYERS, "cause_file_path")
+    assert [writer.has_frame(number, wanted) for number in (0, 1)] == [True, False]
+    for number in (0, 1):
+        writer.add_pose(number, view(number), time=float(number))
+    with_layers, without = writer.finish().frames
+    np.testing.assert_array_equal(with_layers.load_cause(), cause)
+    np.testing.assert_array_equal(np.round(255 * with_layers.load_confidence()), confidence)
+    np.testing.assert_array_equal(with_layers.load_normals(), normals)
+    assert not without.has("cause_file_path")
+    with pytest.raises(CaptureError, match="the capture has no 'confidence_file_path'"):
+        without.load_confidence()
+
+
+def test_sensor_codes_survive_in_the_file_and_read_as_unknown(tmp_path: Path) -> None:
+    images = frame_images(0)
+    assert images.depth is not None
+    images.depth[0, :3] = [np.nan, -np.inf, np.inf]
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(0, images)
+    writer.add_pose(0, view(0), time=0.0)
+    (frame,) = writer.finish().frames
+    np.testing.assert_array_equal(read_image(frame.files["depth_file_path"])[..., 0], images.depth)
+    assert np.isnan(frame.load_depth()[0, :3]).all()
+
+
+def test_every_eighth_frame_is_held_out(tmp_path: Path) -> None:
+    capture = write_capture(tmp_path, 10, stereo=False)
+    train, test = capture.split(test_every=8)
+    assert [frame.name for frame in test] == ["0000", "0008"]
+    assert sorted(f.name for f in [*train, *test]) == [f.name for f in capture.frames]
+
+
+def nerfstudio_folder(folder: Path) -> None:
+    """A folder as an RGB-D phone app exports it for nerfstudio, written by hand."""
+    rng = np.random.default_rng(0)
+    write_image(folder / "rgb/a.png", rng.integers(0, 256, (9, 12, 4), dtype=np.uint8))
+    depth_mm = np.full((9, 12), 1500, dtype=np.uint16)
+    depth_mm[0, :4] = 0
+    write_image(folder / "depth/a.png", depth_mm)
+    index = {
+        "w": 12,
+        "h": 9,
+        "fl_x": 1.0,
+        "fl_y": 1.0,
+        "cx": 6.5,
+        "cy": 4.25,
+        "frames": [
+            {
+                "file_path": "rgb/a.png",
+                "depth_file_path": "depth/a.png",
+                # OpenGL: the camera looks along its own -z, here from (0, 0, 3) straight down on the origin.
+                "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]],
+                "fl_x": 15.0,  # a frame's own value wins
+                "fl_y": 16.0,
+            }
+        ],
+    }
+    (folder / "transforms.json").write_text(json.dumps(index))
+
+
+def test_a_folder_of_another_tool_is_read(tmp_path: Path) -> None:
+    nerfstudio_folder(tmp_path)
+    capture = read_capture(tmp_path)
+    (frame,) = capture.frames
+    assert capture.rig is None
+    assert frame.time == 0.0
+    assert not frame.has("mask_path")
+    assert frame.camera.intrinsics == INTRINSICS
+    # In OpenCV axes it looks along +z of the camera: the origin appears at the principal point.
+    px, depth = frame.camera.project(np.array([[0.0, 0, 0], [0, 0.3, 0]]))
+    np.testing.assert_allclose(px, [[6.5, 4.25], [6.5, 4.25 - 16 * 0.1]])
+    np.testing.assert_allclose(depth, 3.0)
+    assert frame.load_image().shape == (9, 12, 3)
+    depth = frame.load_depth()
+    assert depth.dtype == np.float32
+    assert np.isnan(depth[0, :4]).all()
+    assert np.count_nonzero(depth == np.float32(1.5)) == 9 * 12 - 4
+
+
+def test_every_mark_for_missing_depth_becomes_nan(tmp_path: Path) -> None:
+    capture = write_capture(tmp_path, 1)
+    depth = np.ones((9, 12), dtype=np.float32)
+    depth[0, :5] = [np.nan, np.inf, -np.inf, 0.0, -1.0]
+    write_image(capture.frames[0].files["depth_file_path"], depth)
+    found = capture.frames[0].load_depth()
+    assert np.isnan(found[0, :5]).all()
+    assert (found.ravel()[5:] == 1.0).all()

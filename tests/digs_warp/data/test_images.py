@@ -1,0 +1,160 @@
+"""Image files: exact round trips and clear errors."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.images import (
+    encode_jpeg,
+    linear_from_srgb,
+    read_image,
+    srgb_from_linear,
+    to_uint8,
+    write_image,
+)
+
+
+def random_pixels(dtype: str, shape: tuple[int, ...]) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    if dtype == "float32":
+        return rng.normal(size=shape).astype(np.float32)
+    return rng.integers(0, np.iinfo(dtype).max + 1, shape).astype(dtype)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])
+@pytest.mark.parametrize("shape", [(1, 1), (7, 5), (7, 5, 3), (16, 33, 4)])
+def test_what_is_written_is_read(tmp_path: Path, dtype: str, shape: tuple[int, ...]) -> None:
+    pixels = random_pixels(dtype, shape)
+    path = tmp_path / "new_folder" / ("x.exr" if dtype == "float32" else "x.png")
+    if dtype != "float32" and len(shape) == 3 and shape[2] == 4:
+        pixels[..., 3] = np.iinfo(dtype).max  # PNG readers may multiply colour by alpha
+    write_image(path, pixels)
+    found = read_image(path)
+    assert found.dtype == pixels.dtype
+    np.testing.assert_array_equal(found, pixels.reshape(*shape[:2], -1))
+
+
+def test_a_noisy_photograph_takes_no_more_room_than_by_the_slow_default(tmp_path: Path) -> None:
+    y, x = np.mgrid[:240, :320]
+    shading = 90 + 50 * np.sin(x / 40) * np.cos(y / 30)
+    noise = np.random.default_rng(4).normal(0.0, 2.0, (240, 320, 3))
+    pixels = (shading[..., None] + noise).round().astype(np.uint8)
+    write_image(tmp_path / "ours.png", pixels)
+
+    image = oiio.ImageOutput.create(str(tmp_path / "default.png"))
+    assert image is not None
+    image.open(str(tmp_path / "default.png"), oiio.ImageSpec(320, 240, 3, oiio.UINT8))
+    image.write_image(pixels)
+    image.close()
+    ours, default = ((tmp_path / f"{name}.png").stat().st_size for name in ("ours", "default"))
+    assert ours <= default
+
+
+def test_exr_keeps_nan_infinity_and_tiny_values(tmp_path: Path) -> None:
+    depth = np.array([[np.nan, np.inf, -np.inf], [0.0, 1e-38, 12345.678]], dtype=np.float32)
+    write_image(tmp_path / "depth.exr", depth)
+    np.testing.assert_array_equal(read_image(tmp_path / "depth.exr")[..., 0], depth)
+
+
+def test_16_bit_files_carry_no_gamma(tmp_path: Path) -> None:
+    """They hold depth; readers that honour the PNG's colour space would bend it."""
+    write_image(tmp_path / "depth.png", random_pixels("uint16", (6, 8)))
+    data = (tmp_path / "depth.png").read_bytes()
+    assert b"IHDR" in data and b"gAMA" not in data and b"sRGB" not in data
+
+
+def test_colour_of_transparent_pixels_survives(tmp_path: Path) -> None:
+    pixels = random_pixels("uint8", (6, 8, 4))
+    write_image(tmp_path / "rgba.png", pixels)
+    np.testing.assert_array_equal(read_image(tmp_path / "rgba.png"), pixels)
+
+
+@pytest.mark.parametrize("name", ["x.png", "x.exr"])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_truncated_file_is_named(tmp_path: Path, name: str, share: float) -> None:
+    path = tmp_path / name
+    write_image(path, random_pixels("uint8" if name == "x.png" else "float32", (64, 64, 3)))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(DigsError, match=rf"thing '.*{name}'"):
+        read_image(path, "thing")
+
+
+def test_missing_empty_and_foreign_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match=r"gone\.png': no such file"):
+        read_image(tmp_path / "gone.png")
+    (tmp_path / "empty.png").touch()
+    with pytest.raises(DigsError, match=r"empty\.png': the file is empty"):
+        read_image(tmp_path / "empty.png")
+    (tmp_path / "text.png").write_text("not an image at all")
+    with pytest.raises(DigsError, match=r"text\.png': cannot be opened"):
+        read_image(tmp_path / "text.png")
+    with pytest.raises(DigsError, match="found a folder"):
+        read_image(tmp_path)
+
+
+@pytest.mark.parametrize(("name", "dtype"), [("x.png", "uint8"), ("x.exr", "float32")])
+def test_the_same_pixels_give_the_same_bytes_at_any_time(
+    tmp_path: Path, name: str, dtype: str
+) -> None:
+    pixels = random_pixels(dtype, (9, 7, 3))
+    write_image(tmp_path / name, pixels)
+    before = (tmp_path / name).read_bytes()
+    time.sleep(1.1)  # dates in image files count in seconds
+    write_image(tmp_path / name, pixels)
+    assert (tmp_path / name).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "dtype"), [("x.png", "float32"), ("x.exr", "uint8"), ("x.png", "float64")]
+)
+def test_a_suffix_that_cannot_hold_the_numbers_raises(
+    tmp_path: Path, name: str, dtype: str
+) -> None:
+    with pytest.raises(ValueError, match=dtype):
+        write_image(tmp_path / name, np.zeros((2, 2), dtype=dtype))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "x.png"
+    write_image(path, np.full((4, 4), 7, dtype=np.uint8))
+    with pytest.raises(DigsError, match="cannot be written"):
+        write_image(path, np.zeros((4, 4, 7), dtype=np.uint8))  # PNG has at most 4 channels
+    assert [entry.name for entry in tmp_path.iterdir()] == ["x.png"]
+    assert (read_image(path) == 7).all()
+
+
+def test_to_uint8_rounds_clips_and_undoes_division() -> None:
+    steps = np.arange(256)
+    np.testing.assert_array_equal(to_uint8(steps / 255), steps)
+    values = np.array([np.nan, -1.0, 2.0, np.inf, -np.inf, 0.5 / 255 - 1e-6, 0.5 / 255 + 1e-6])
+    assert to_uint8(values).tolist() == [0, 0, 255, 255, 0, 0, 1]
+
+
+def test_srgb_curves_undo_each_other_and_meet_known_values() -> None:
+    values = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(linear_from_srgb(srgb_from_linear(values)), values, atol=1e-7)
+    np.testing.assert_allclose(srgb_from_linear(np.array([0.0, 1.0])), [0, 1], atol=1e-12)
+    # 18 % grey is 117.6 of 255 (IEC 61966-2-1).
+    assert 255 * srgb_from_linear(np.array(0.18)) == pytest.approx(117.6, abs=0.05)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (9, 17), (64, 48)])
+def test_a_jpeg_comes_back_nearly_the_same(tmp_path: Path, shape: tuple[int, int]) -> None:
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    pixels = np.stack([2 * rows, 3 * columns, 255 - rows - columns], axis=-1).astype(np.uint8)
+    (tmp_path / "x.jpg").write_bytes(encode_jpeg(pixels))
+    found = read_image(tmp_path / "x.jpg")
+    assert found.shape == pixels.shape
+    # Smooth pixels at quality 88: a few steps of rounding.
+    np.testing.assert_allclose(found.astype(int), pixels.astype(int), atol=8)
+
+
+def test_a_jpeg_of_other_than_three_channels_raises() -> None:
+    with pytest.raises(DigsError, match="JPEG pixels"):
+        encode_jpeg(np.zeros((4, 4, 4), np.uint8))

@@ -1,0 +1,78 @@
+"""The cameras and masks that a reconstruction used come back as they were."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.posed_frames import CAMERAS, PosedFrames
+from reference.tiny_capture import write_tiny_capture
+
+Posed = tuple[Capture, PosedFrames, Path]
+
+
+@pytest.fixture
+def posed(tmp_path: Path) -> Posed:
+    """A capture, the frames with one camera moved and one mask replaced, and the folder they lie in."""
+    capture = write_tiny_capture(tmp_path / "capture", frames=4)
+    training, held_out = capture.split(2)
+    moved = training[0].camera.world_from_cam.copy()
+    moved[:3, 3] += 0.25
+    files = training[0].files | {"mask_path": tmp_path / "reconstruction" / "masks" / "a.png"}
+    camera = replace(training[0].camera, world_from_cam=moved)
+    training[0] = replace(training[0], camera=camera, files=files)
+    frames = PosedFrames(tuple(training), tuple(held_out), sfm_per_metre=2.5)
+    return capture, frames, tmp_path / "reconstruction"
+
+
+def test_what_was_saved_is_read(posed: Posed) -> None:
+    capture, frames, folder = posed
+    frames.save(folder)
+    found = PosedFrames.load(capture, folder)
+    assert found.sfm_per_metre == 2.5
+    for group in ("training", "held_out"):
+        for a, b in zip(getattr(found, group), getattr(frames, group), strict=True):
+            assert a.name == b.name
+            assert a.files == b.files
+            np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
+
+
+def test_the_folder_can_be_moved(posed: Posed) -> None:
+    capture, frames, folder = posed
+    frames.save(folder)
+    elsewhere = folder.rename(folder.with_name("elsewhere"))
+    found = PosedFrames.load(capture, elsewhere)
+    assert found.training[0].files["mask_path"] == elsewhere / "masks" / "a.png"
+
+
+def test_another_capture_is_refused(posed: Posed) -> None:
+    capture, frames, folder = posed
+    frames.save(folder)
+    short = replace(capture, frames=capture.frames[:2])
+    with pytest.raises(DigsError, match="capture"):
+        PosedFrames.load(short, folder)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("frames", None, "reconstruct again"),
+        ("frames", [{"name": "0000"}], "not in the file"),
+        (
+            "frames",
+            [{"name": "0000", "world_from_cam": "x", "held_out": False}],
+            "reconstruct again",
+        ),
+    ],
+)
+def test_a_broken_file_is_refused(posed: Posed, key: str, value: object, message: str) -> None:
+    capture, frames, folder = posed
+    frames.save(folder)
+    record = json.loads((folder / CAMERAS).read_text()) | {key: value}
+    (folder / CAMERAS).write_text(json.dumps(record))
+    with pytest.raises(DigsError, match=message):
+        PosedFrames.load(capture, folder)

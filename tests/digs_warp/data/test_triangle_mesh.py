@@ -1,0 +1,36 @@
+"""The coloured mesh that surface extraction hands on."""
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.triangle_mesh import TriangleMesh
+
+CORNERS = np.eye(3)
+GREY = np.full((3, 3), 0.5)
+
+
+def test_arrays_become_float32_and_int32() -> None:
+    mesh = TriangleMesh(CORNERS, np.array([[0, 1, 2]]), GREY)
+    assert (mesh.points_world.dtype, mesh.triangles.dtype) == (np.float32, np.int32)
+    assert mesh.colors.dtype == np.float32
+    assert len(mesh) == 1
+
+
+def test_a_mesh_without_triangles_is_one() -> None:
+    assert len(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)))) == 0
+
+
+@pytest.mark.parametrize(
+    ("points", "triangles", "colors", "message"),
+    [
+        (CORNERS, [[0, 1, 3]], GREY, "0 to 3, expected 0 to 2"),
+        (CORNERS, [[-1, 1, 2]], GREY, "-1 to 2"),
+        (CORNERS, [[0, 1]], GREY, r"shape \(1, 2\)"),
+        (CORNERS, [[0, 1, 2]], GREY[:2], r"expected \(3, 3\)"),
+        (CORNERS * np.nan, [[0, 1, 2]], GREY, "NaN"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(points, triangles, colors, message) -> None:
+    with pytest.raises(DigsError, match=message):
+        TriangleMesh(points, np.array(triangles), colors)

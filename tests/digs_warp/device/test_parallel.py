@@ -1,0 +1,144 @@
+# Warp types its kernel language only in part:
+# pyright: reportOperatorIssue=false, reportIndexIssue=false, reportArgumentType=false
+"""Launches shared out over threads: every index once, the same bits for any number of threads."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+from digs_warp.checks import DigsError
+from digs_warp.device.parallel import (
+    ParallelLaunch,
+    default_threads,
+    launch_parallel,
+    run_together,
+)
+
+wp.set_module_options({"enable_backward": False})
+
+DIMS = [1, 2, 7, 8, 15, 16, 17, 31, 64, 100, 1000, 1001]
+
+
+@wp.kernel
+def count_visits(first: int, visits: wp.array[int], seen: wp.array[int]):
+    index = first + wp.tid()
+    visits[index] = visits[index] + 1
+    seen[index] = index
+
+
+@wp.kernel
+def rough_sum(first: int, values: wp.array[float], scale: float, sums: wp.array[float]):
+    index = first + wp.tid()
+    total = float(0.0)  # a variable that changes in a loop
+    for k in range(values.shape[0]):
+        total += wp.sin(values[k] * float(index + 1)) * scale
+    sums[index] = total
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 8])
+@pytest.mark.parametrize("dim", DIMS)
+def test_every_index_is_visited_exactly_once_per_run(dim: int, threads: int) -> None:
+    visits = wp.zeros(dim, dtype=wp.int32, device="cpu")
+    seen = wp.zeros(dim, dtype=wp.int32, device="cpu")
+    launch = ParallelLaunch(count_visits, dim, [visits, seen], threads=threads)
+    for runs in (1, 2):
+        launch.run()
+        assert visits.numpy().tolist() == [runs] * dim
+    assert seen.numpy().tolist() == list(range(dim))
+
+
+def sums(threads: int) -> np.ndarray:
+    values = wp.array(np.random.default_rng(0).normal(size=300).astype(np.float32), device="cpu")
+    found = wp.zeros(777, dtype=wp.float32, device="cpu")
+    launch_parallel(rough_sum, 777, [values, 0.5, found], threads=threads)
+    return found.numpy().copy()
+
+
+@pytest.mark.parametrize("threads", [2, 5])
+def test_same_bits_for_any_number_of_threads(threads: int) -> None:
+    np.testing.assert_array_equal(sums(1).view(np.uint32), sums(threads).view(np.uint32))
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_a_changed_scalar_and_changed_contents_count_in_the_next_run(threads: int) -> None:
+    values = wp.array(np.ones(3, dtype=np.float32), device="cpu")
+    found = wp.zeros(20, dtype=wp.float32, device="cpu")
+    launch = ParallelLaunch(rough_sum, 20, [values, 1.0, found], threads=threads)
+    launch.run()
+    expected = 3 * np.sin(np.arange(1, 21, dtype=np.float32))
+    np.testing.assert_allclose(found.numpy(), expected, rtol=1e-5, atol=1e-6)
+    launch.set_param(1, 2.0)
+    values.assign(np.array([1.0, 0.0, 0.0], dtype=np.float32))
+    launch.run()
+    np.testing.assert_allclose(found.numpy(), expected * 2 / 3, rtol=1e-5, atol=1e-6)
+
+
+def test_the_callers_list_stays_as_it_is() -> None:
+    inputs: list[Any] = [wp.zeros(1, device="cpu"), 1.0, wp.zeros(4, device="cpu")]
+    ParallelLaunch(rough_sum, 4, inputs, threads=2).set_param(1, 5.0)
+    assert inputs[1] == 1.0
+
+
+def test_nothing_to_do_is_fine() -> None:
+    visits = wp.zeros(1, dtype=wp.int32, device="cpu")
+    launch_parallel(count_visits, 0, [visits, visits])
+    ParallelLaunch(count_visits, 0, [visits, visits]).run()
+    assert visits.numpy().tolist() == [0]
+
+
+def test_the_environment_sets_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DIGS_WARP_THREADS", "3")
+    assert default_threads() == 3
+    assert ParallelLaunch(count_visits, 0, []).threads == 3
+    monkeypatch.delenv("DIGS_WARP_THREADS")
+    assert default_threads() >= 1
+
+
+@pytest.mark.parametrize("setting", ["many", "0", "-2", "1.5"])
+def test_a_setting_that_is_no_number_of_threads_is_named(
+    monkeypatch: pytest.MonkeyPatch, setting: str
+) -> None:
+    monkeypatch.setenv("DIGS_WARP_THREADS", setting)
+    with pytest.raises(DigsError, match=f"DIGS_WARP_THREADS='{setting}'"):
+        default_threads()
+
+
+def test_launches_run_together_visit_everything_once() -> None:
+    arrays = [[wp.zeros(dim, dtype=wp.int32, device="cpu") for _ in range(2)] for dim in DIMS]
+    launches = [
+        ParallelLaunch(count_visits, dim, [*pair], threads=3)
+        for dim, pair in zip(DIMS, arrays, strict=True)
+    ]
+    run_together(launches)
+    for dim, (visits, _) in zip(DIMS, arrays, strict=True):
+        assert visits.numpy().tolist() == [1] * dim
+    run_together([])
+
+
+def test_several_callers_share_the_threads() -> None:
+    pairs = [[wp.zeros(500, dtype=wp.int32, device="cpu") for _ in range(2)] for _ in range(6)]
+
+    def work(pair: list[Any]) -> None:
+        launch = ParallelLaunch(count_visits, 500, [*pair], threads=4)
+        for _ in range(50):
+            launch.run()
+
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(work, pairs, timeout=60))
+    for visits, _ in pairs:
+        assert visits.numpy().tolist() == [50] * 500
+
+
+def test_an_exception_in_any_thread_reaches_the_caller() -> None:
+    class Broken:
+        def launch(self) -> None:
+            raise RuntimeError("broken chunk")
+
+    visits = wp.zeros(8, dtype=wp.int32, device="cpu")
+    launch = ParallelLaunch(count_visits, 8, [visits, visits], threads=2)
+    launch.chunks.append(Broken())
+    with pytest.raises(RuntimeError, match="broken chunk"):
+        launch.run()

@@ -1,0 +1,43 @@
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.device.threads import over_rows
+
+
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_slices_cover_all_rows_once_and_results_keep_their_order(monkeypatch, threads: str):
+    monkeypatch.setenv("DIGS_WARP_THREADS", threads)
+    seen = np.zeros(1000, dtype=int)
+
+    def work(rows: slice) -> int:
+        seen[rows] += 1
+        return rows.start
+
+    assert over_rows(1000, work, chunk=7) == list(range(0, 1000, 7))
+    assert (seen == 1).all()
+    assert over_rows(0, work) == []
+
+
+def test_several_threads_work_at_the_same_time(monkeypatch):
+    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
+    both = threading.Barrier(2)
+    over_rows(2, lambda _: both.wait(timeout=60), chunk=1)  # breaks where only one comes
+
+
+def test_an_error_is_handed_on_and_ends_the_work(monkeypatch):
+    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
+    done: list[int] = []
+
+    def work(rows: slice) -> None:
+        if rows.start == 0:
+            raise DigsError("row 0")
+        time.sleep(0.002)  # so that it cannot all be done before the error is looked at
+        done.append(rows.start)
+
+    with pytest.raises(DigsError, match="row 0"):
+        over_rows(5000, work, chunk=1)
+    assert len(done) < 4999

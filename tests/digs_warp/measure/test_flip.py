@@ -1,0 +1,46 @@
+"""FLIP, where the extra is installed."""
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.measure.flip import flip, flip_map
+
+pytest.importorskip("flip_evaluator", reason="flip-evaluator is not installed")
+
+
+def image(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).random((40, 50, 3))
+
+
+def test_an_image_does_not_differ_from_itself() -> None:
+    assert flip(image(), image()) == 0.0
+
+
+def test_black_and_white_differ_almost_fully() -> None:
+    black, white = np.zeros((40, 40, 3)), np.ones((40, 40, 3))
+    assert flip(black, white) == pytest.approx(0.967, abs=0.01)
+
+
+def test_more_noise_is_a_larger_error() -> None:
+    noise = image(1) - 0.5
+    grey = np.full((40, 50, 3), 0.5)
+    errors = [flip(grey + strength * noise, grey) for strength in (0.05, 0.1, 0.4)]
+    assert 0 < errors[0] < errors[1] < errors[2] < 1
+
+
+def test_the_mask_chooses_pixels_of_the_map() -> None:
+    other = image()
+    other[:, 25:] = image(2)[:, 25:]
+    errors = flip_map(other, image())
+    assert errors.shape == (40, 50)
+    mask = np.zeros((40, 50), bool)
+    mask[:, :10] = True
+    assert flip(other, image(), mask) == pytest.approx(errors[:, :10].mean())
+    assert flip(other, image(), mask) < 0.1 * flip(other, image(), ~mask)
+    assert np.isnan(flip(other, image(), np.zeros((40, 50), bool)))
+
+
+def test_images_of_other_shapes_are_refused() -> None:
+    with pytest.raises(DigsError, match="target"):
+        flip(image(), image()[:10])

@@ -1,0 +1,170 @@
+"""The fused loss kernels against the plain float64 metric, and the properties of both."""
+
+import numpy as np
+import pytest
+
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.losses.photometric import PhotometricLoss
+from digs_warp.losses.regions import blocks_of, loss_blocks, tiles_of
+from digs_warp.measure.metrics import MAX_PSNR, psnr, ssim, ssim_map
+from digs_warp.measure.ssim import window_weights
+
+# Sizes below, at and across the kernel's blocks of 64 x 16.
+SIZES = [(1, 1), (5, 3), (64, 16), (65, 17), (150, 70)]
+
+
+def brute_force_ssim(x: np.ndarray, y: np.ndarray, row: int, column: int) -> float:
+    """SSIM of one pixel of one channel, straight from the definition."""
+    weights = np.outer(window_weights(), window_weights())
+    patch_x, patch_y = (np.pad(a, 5)[row : row + 11, column : column + 11] for a in (x, y))
+    mean_x, mean_y = (weights * patch_x).sum(), (weights * patch_y).sum()
+    var_x = (weights * (patch_x - mean_x) ** 2).sum()
+    var_y = (weights * (patch_y - mean_y) ** 2).sum()
+    covariance = (weights * (patch_x - mean_x) * (patch_y - mean_y)).sum()
+    luminance = (2 * mean_x * mean_y + 1e-4) / (mean_x**2 + mean_y**2 + 1e-4)
+    return luminance * (2 * covariance + 9e-4) / (var_x + var_y + 9e-4)
+
+
+def noisy_pair(width: int, height: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    target = rng.uniform(size=(height, width, 3)).astype(np.float32)
+    noise = rng.normal(size=target.shape).astype(np.float32) * 0.1
+    return np.clip(target + noise, 0, 1), target
+
+
+def run_loss(
+    image: np.ndarray, target: np.ndarray, weight: float = 0.2, threads: int = 0
+) -> tuple[tuple[float, float, float], np.ndarray]:
+    height, width = image.shape[:2]
+    _, adj, loss = compared(image, target, weight, threads)
+    everything = blocks_of(tiles_of(np.ones((height, width))))
+    loss.run((width, height), everything)
+    return loss.value(), adj.to_numpy()
+
+
+def compared(
+    image: np.ndarray, target: np.ndarray, weight: float = 0.2, threads: int = 0
+) -> tuple[ImagePlanes, ImagePlanes, PhotometricLoss]:
+    """Planes of the image and of its gradient, and the loss between image and target."""
+    height, width = image.shape[:2]
+    planes, goal, adj = (ImagePlanes(width, height, 3) for _ in range(3))
+    planes.assign(image)
+    goal.assign(target)
+    loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj, weight, threads)
+    return planes, adj, loss
+
+
+def test_the_metric_is_the_definition_of_ssim() -> None:
+    x, y = (a[..., 0].astype(np.float64) for a in noisy_pair(30, 20))
+    values = ssim_map(x[..., None], y[..., None])[..., 0]
+    for row, column in [(0, 0), (7, 9), (19, 29), (3, 28)]:
+        # The metric uses E[x^2] - E[x]^2, equal to the definition for weights that sum to 1.
+        assert values[row, column] == pytest.approx(brute_force_ssim(x, y, row, column), abs=1e-12)
+
+
+def test_an_image_is_like_itself() -> None:
+    image, _ = noisy_pair(40, 30)
+    assert ssim(image, image) == pytest.approx(1.0, abs=1e-12)
+    assert psnr(image, image) == MAX_PSNR
+    (loss, l1, dssim), gradient = run_loss(image, image)
+    assert (l1, abs(dssim) < 1e-7, abs(loss) < 1e-7) == (0.0, True, True)
+    assert np.abs(gradient).max() < 1e-9
+
+
+def test_psnr_of_a_known_error() -> None:
+    target = np.full((8, 9, 3), 0.5)
+    assert psnr(target + 0.1, target) == pytest.approx(20.0)
+    mask = np.zeros((8, 9), dtype=bool)
+    mask[2, 3] = True
+    changed = target.copy()
+    changed[2, 3] += 0.01
+    assert psnr(changed, target, mask) == pytest.approx(40.0)
+    assert np.isnan(psnr(target, target, np.zeros((8, 9), dtype=bool)))
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_kernel_equals_the_metric(width: int, height: int) -> None:
+    image, target = noisy_pair(width, height)
+    (loss, l1, dssim), _ = run_loss(image, target)
+    expected_l1 = np.abs(image.astype(np.float64) - target).mean()
+    expected_dssim = 1.0 - ssim(image, target)
+    assert l1 == pytest.approx(expected_l1, rel=1e-5)
+    assert dssim == pytest.approx(expected_dssim, rel=1e-5, abs=1e-7)
+    assert loss == pytest.approx(0.8 * expected_l1 + 0.2 * expected_dssim, rel=1e-5)
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+@pytest.mark.parametrize("weight", [0.0, 0.2, 1.0])
+def test_the_gradient_equals_central_differences(width: int, height: int, weight: float) -> None:
+    image, target = noisy_pair(width, height, seed=1)
+    _, gradient = run_loss(image, target, weight)
+    x, y = image.astype(np.float64), target.astype(np.float64)
+
+    def objective(values: np.ndarray) -> float:
+        return (1 - weight) * np.abs(values - y).mean() + weight * (1 - ssim(values, y))
+
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        index = (rng.integers(height), rng.integers(width), rng.integers(3))
+        if abs(x[index] - y[index]) < 1e-5:
+            continue  # L1 has no derivative where both agree
+        step = np.zeros_like(x)
+        step[index] = 1e-6
+        slope = (objective(x + step) - objective(x - step)) / 2e-6
+        assert gradient[index] == pytest.approx(slope, rel=2e-4, abs=2e-4 / x.size)
+
+
+def test_the_region_of_interest_changes_nothing() -> None:
+    """Loss and gradient around a small object are those of the whole image, wherever it lies."""
+    width, height = 150, 70
+    rng = np.random.default_rng(3)
+    for x0, y0 in [(0, 0), (60, 20), (130, 55), (100, 2)]:
+        image = np.full((height, width, 3), 0.7, np.float32)
+        target = image.copy()
+        box = (x0, y0, min(x0 + 20, width), min(y0 + 15, height))
+        inside = (slice(box[1], box[3]), slice(box[0], box[2]))
+        image[inside] = rng.uniform(size=image[inside].shape)
+        target[inside] = rng.uniform(size=target[inside].shape)
+        (whole, *_), whole_gradient = run_loss(image, target)
+        _, adj, loss = compared(image, target)
+        marked = np.zeros((height, width))
+        marked[inside] = 1
+        loss.run((width, height), loss_blocks(tiles_of(marked), tiles_of(marked)))
+        assert loss.value()[0] == pytest.approx(whole, rel=1e-6)
+        np.testing.assert_allclose(
+            adj.to_numpy()[inside], whole_gradient[inside], rtol=1e-5, atol=1e-10
+        )
+
+
+def test_a_region_from_the_view_before_leaves_no_trace() -> None:
+    width, height = 150, 70
+    image, target = noisy_pair(width, height)
+    planes, adj, goal = (ImagePlanes(width, height, 3) for _ in range(3))
+    planes.assign(image)
+    goal.assign(target)
+    loss = PhotometricLoss(planes, goal, ImagePlanes(width, height, 1), adj)
+    everything = blocks_of(tiles_of(np.ones((height, width))))
+    loss.run((width, height), everything)
+    flat = np.full((height, width, 3), 0.2, np.float32)
+    planes.assign(flat)
+    goal.assign(flat)
+    marked = np.zeros((height, width))
+    marked[50:60, 100:110] = 1
+    loss.run((width, height), loss_blocks(tiles_of(marked), tiles_of(marked)))
+    assert loss.value()[0] == pytest.approx(0.0, abs=1e-7)
+    assert np.abs(adj.to_numpy()[50:60, 100:110]).max() < 1e-9
+
+
+def test_same_bits_for_any_number_of_threads() -> None:
+    image, target = noisy_pair(200, 90)
+    one, more = run_loss(image, target, threads=1), run_loss(image, target, threads=3)
+    assert one[0] == more[0]
+    np.testing.assert_array_equal(one[1], more[1])
+
+
+def test_planes_keep_pixels_and_their_border_stays_zero() -> None:
+    pixels = np.random.default_rng(0).uniform(size=(5, 7, 3)).astype(np.float32)
+    planes = ImagePlanes(7, 5, 3)
+    planes.assign(pixels)
+    np.testing.assert_array_equal(planes.to_numpy(), pixels)
+    assert np.count_nonzero(planes.data.numpy()) == pixels.size

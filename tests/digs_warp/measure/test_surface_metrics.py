@@ -1,0 +1,110 @@
+"""Distances between points and a surface, against shapes whose answer is known."""
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.measure.surface_metrics import distances_to_surface, sample_surface, surface_score
+
+
+def square(side: float = 1.0) -> TriangleMesh:
+    """A square in the plane z = 0, one corner at the origin; its two triangles differ in no area."""
+    points = np.array([[0, 0, 0], [side, 0, 0], [side, side, 0], [0, side, 0]], np.float32)
+    return TriangleMesh(points, np.array([[0, 1, 2], [0, 2, 3]]), np.ones((4, 3)))
+
+
+def distance_to_square(points: np.ndarray) -> np.ndarray:
+    """The distance to `square`, by clamping."""
+    nearest = points.copy()
+    nearest[:, :2] = np.clip(points[:, :2], 0, 1)
+    nearest[:, 2] = 0
+    return np.linalg.norm(points - nearest, axis=1)
+
+
+def test_the_distance_is_that_to_faces_edges_and_corners() -> None:
+    points = np.random.default_rng(0).uniform(-2, 3, size=(500, 3))
+    found = distances_to_surface(points, square())
+    np.testing.assert_allclose(found, distance_to_square(points), atol=1e-6)
+
+
+def test_a_point_far_away_is_found() -> None:
+    found = distances_to_surface(np.array([[0.5, 0.5, 1e4]]), square())
+    np.testing.assert_allclose(found, [1e4], rtol=1e-6)
+
+
+def test_samples_are_even_by_area() -> None:
+    wide = TriangleMesh(
+        np.array([[0, 0, 0], [3, 0, 0], [0, 1, 0], [0, 0, 5], [1, 0, 5], [0, 1, 5]], np.float32),
+        np.array([[0, 1, 2], [3, 4, 5]]),
+        np.ones((6, 3)),
+    )
+    points = sample_surface(wide, 40_000)
+    low = points[points[:, 2] == 0]
+    assert len(low) / len(points) == pytest.approx(0.75, abs=0.01)  # areas 1.5 and 0.5
+    np.testing.assert_allclose(low.mean(axis=0), [1, 1 / 3, 0], atol=0.02)
+
+
+def test_points_on_the_surface_score_as_their_spacing() -> None:
+    grid = np.stack(np.meshgrid(np.linspace(0, 1, 101), np.linspace(0, 1, 101)), axis=-1)
+    points = np.concatenate([grid.reshape(-1, 2), np.zeros((101**2, 1))], axis=1)
+    score = surface_score(points, square(), threshold=0.01)
+    assert score.accuracy == pytest.approx(0, abs=1e-7)
+    assert score.completeness == pytest.approx(0.00383, rel=0.02)  # 0.3826 of the spacing
+    assert score.chamfer == pytest.approx(score.completeness / 2, rel=1e-4)
+    assert score.precision == score.recall == score.f_score == 1.0
+
+
+def test_a_missing_half_and_a_cloud_of_strays_show_in_recall_and_precision() -> None:
+    random = np.random.default_rng(1)
+    half = np.column_stack([random.uniform(0, [0.5, 1], size=(4000, 2)), np.zeros(4000)])
+    strays = half[:1000] + [0, 0, 0.3]
+    score = surface_score(np.concatenate([half, strays]), square(), threshold=0.03)
+    assert score.precision == pytest.approx(0.8)
+    assert score.recall == pytest.approx(0.53, abs=0.01)  # the half and a strip of the threshold
+    assert score.accuracy == pytest.approx(0.06, rel=1e-3)
+    assert score.accuracy_median == pytest.approx(0, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("points", "mesh", "threshold", "message"),
+    [
+        (np.zeros((0, 3)), square(), 0.1, "0 points"),
+        (
+            np.zeros((1, 3)),
+            TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))),
+            0.1,
+            "0 tri",
+        ),
+        (np.zeros((1, 3)), square(0.0), 0.1, "no area"),
+        (np.zeros((1, 3)), square(), 0.0, "threshold"),
+    ],
+)
+def test_nothing_to_compare_is_an_error(
+    points: np.ndarray, mesh: TriangleMesh, threshold: float, message: str
+) -> None:
+    with pytest.raises(DigsError, match=message):
+        surface_score(points, mesh, threshold)
+
+
+def test_even_points_have_the_spacing_of_their_random_process_and_clusters_a_wider_one() -> None:
+    """In a planar Poisson process the squared distance to the k-th neighbour is Gamma(k) distributed."""
+    from scipy.stats import gamma
+
+    random = np.random.default_rng(2)
+    # A margin around the square: its border must not be a border of the points.
+    even = np.column_stack([random.uniform(-0.2, 1.2, size=(20_000, 2)), np.zeros(20_000)])
+    low, high = gamma.ppf([0.25, 0.75], 8)
+    score = surface_score(even, square(), threshold=0.01)
+    assert score.spacing_ratio == pytest.approx(np.sqrt(high / low), rel=0.01)
+    few = surface_score(even[::10], square(), threshold=0.01)
+    assert few.spacing_ratio == pytest.approx(score.spacing_ratio, rel=0.04)
+    # One half sixteen times as dense: a quarter of the surface lies beyond each half's median.
+    thinned = even[(even[:, 0] < 0.5) | (np.arange(len(even)) % 16 == 0)]
+    assert surface_score(thinned, square(), 0.01).spacing_ratio == pytest.approx(4.0, rel=0.05)
+
+
+def test_few_points_have_a_spacing_as_well() -> None:
+    for count in (1, 3):
+        points = np.full((count, 3), 0.5)
+        assert np.isfinite(surface_score(points, square(), threshold=0.01).spacing_ratio)

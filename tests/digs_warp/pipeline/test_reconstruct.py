@@ -1,0 +1,151 @@
+"""The pipeline from a capture to Gaussians: what it leaves behind, resuming, and bad input."""
+
+import json
+import shutil
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.images import read_image, write_image
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.trainer import Trainer
+from reference.tiny_capture import write_tiny_capture
+
+CONFIG = ReconstructConfig(
+    init=InitConfig(voxel_size=0.012),
+    train=TrainConfig(iterations=60, sh_degree=0, evaluate_at=(30,)),
+)
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture")
+
+
+@pytest.fixture(scope="module")
+def result(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("reconstruction")
+    reconstruct(capture, CONFIG, folder)
+    return folder
+
+
+def copied(capture: Capture, folder: Path) -> Path:
+    return Path(shutil.copytree(capture.folder, folder))
+
+
+def test_held_out_views_get_better(result: Path) -> None:
+    lines = [json.loads(line) for line in (result / "training.jsonl").read_text().splitlines()]
+    measured = {line["iteration"]: line for line in lines if "psnr" in line}
+    assert list(measured) == [0, 30, 60]
+    assert measured[60]["psnr"] > measured[30]["psnr"] > measured[0]["psnr"] + 3
+    assert measured[60]["psnr"] > 22
+    assert measured[60]["psnr_masked"] < measured[60]["psnr"]
+    assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
+    seconds = [line["seconds"] for line in lines]
+    assert seconds == sorted(seconds)
+
+
+def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capture) -> None:
+    evaluation = json.loads((result / "evaluation.json").read_text())
+    names = [view["name"] for view in evaluation["views"]]
+    assert names == [frame.name for frame in capture.frames[::8]]
+    mean = np.mean([view["psnr"] for view in evaluation["views"]])
+    assert evaluation["mean"]["psnr"] == pytest.approx(mean)
+    for name in names:
+        assert read_image(result / "renders" / f"{name}.png").shape == (54, 72, 3)
+    record = json.loads((result / "run.json").read_text())
+    assert {"initialize", "train", "evaluate"} <= set(record["seconds"])
+    assert record["results"]["gaussians"] == len(Gaussians.load(result / "gaussians.npz"))
+    with np.load(result / "initial_points.npz") as points:
+        radius = np.linalg.norm(points["points_world"], axis=1)
+        np.testing.assert_allclose(radius, 0.2, atol=0.006)  # half a voxel
+    assert not (result / "checkpoint.npz").exists()
+
+
+def test_an_interrupted_run_resumes_to_the_same_bits(
+    capture: Capture, result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step = Trainer.step
+
+    def step_until_interrupted(trainer: Trainer) -> None:
+        if trainer.optimizer.step == 37:
+            signal.raise_signal(signal.SIGINT)  # Ctrl-C in the middle of a step
+        step(trainer)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Trainer, "step", step_until_interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            reconstruct(capture, CONFIG, tmp_path)
+    assert (tmp_path / "checkpoint.npz").exists()
+    assert not (tmp_path / "gaussians.npz").exists()
+    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True)
+    whole = Gaussians.load(result / "gaussians.npz")
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
+    lines = [json.loads(line) for line in (tmp_path / "training.jsonl").read_text().splitlines()]
+    assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
+
+
+def test_resuming_with_other_settings_is_refused(capture: Capture, result: Path) -> None:
+    other = replace(CONFIG, train=replace(CONFIG.train, iterations=70))
+    with pytest.raises(DigsError, match="other settings"):
+        reconstruct(capture, other, result, resume=True)
+
+
+def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Path) -> None:
+    """Spoiling the held-out photographs changes the metrics, not the Gaussians."""
+    spoiled = read_capture(copied(capture, tmp_path / "capture"))
+    for frame in spoiled.frames[::8]:
+        write_image(frame.files["file_path"], np.zeros((54, 72, 3), np.uint8))
+        write_image(frame.files["depth_file_path"], np.full((54, 72), 0.5, np.float32))
+    short = replace(CONFIG, train=replace(CONFIG.train, iterations=5))
+    a = reconstruct(spoiled, short, tmp_path / "a")
+    b = reconstruct(capture, short, tmp_path / "b")
+    np.testing.assert_array_equal(a.means, b.means)
+    np.testing.assert_array_equal(a.sh, b.sh)
+    scores = [
+        json.loads((tmp_path / name / "evaluation.json").read_text())["mean"]["psnr"]
+        for name in ("a", "b")
+    ]
+    assert scores[0] < scores[1]
+
+
+def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path) -> None:
+    """In training and among the held-out views."""
+    empty = read_capture(copied(capture, tmp_path / "capture"))
+    for number in (0, 3):
+        write_image(empty.frames[number].files["mask_path"], np.zeros((54, 72), np.uint8))
+    gaussians = reconstruct(empty, CONFIG, tmp_path / "out")
+    assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
+    evaluation = json.loads((tmp_path / "out" / "evaluation.json").read_text())
+    assert evaluation["views"][0]["psnr_masked"] is None
+    assert evaluation["mean"]["psnr_masked"] is not None
+
+
+def test_all_depth_missing_is_an_error_that_counts(capture: Capture, tmp_path: Path) -> None:
+    blind = read_capture(copied(capture, tmp_path / "capture"))
+    for frame in blind.frames:
+        write_image(frame.files["depth_file_path"], np.full((54, 72), np.nan, np.float32))
+    with pytest.raises(DigsError, match="depth"):
+        reconstruct(blind, CONFIG, tmp_path / "out")
+
+
+def test_image_and_depth_of_different_sizes_are_refused(capture: Capture, tmp_path: Path) -> None:
+    odd = read_capture(copied(capture, tmp_path / "capture"))
+    write_image(odd.frames[2].files["depth_file_path"], np.ones((27, 36), np.float32))
+    with pytest.raises(CaptureError, match=r"0002\.exr.*36x27.*72x54"):
+        reconstruct(odd, CONFIG, tmp_path / "out")
+
+
+def test_a_single_frame_is_too_few(tmp_path: Path) -> None:
+    single = write_tiny_capture(tmp_path / "capture", frames=1)
+    with pytest.raises(DigsError, match="at least 2"):
+        reconstruct(single, CONFIG, tmp_path / "out")

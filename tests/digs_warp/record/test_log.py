@@ -1,0 +1,182 @@
+"""run.json, atomic writing, progress bars."""
+
+import json
+import math
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.record import files
+from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.progress import progress, show_progress
+from digs_warp.record.run_log import RunLog, source_commit
+
+
+@dataclass(frozen=True)
+class Settings:
+    size: int
+    folder: Path
+    weights: np.ndarray
+
+
+def test_a_write_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "x.bin"
+    for data in (b"a long first version", b"short"):
+        write_atomically(path, data)
+        assert path.read_bytes() == data
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "x.bin"
+    write_atomically(path, b"old")
+
+    def disk_full(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(files.os, "replace", disk_full)
+    with pytest.raises(OSError, match="disk full"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_json_of_everything_a_run_holds_round_trips(tmp_path: Path) -> None:
+    value = {
+        "settings": Settings(3, Path("a/b"), np.arange(3)),
+        "number": np.float32(0.5),
+        "count": np.int64(7),
+        "matrix": np.eye(2),
+        "flag": np.True_,
+    }
+    (tmp_path / "x.json").write_text(to_json(value))
+    assert read_json(tmp_path / "x.json", "test") == {
+        "settings": {"size": 3, "folder": "a/b", "weights": [0, 1, 2]},
+        "number": 0.5,
+        "count": 7,
+        "matrix": [[1, 0], [0, 1]],
+        "flag": True,
+    }
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, np.array([np.nan]), np.float32("inf")])
+def test_nan_is_refused_because_it_is_not_json(value: object) -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        to_json({"x": value})
+
+
+def test_unknown_types_are_named() -> None:
+    with pytest.raises(TypeError, match="object"):
+        to_json({"x": object()})
+
+
+def test_broken_json_says_where(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    path.write_text('{\n "a": 1,\n "b": }')
+    with pytest.raises(DigsError, match=r"record '.*x\.json': not valid JSON .*line 3"):
+        read_json(path, "record")
+    with pytest.raises(DigsError, match=r"record '.*gone\.json': no such file"):
+        read_json(tmp_path / "gone.json", "record")
+    with pytest.raises(DigsError, match=r"record"):
+        read_json(tmp_path, "record")
+
+
+def test_times_of_a_stage_add_up_even_when_it_fails(tmp_path: Path) -> None:
+    run = RunLog("test", Settings(1, Path("."), np.zeros(1)))
+    with run.stage("a"):
+        pass
+    first = run.seconds["a"]
+    with pytest.raises(ZeroDivisionError), run.stage("a"):
+        raise ZeroDivisionError
+    with run.stage("b"):
+        pass
+    assert run.seconds["a"] > first >= 0
+    assert list(run.seconds) == ["a", "b"]
+
+    run.results["psnr"] = np.float64(33.5)
+    run.save(tmp_path / "run.json")
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["results"] == {"psnr": 33.5}
+    assert record["settings"]["size"] == 1
+    assert {"python", "numpy", "warp-lang", "digs-warp"} <= set(record["versions"])
+    assert record["machine"]["cores"] >= 1
+
+
+def test_an_interrupted_run_keeps_its_times(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    RunLog("run", {"size": 1}, seconds={"a": 5.0}).save(path)
+    run = RunLog("run", {"size": 1}, seconds={})
+    run.continue_from(path)
+    with run.stage("a"):
+        pass
+    assert 5.0 <= run.seconds["a"] < 6.0
+
+
+def test_nothing_to_continue_is_a_new_run(tmp_path: Path) -> None:
+    run = RunLog("run", {"size": 1})
+    run.continue_from(tmp_path / "run.json")
+    assert run == RunLog("run", {"size": 1})
+
+
+def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    RunLog("run", {"size": 1, "same": 3, "train": {"seed": 0, "old": 2}}).save(path)
+    run = RunLog("run", {"size": 1, "same": 3, "train": {"seed": 1}, "new": "x"})
+    with pytest.raises(DigsError, match=r"\(seed 0 -> 1, old 2 -> None, new None -> x\)"):
+        run.continue_from(path)
+    assert run.seconds == {}
+
+
+def test_bars_are_silent_until_turned_on(capfd: pytest.CaptureFixture[str]) -> None:
+    with progress(3, "quiet") as bar:
+        bar.update(3)
+    assert capfd.readouterr().err == ""
+    show_progress()
+    try:
+        with progress(3, "loud") as bar:
+            bar.update(3)
+    finally:
+        show_progress(False)
+    assert "loud: 100%" in capfd.readouterr().err
+
+
+def git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@b", *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git to make a repository")
+def test_the_commit_is_that_of_the_checkout(tmp_path: Path) -> None:
+    repository, tree = tmp_path / "repository", tmp_path / "tree"
+    (repository / "package").mkdir(parents=True)
+    assert source_commit(repository / "package") is None
+    git(repository, "init", "-b", "main")
+    git(repository, "commit", "--allow-empty", "-m", "first")
+    expected = git(repository, "rev-parse", "HEAD")
+    assert source_commit(repository / "package") == expected
+    git(repository, "pack-refs", "--all")
+    assert source_commit(repository / "package") == expected
+    git(repository, "worktree", "add", str(tree), "-b", "side")
+    assert source_commit(tree / "package") == expected
+    git(repository, "checkout", "--detach")
+    assert source_commit(repository / "package") == expected
+
+
+def test_a_bar_inside_another_moves_no_cursor_in_a_file(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    show_progress()
+    try:
+        with progress(2, "outer") as outer, progress(2, "inner") as inner:
+            inner.update()
+            outer.update()
+    finally:
+        show_progress(False)
+    written = capsys.readouterr().err
+    assert "outer" in written and "inner" in written
+    assert "\x1b" not in written
