@@ -24,7 +24,7 @@ def test_loading_the_kernels_writes_nothing() -> None:
 def test_native_messages_other_than_the_missing_driver_are_passed_on() -> None:
     code = (
         "import os\n"
-        "from digs_warp import warp_start\n"
+        "from digs_warp.device import warp_start\n"
         "with warp_start._without_driver_warning():\n"
         "    os.write(2, b'before\\n' + warp_start.NO_DRIVER + b'. No GPU.\\nafter\\n')\n"
         "os.write(2, b'later\\n')\n"
