@@ -57,12 +57,12 @@ performance: setup ## Measure the rasterizer and write docs/performance.md
 	$(BIN)/python scripts/performance_page.py
 
 studies: setup ## Run the studies within their budgets and write docs/study; under two hours, quiet
-	$(BIN)/digs-warp study run initialization --budget 20min
-	$(BIN)/digs-warp study run tradeoff --budget 20min
-	$(BIN)/digs-warp study run robustness --budget 12min
-	$(BIN)/digs-warp study run ablation --budget 20min
-	$(BIN)/digs-warp study run segmentation --budget 10min
-	$(BIN)/digs-warp study run scaling --budget 10min
+	$(BIN)/digs-warp study run initialization --time-budget 20min
+	$(BIN)/digs-warp study run tradeoff --time-budget 20min
+	$(BIN)/digs-warp study run robustness --time-budget 12min
+	$(BIN)/digs-warp study run ablation --time-budget 20min
+	$(BIN)/digs-warp study run segmentation --time-budget 10min
+	$(BIN)/digs-warp study run scaling --time-budget 10min
 	$(BIN)/python scripts/study_pages.py
 	$(BIN)/python scripts/initialization_picture.py
 

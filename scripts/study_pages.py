@@ -19,15 +19,15 @@ TARGET = Path(__file__).resolve().parent.parent / "docs" / "study"
 
 INDEX = """# Studies
 
-What accuracy costs in time, measured by `make studies`, which runs `digs-warp study run NAME --budget TIME`
-for each of these and writes the pages; `results.jsonl` beside a page holds every case with its settings,
-versions, machine, times, memory and quality, `tables/` the tables as CSV. On your own machine:
+What accuracy costs in time. `make studies` runs `digs-warp study run NAME --time-budget TIME` for each study
+and writes these pages. Beside each page, `results.jsonl` has every case with its settings, versions, machine,
+times, memory and quality, and `tables/` has the tables as CSV. On your own machine:
 
 ```sh
 digs-warp study list
-digs-warp study run tradeoff --budget 20min
+digs-warp study run tradeoff --time-budget 20min
 digs-warp study report tradeoff
-digs-warp recommend --budget 60s
+digs-warp recommend --time-budget 60s
 ```
 
 A study that was interrupted, or has used up its budget, goes on where it stopped.

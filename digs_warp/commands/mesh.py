@@ -43,8 +43,9 @@ class Mesh:
     """The capture that was reconstructed: its cameras see the surface, its masks bound it. Default: the one
     in a folder of 'digs-warp run'; without any, rings of cameras around the object."""
 
-    voxel: float | None = None
-    """Finest detail [m]; default: a 160th of the object's size. Half of it takes four times the memory."""
+    voxel_size: float | None = None
+    """Edge of a voxel, the finest detail [m]. Half the size takes four times the memory. Default: a 160th of
+    the object's size."""
 
     views: int = MOST_VIEWS
     """How many cameras to use at most, evenly spread; more fill small holes and take longer."""
@@ -54,8 +55,8 @@ class Mesh:
     can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        if self.voxel is not None:
-            check_positive("--voxel", self.voxel)
+        if self.voxel_size is not None:
+            check_positive("--voxel-size", self.voxel_size)
         if self.views < 3:
             raise DigsError(
                 f"--views {self.views}: expected at least 3, a surface is what they agree on"
@@ -74,7 +75,7 @@ class Mesh:
         gaussians = read_splats(self.source, self.scene)
         reconstruction = find_gaussians(self.source).parent
         capture = self._capture_folder()
-        found = extract_mesh(gaussians, reconstruction, capture, self.voxel, self.views)
+        found = extract_mesh(gaussians, reconstruction, capture, self.voxel_size, self.views)
         write_mesh(self.out, found.mesh)
         lines = [
             f"{self.out}: {len(found.mesh):,} triangles from {found.views} views, voxels of "

@@ -18,8 +18,8 @@ PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "study" / "tradeoff"
 class Recommend:
     """Pick settings for a time, from what 'digs-warp study run tradeoff' measured."""
 
-    budget: str
-    """Seconds for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
+    time_budget: str
+    """Time for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
 
     study: Path | None = None
     """Folder of the study. Default: out/study/tradeoff, or else the results that come with the
@@ -38,12 +38,12 @@ class Recommend:
                 f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
                 f"{folder}"
             )
-        budget = seconds_of(self.budget, "--budget")
+        budget = seconds_of(self.time_budget, "--time-budget")
         records = [r for r in Store(folder).records.values() if "error" not in r]
         best = best_within(records, budget)
         if best is None:
             raise DigsError(
-                f"recommend: nothing that '{folder}' measured takes {self.budget} or less; allow more, or "
+                f"recommend: no case in '{folder}' takes {self.time_budget} or less; allow more time, or "
                 "measure smaller recordings"
             )
         machines = sorted({record["machine"] for record in records})

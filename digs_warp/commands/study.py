@@ -37,9 +37,9 @@ class RunStudy:
 
     name: Name
 
-    budget: str = ""
-    """Stop in time: begin no case that would probably end later, for example 60s, 20min or 2h. The cases
-    that matter most come first. Empty: all cases."""
+    time_budget: str | None = None
+    """Start no case that would likely end later than this, for example 60s, 20min or 2h. The most important
+    cases come first. Default: no limit."""
 
     out: Path | None = None
     """Folder of the results and the report. Default: out/study/NAME."""
@@ -58,7 +58,7 @@ class RunStudy:
 
     def __post_init__(self) -> None:
         find_study(self.name)
-        seconds_of(self.budget, "--budget")
+        seconds_of(self.time_budget or "", "--time-budget")
         for name in ("objects", "seeds", "iterations", "workers"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -79,7 +79,7 @@ class RunStudy:
             folder,
             measure=run_case,
             workers=self.workers,
-            budget=seconds_of(self.budget, "--budget"),
+            budget=seconds_of(self.time_budget or "", "--time-budget"),
         )
         return f"{outcome}\nreport: {write_report(study, folder)}"
 

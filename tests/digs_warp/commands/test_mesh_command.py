@@ -77,7 +77,7 @@ def distances_mm(text: str) -> tuple[float, float]:
 
 
 def test_the_mesh_of_the_built_in_object_lies_on_it(built_in: Path, tmp_path: Path, capsys) -> None:
-    code, text = run(capsys, built_in, "--out", tmp_path / "a.glb", "--voxel", 0.006)
+    code, text = run(capsys, built_in, "--out", tmp_path / "a.glb", "--voxel-size", 0.006)
     assert code == EXIT_OK, text
     assert "32 views, voxels of 6.00 mm" in text
     chamfer, to_truth = distances_mm(text)
@@ -92,7 +92,7 @@ def test_a_shifted_reconstruction_is_found_out(built_in: Path, tmp_path: Path, c
     gaussians = Gaussians.load(built_in / "reconstruction/gaussians.npz")
     gaussians.means[:, 2] += 0.03
     gaussians.save(tmp_path / "moved.npz")
-    arguments = [tmp_path / "moved.npz", "--capture", built_in / "capture", "--voxel", 0.006]
+    arguments = [tmp_path / "moved.npz", "--capture", built_in / "capture", "--voxel-size", 0.006]
     code, text = run(capsys, *arguments, "--out", tmp_path / "a.glb")
     assert code == EXIT_OK, text
     assert distances_mm(text)[1] > 9
@@ -101,7 +101,7 @@ def test_a_shifted_reconstruction_is_found_out(built_in: Path, tmp_path: Path, c
 def test_without_a_capture_rings_of_cameras_look(tmp_path: Path, capsys) -> None:
     ball(3000).save(tmp_path / "a.npz")
     code, text = run(
-        capsys, tmp_path / "a.npz", "--out", tmp_path / "a.ply", "--voxel", 0.02, "--views", 12
+        capsys, tmp_path / "a.npz", "--out", tmp_path / "a.ply", "--voxel-size", 0.02, "--views", 12
     )
     assert code == EXIT_OK, text
     assert "12 views" in text
@@ -112,7 +112,7 @@ def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, 
     write_tiny_capture(tmp_path / "capture", frames=8)
     ball(3000).save(tmp_path / "reconstruction/gaussians.npz")
     code, text = run(
-        capsys, tmp_path / "reconstruction", "--out", tmp_path / "a.ply", "--voxel", 0.02
+        capsys, tmp_path / "reconstruction", "--out", tmp_path / "a.ply", "--voxel-size", 0.02
     )
     assert code == EXIT_OK, text
     assert "8 views" in text
@@ -136,7 +136,7 @@ def test_a_mesh_that_is_gone_is_no_reason_to_fail(
     write_tiny_capture(tmp_path / "capture", frames=8)
     RunLog("simulate", {"mesh": "gone.glb"}).save(tmp_path / "capture/run.json")
     ball(3000).save(tmp_path / "a.npz")
-    code, text = run(capsys, tmp_path / "a.npz", "--out", tmp_path / "a.ply", "--voxel", 0.02)
+    code, text = run(capsys, tmp_path / "a.npz", "--out", tmp_path / "a.ply", "--voxel-size", 0.02)
     assert code == EXIT_OK, text
     assert "no longer there" in text
 
@@ -146,9 +146,9 @@ def test_a_mesh_that_is_gone_is_no_reason_to_fail(
     [
         (["--out", "a.obj"], EXIT_BAD_INPUT, "expected .glb or .ply"),
         (["--out", "a.glb", "--capture", "none"], EXIT_BAD_INPUT, "no such folder"),
-        (["--out", "a.glb", "--voxel", "0"], EXIT_WRONG_USAGE, "--voxel"),
+        (["--out", "a.glb", "--voxel-size", "0"], EXIT_WRONG_USAGE, "--voxel"),
         (["--out", "a.glb", "--views", "2"], EXIT_WRONG_USAGE, "at least 3"),
-        (["--out", "a.glb", "--voxel", "1e-6"], EXIT_BAD_INPUT, "use at least"),
+        (["--out", "a.glb", "--voxel-size", "1e-6"], EXIT_BAD_INPUT, "use at least"),
     ],
 )
 def test_what_cannot_be_done_is_said(

@@ -16,10 +16,10 @@ from digs_warp.record.durations import seconds_of
     ],
 )
 def test_durations_are_read(text: str, seconds: float) -> None:
-    assert seconds_of(text, "--budget") == seconds
+    assert seconds_of(text, "--time-budget") == seconds
 
 
 @pytest.mark.parametrize("text", ["0", "0s", "-5s", "fast", "5 days", "1e3s", "min", "5minutes"])
 def test_what_is_no_duration_is_refused_by_name(text: str) -> None:
-    with pytest.raises(DigsError, match=r"--budget: .* such as 60s, 20min or 2h"):
-        seconds_of(text, "--budget")
+    with pytest.raises(DigsError, match=r"--time-budget: .* such as 60s, 20min or 2h"):
+        seconds_of(text, "--time-budget")

@@ -46,15 +46,15 @@ def test_settings_are_recommended_within_a_time(
             record["yardstick"]["psnr"] = 45.0
         store.add(record)
     folder = ["--study", str(tmp_path)]
-    assert main(["recommend", "--budget", "50s", *folder]) == 0
+    assert main(["recommend", "--time-budget", "50s", *folder]) == 0
     quick = capsys.readouterr().out
     assert "frames 24" in quick and "--iterations 500" in quick
-    assert main(["recommend", "--budget", "5m", *folder]) == 0
+    assert main(["recommend", "--time-budget", "5m", *folder]) == 0
     slow = capsys.readouterr().out
     assert "--iterations 2000" in slow and "35.00 dB" in slow
     command = next(line for line in slow.splitlines() if line.startswith("command"))
     cli.parse(shlex.split(command)[2:])
-    assert main(["recommend", "--budget", "1s", *folder]) != 0
+    assert main(["recommend", "--time-budget", "1s", *folder]) != 0
     assert "nothing that" in capsys.readouterr().err
 
 
@@ -63,14 +63,14 @@ def test_without_a_study_of_ones_own_the_published_one_is_taken(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("digs_warp.commands.recommend.PUBLISHED", tmp_path / "published")
-    assert main(["recommend", "--budget", "50s"]) == 1
+    assert main(["recommend", "--time-budget", "50s"]) == 1
     assert "digs-warp study run tradeoff --out out/study/tradeoff" in capsys.readouterr().err
     for folder, psnr in (("published", 20.0), ("out/study/tradeoff", 40.0)):
         case = BY_NAME["tradeoff"].cases(1, 1, 500)[0]
         record = record_of(case, 0) | {"recording": {"frames": 40}, "reconstruction": {}}
         record["yardstick"]["psnr"] = psnr
         Store(tmp_path / folder).add(record)
-        assert main(["recommend", "--budget", "50s"]) == 0
+        assert main(["recommend", "--time-budget", "50s"]) == 0
         assert f"{psnr:.2f} dB" in capsys.readouterr().out
 
 
@@ -120,7 +120,7 @@ def test_all_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_budget_leaves_out_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nothing fits into a tenth of a microsecond: the folder stays empty, and the report says so."""
-    arguments = ["study", "run", "segmentation", "--budget", "0.0000001s"]
+    arguments = ["study", "run", "segmentation", "--time-budget", "0.0000001s"]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
     assert "no case ended well: there are none" in capsys.readouterr().err
 
@@ -142,7 +142,11 @@ def test_an_interrupted_study_says_how_to_go_on(
     "arguments",
     [
         *(["run", "nothing"], ["report", "nothing"], ["run", "tradeoff", "--workers", "0"]),
-        *(["run", "tradeoff", "--budget", "0s"], ["run", "tradeoff", "--budget", "soon"], ["draw"]),
+        *(
+            ["run", "tradeoff", "--time-budget", "0s"],
+            ["run", "tradeoff", "--time-budget", "soon"],
+            ["draw"],
+        ),
     ],
 )
 def test_unknown_studies_and_numbers_are_refused(arguments: list[str]) -> None:
