@@ -45,8 +45,8 @@ _PROGRESS_LAYER = "progress.usdc"
 
 
 @dataclass(frozen=True, eq=False)
-class Reconstruction:
-    """One way in which the capture was reconstructed: a variant of the set ``init``.
+class SceneVariant:
+    """One reconstruction of the capture: a variant of the set ``init``.
 
     Attributes:
         name: such as the initialization; becomes the name of the variant.
@@ -66,16 +66,16 @@ class CaptureScene:
     """What goes into the package of one capture; all in our world (z up, metres).
 
     Attributes:
-        reconstructions: at least one; the first is shown by default.
+        variants: one for each reconstruction, at least one; the first is shown by default.
         cameras: the views of the recording, if known.
         source_mesh: the recorded object, where it was simulated.
-        surface: the surface extracted from the first reconstruction.
-        course: (training iterations, Gaussians) of the first reconstruction, ascending; stored without
-            view dependence.
+        surface: the surface extracted from the first variant.
+        course: (training iterations, Gaussians) of the first variant, ascending; stored without view
+            dependence.
         metadata: JSON-like provenance of the whole, as in `digs_warp.usd.writer.write_gaussians`.
     """
 
-    reconstructions: tuple[Reconstruction, ...]
+    variants: tuple[SceneVariant, ...]
     cameras: CameraPath | None = None
     source_mesh: TriangleMesh | None = None
     surface: TriangleMesh | None = None
@@ -83,13 +83,12 @@ class CaptureScene:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        variants = variant_names([each.name for each in self.reconstructions])
-        if not variants:
+        labels = variant_names([each.name for each in self.variants])
+        if not labels:
             raise UsdError("capture scene: no reconstruction, expected at least one")
-        if len(set(variants)) < len(variants):
+        if len(set(labels)) < len(labels):
             raise UsdError(
-                f"capture scene: reconstructions named {', '.join(variants)}; expected a name of its own "
-                "for each"
+                f"capture scene: reconstructions named {', '.join(labels)}; expected different names"
             )
         iterations = [iteration for iteration, _ in self.course]
         if iterations != sorted(set(iterations)):
@@ -115,7 +114,7 @@ def write_capture_scene(
     Args:
         path: a ``.usdz`` file; its folder is created when missing.
         scene: what goes in.
-        options: precision and degree of all reconstructions.
+        options: precision and degree of all variants.
 
     Raises:
         UsdError: another suffix, NaN or infinite values, metadata without a JSON form, 4 GiB or more, or
@@ -132,19 +131,19 @@ def write_capture_scene(
     with package_folder(path) as folder:
         root = Sdf.Layer.CreateNew(str(folder / names.PACKAGE_ROOT))
         stage = begin_asset(scene.metadata, root)
-        variants = variant_names([each.name for each in scene.reconstructions])
+        labels = variant_names([each.name for each in scene.variants])
         boxes = []
-        total = len(variants) * len(LEVELS) + len(scene.course)
+        total = len(labels) * len(LEVELS) + len(scene.course)
         with progress(total, "Writing the scene", "layer") as bar:
-            for variant, each in zip(variants, scene.reconstructions, strict=True):
+            for label, each in zip(labels, scene.variants, strict=True):
                 extents = [
-                    _write_payload(folder / _payload_name(variant, level), each, share, options)
+                    _write_payload(folder / _payload_name(label, level), each, share, options)
                     for level, share in LEVELS.items()
                 ]
                 boxes.append(extents[0])
-                _author_variant(stage, variant, each)
+                _author_variant(stage, label, each)
                 bar.update(len(LEVELS))
-            _select_first(stage, variants[0])
+            _select_first(stage, labels[0])
             if scene.cameras is not None:
                 author_cameras(stage, scene.cameras, _union(boxes))
             if scene.course:
@@ -169,7 +168,7 @@ def _payload_name(variant: str, level: str) -> str:
 
 
 def _write_payload(
-    target: Path, each: Reconstruction, share: float, options: WriteOptions
+    target: Path, each: SceneVariant, share: float, options: WriteOptions
 ) -> np.ndarray:
     """Write one level of detail of a reconstruction; return its extent in the asset's frame."""
     what = f"Gaussians of '{each.name}'"
@@ -185,7 +184,7 @@ def _begin_payload() -> "tuple[Usd.Stage, Usd.Prim]":
     return stage, prim
 
 
-def _author_variant(stage: "Usd.Stage", variant: str, each: Reconstruction) -> None:
+def _author_variant(stage: "Usd.Stage", variant: str, each: SceneVariant) -> None:
     """Author one reconstruction: its levels, its initial points, what is known about it."""
     asset = stage.GetDefaultPrim()
     inits = asset.GetVariantSets().AddVariantSet(names.INIT_SET)

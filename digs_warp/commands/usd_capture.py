@@ -16,7 +16,7 @@ from digs_warp.record.layout import EVALUATION, GAUSSIANS, INITIAL_POINTS, RUN_R
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.usd.cameras import CameraPath
-    from digs_warp.usd.capture_scene import Reconstruction
+    from digs_warp.usd.capture_scene import SceneVariant
     from digs_warp.usd.writer import WriteOptions
 
 logger = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ def write_capture_package(
         _reconstruction(folder, name) for folder, name in zip(reconstructions, names, strict=True)
     )
     scene = CaptureScene(
-        reconstructions=each,
+        variants=each,
         cameras=_camera_path(capture, reconstructions[0]),
         source_mesh=_source_mesh(capture_folder),
         surface=_surface(each[0], reconstructions[0], capture_folder) if surface else None,
@@ -98,17 +98,17 @@ def variant_labels(reconstructions: Sequence[Path]) -> list[str]:
     ]
 
 
-def _reconstruction(folder: Path, name: str) -> "Reconstruction":
+def _reconstruction(folder: Path, name: str) -> "SceneVariant":
     from digs_warp.data.gaussians import Gaussians
     from digs_warp.data.point_cloud import PointCloud
-    from digs_warp.usd.capture_scene import Reconstruction
+    from digs_warp.usd.capture_scene import SceneVariant
 
     points = (
         PointCloud.load(folder / INITIAL_POINTS) if (folder / INITIAL_POINTS).is_file() else None
     )
     metadata = scene_metadata(folder)
     own = {key: metadata[key] for key in ("settings", "held_out") if key in metadata}
-    return Reconstruction(name, Gaussians.load(folder / GAUSSIANS), points, own)
+    return SceneVariant(name, Gaussians.load(folder / GAUSSIANS), points, own)
 
 
 def _camera_path(capture: Capture, reconstruction: Path) -> "CameraPath | None":
@@ -150,7 +150,7 @@ def _source_mesh(capture_folder: Path) -> "TriangleMesh | None":
         return None
 
 
-def _surface(shown: "Reconstruction", folder: Path, capture_folder: Path) -> "TriangleMesh":
+def _surface(shown: "SceneVariant", folder: Path, capture_folder: Path) -> "TriangleMesh":
     from digs_warp.commands.extract_mesh import extract_mesh
 
     return extract_mesh(shown.gaussians, folder, capture_folder).mesh

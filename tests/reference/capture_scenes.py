@@ -8,7 +8,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry import look_at
 from digs_warp.usd.cameras import CameraPath
-from digs_warp.usd.capture_scene import CaptureScene, Reconstruction
+from digs_warp.usd.capture_scene import CaptureScene, SceneVariant
 
 BASELINE = 0.05
 KERNEL = {"dilation_px2": 0.3, "min_alpha": 1 / 255, "max_alpha": 0.99}
@@ -58,10 +58,10 @@ def tetrahedron() -> TriangleMesh:
 
 def full_scene(count: int = 40) -> CaptureScene:
     return CaptureScene(
-        reconstructions=(
-            Reconstruction("depth", splats(count, 1), cloud(30), {"psnr": 31.5}),
-            Reconstruction("random points", splats(count // 2, 2), cloud(20), {"psnr": 24.0}),
-            Reconstruction("sfm", splats(1, 3)),
+        variants=(
+            SceneVariant("depth", splats(count, 1), cloud(30), {"psnr": 31.5}),
+            SceneVariant("random points", splats(count // 2, 2), cloud(20), {"psnr": 24.0}),
+            SceneVariant("sfm", splats(1, 3)),
         ),
         cameras=camera_path(),
         source_mesh=tetrahedron(),

@@ -206,7 +206,7 @@ def test_without_a_driver_the_message_names_the_packages_and_the_folder_is_untou
     """A fresh process in which EGL finds no vendor's driver."""
     code = (
         "import sys; from pathlib import Path\n"
-        "from sim.record import SimulateConfig, simulate\n"
+        "from digs_warp.sim.record import SimulateConfig, simulate\n"
         "simulate(SimulateConfig(renderer='gl', frames=1, width=8), Path(sys.argv[1]))\n"
     )
     without = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from digs_warp.checks import UsdError
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.splat.render import render
-from digs_warp.usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
+from digs_warp.usd.capture_scene import CaptureScene, SceneVariant, write_capture_scene
 from digs_warp.usd.lod import LEVELS, level_of_detail
 from digs_warp.usd.reader import ReadOptions, read_scene
 from digs_warp.usd.writer import WriteOptions
@@ -52,7 +52,7 @@ def test_default_composition_shows_one_field_of_the_first_reconstruction(package
 
 def test_every_variant_holds_its_reconstruction_and_its_level(package: Path):
     scene = full_scene()
-    for each, variant in zip(scene.reconstructions, ("depth", "random_points", "sfm"), strict=True):
+    for each, variant in zip(scene.variants, ("depth", "random_points", "sfm"), strict=True):
         for level, share in LEVELS.items():
             options = ReadOptions(variants={"init": variant, "lod": level})
             read = read_scene(package, options=options).gaussians
@@ -109,7 +109,7 @@ def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path, zoom: float):
 
     views = camera_path(zoom=zoom)
     path = tmp_path / "scene.usdz"
-    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(5)),), cameras=views))
+    write_capture_scene(path, CaptureScene((SceneVariant("a", splats(5)),), cameras=views))
     stage = open_stage(path)
     points = np.random.default_rng(0).uniform(-0.2, 0.2, (200, 3))
     for role, shift in (("left", 0.0), ("right", BASELINE)):
@@ -126,7 +126,7 @@ def test_usd_cameras_see_every_point_where_ours_do(tmp_path: Path, zoom: float):
 def test_lens_is_animated_only_where_it_changes(tmp_path: Path):
     for zoom, samples in ((0.0, 0), (3.0, 9)):
         path = tmp_path / f"zoom{zoom}.usdz"
-        scene = CaptureScene((Reconstruction("a", splats(5)),), cameras=camera_path(zoom=zoom))
+        scene = CaptureScene((SceneVariant("a", splats(5)),), cameras=camera_path(zoom=zoom))
         write_capture_scene(path, scene)
         stage = open_stage(path)
         focal = stage.GetPrimAtPath("/Asset/Rig/left").GetAttribute("focalLength")
@@ -164,7 +164,7 @@ def test_between_two_views_the_camera_turns_along_the_shorter_arc(package: Path)
 def test_a_single_camera_is_no_stereo_rig(tmp_path: Path):
     path = tmp_path / "scene.usdz"
     views = camera_path(views=1, baseline=None)
-    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(5)),), cameras=views))
+    write_capture_scene(path, CaptureScene((SceneVariant("a", splats(5)),), cameras=views))
     stage = open_stage(path)
     rig = stage.GetPrimAtPath("/Asset/Rig")
     assert [p.GetName() for p in rig.GetChildren()] == ["mono"]
@@ -200,7 +200,7 @@ def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
         camera = scene.cameras.cameras[view] if scene.cameras else None
         assert camera
         ours = render(
-            scene.reconstructions[0].gaussians,
+            scene.variants[0].gaussians,
             camera.shifted_right(BASELINE if role == "right" else 0.0),
             background=background,
         )
@@ -255,11 +255,11 @@ def test_same_scene_gives_the_same_bytes_and_touches_no_other_file(tmp_path: Pat
 
 def test_a_failed_write_leaves_the_old_scene_and_nothing_else(tmp_path: Path):
     path = tmp_path / "scene.usdz"
-    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(5)),)))
+    write_capture_scene(path, CaptureScene((SceneVariant("a", splats(5)),)))
     before = path.read_bytes()
     broken = splats(6)
     broken.means[2] = np.nan
-    scene = CaptureScene((Reconstruction("a", splats(5)), Reconstruction("bad one", broken)))
+    scene = CaptureScene((SceneVariant("a", splats(5)), SceneVariant("bad one", broken)))
     with pytest.raises(UsdError, match=r"'bad one': 1 of 6 splats hold NaN"):
         write_capture_scene(path, scene)
     assert path.read_bytes() == before
@@ -269,7 +269,7 @@ def test_a_failed_write_leaves_the_old_scene_and_nothing_else(tmp_path: Path):
 def test_scenes_without_splats_are_fine(tmp_path: Path):
     path = tmp_path / "scene.usdz"
     scene = CaptureScene(
-        (Reconstruction("a", splats(0)),), cameras=camera_path(), course=((0, splats(0)),)
+        (SceneVariant("a", splats(0)),), cameras=camera_path(), course=((0, splats(0)),)
     )
     write_capture_scene(path, scene)
     assert len(read_scene(path).gaussians) == 0
@@ -277,17 +277,15 @@ def test_scenes_without_splats_are_fine(tmp_path: Path):
 
 def test_other_suffixes_are_refused(tmp_path: Path):
     with pytest.raises(UsdError, match=r"expected \.usdz"):
-        write_capture_scene(
-            tmp_path / "scene.usdc", CaptureScene((Reconstruction("a", splats(1)),))
-        )
+        write_capture_scene(tmp_path / "scene.usdc", CaptureScene((SceneVariant("a", splats(1)),)))
 
 
 def test_scenes_that_make_no_sense_are_refused():
-    one = Reconstruction("a b", splats(1))
+    one = SceneVariant("a b", splats(1))
     with pytest.raises(UsdError, match="no reconstruction"):
         CaptureScene(())
-    with pytest.raises(UsdError, match="a_b, a_b; expected a name of its own"):
-        CaptureScene((one, Reconstruction("a_b", splats(1))))
+    with pytest.raises(UsdError, match="a_b, a_b; expected different names"):
+        CaptureScene((one, SceneVariant("a_b", splats(1))))
     with pytest.raises(UsdError, match=r"iterations \[5, 5\]"):
         CaptureScene((one,), course=((5, splats(1)), (5, splats(1))))
     views = camera_path(views=2)

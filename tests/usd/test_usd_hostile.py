@@ -13,7 +13,7 @@ import pytest
 
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene
+from digs_warp.usd.capture_scene import CaptureScene, SceneVariant, write_capture_scene
 from digs_warp.usd.memory_guard import HEADROOM, limited_memory
 from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.writer import write_gaussians
@@ -44,7 +44,7 @@ def test_mutations_differ_by_seed_and_repeat():
 
 
 def write_one(path: Path, gaussians: Gaussians) -> None:
-    write_capture_scene(path, CaptureScene((Reconstruction("a", gaussians),)))
+    write_capture_scene(path, CaptureScene((SceneVariant("a", gaussians),)))
 
 
 def package(names: list[str], content: bytes = b"#usda 1.0\n", **options) -> bytes:
@@ -134,18 +134,18 @@ def test_places_that_cannot_be_written_are_an_error_that_names_them(
 
 def test_a_capture_that_does_not_fit_on_the_disk_leaves_the_old_scene(tmp_path: Path):
     path = tmp_path / "scene.usdz"
-    write_capture_scene(path, CaptureScene((Reconstruction("a", splats(3)),)))
+    write_capture_scene(path, CaptureScene((SceneVariant("a", splats(3)),)))
     before = path.read_bytes()
     # The system refuses files of more than 100 kB to this process.
     program = (
         "import resource, signal, sys; from pathlib import Path\n"
         f"sys.path[:0] = {sys.path!r}\n"
         "from digs_warp.checks import UsdError; from reference.capture_scenes import splats\n"
-        "from usd.capture_scene import CaptureScene, Reconstruction, write_capture_scene\n"
+        "from digs_warp.usd.capture_scene import CaptureScene, SceneVariant, write_capture_scene\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
         "try:\n"
-        "    scene = CaptureScene((Reconstruction('a', splats(1500)),))\n"
+        "    scene = CaptureScene((SceneVariant('a', splats(1500)),))\n"
         f"    write_capture_scene(Path({str(path)!r}), scene)\n"
         "except UsdError as error:\n"
         "    print(error)\n"

@@ -31,7 +31,7 @@ def test_same_input_gives_the_same_bytes_in_another_process(
     there = tmp_path / f"there{suffix}"
     program = (
         "from pathlib import Path; from digs_warp.data.gaussians import Gaussians\n"
-        "from usd.writer import WriteOptions, write_gaussians\n"
+        "from digs_warp.usd.writer import WriteOptions, write_gaussians\n"
         f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
         f"write_gaussians(Path({str(there)!r}), gaussians,"
         " {'b': 1, 'a': {'d': [1.5], 'c': 'text'}})\n"
@@ -90,7 +90,7 @@ def test_a_write_that_runs_out_of_space_leaves_the_old_file(
     program = (
         "import resource, signal; from pathlib import Path\n"
         "from digs_warp.checks import UsdError; from digs_warp.data.gaussians import Gaussians\n"
-        "from usd.writer import WriteOptions, write_gaussians\n"
+        "from digs_warp.usd.writer import WriteOptions, write_gaussians\n"
         f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
