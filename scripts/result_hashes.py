@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Hash everything that three small runs leave behind; a refactoring must not change a single hash.
 
     python scripts/result_hashes.py before.json      # at the old commit

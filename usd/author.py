@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """What every scene of ours is made of: a Y-up, metric asset with provenance, and fields of splats."""
 
 import json

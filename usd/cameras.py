@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """The camera path of a recording as animated ``UsdGeomCamera`` prims with true intrinsics.
 
 USD cameras look along -z with y up, and describe the image by a film back (aperture), a focal length and

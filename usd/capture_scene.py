@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """One package per capture: reconstructions and levels of detail as variants, the camera rig, its sources.
 
 ::

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """A field of Gaussian splats in a stage: finding the prim, its attributes as NumPy arrays.
 
 Attributes are found by name, so that files open in versions of USD that do not know the splat schema.

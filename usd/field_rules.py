@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Rules for fields of splats and for whole stages; `digs_warp.usd.splat_rules` checks the values."""
 
 from collections.abc import Iterator

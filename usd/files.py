@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """USD files on disk: open one with a readable error, write one so that it is complete or not there."""
 
 import os

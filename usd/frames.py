@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """The frames of a USD stage and of our world (z up, metres), and the way from one to the other.
 
 Matrices are (4, 4) and act on column vectors, ``points_b = b_from_a @ points_a``; `pxr.Gf` matrices act

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """What a USD scene of Gaussians holds, without loading the arrays."""
 
 from pathlib import Path

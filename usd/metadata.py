@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """JSON-like metadata <-> dictionaries of a USD layer.
 
 USD dictionaries hold booleans, numbers, text, dictionaries and arrays of one type. What they cannot

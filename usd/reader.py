@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Reads Gaussians from a USD scene, ours or another program's, into our world."""
 
 from collections.abc import Mapping, Sequence

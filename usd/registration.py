@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Our rules as validators of UsdValidation, for everything in this process that validates scenes."""
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Points and meshes in our scenes: helper geometry, so that no viewer draws it over the splats."""
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Writes a layer with a field of splats, piece by piece and on all cores, straight to the file.
 
 The USD library writes the layer with one splat; `digs_warp.usd.crate_splice` exchanges it for all of

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Looks at the frame of a USD file before the USD library maps it: sizes and offsets that cannot be.
 
 A crate (``.usdc``) begins with a header that points to a table of sections; a package (``.usdz``) ends with a

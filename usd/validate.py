@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Checks a USD scene: our rules for splats, the validators of OpenUSD, NVIDIA's rule where it is installed.
 
 `digs_warp.usd.registration` gives the same rules to everything else that validates scenes in this process.

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Variant sets of a stage: choosing by name, and going through all combinations.
 
 Choices are made in the session layer: the file does not change.

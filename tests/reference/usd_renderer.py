@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """A float64 renderer of USD files: everything it knows comes from the file and from `pxr`.
 
 It shares no code with the package: attributes and metadata are read by their names, pixels come from the

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 import hashlib
 import zipfile
 from dataclasses import replace

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """From the folders of a reconstruction to the package of its capture, by the command."""
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """The binary format: what we read of it is what the USD library wrote; broken tables are refused."""
 
 import random

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """Files laid out as other exporters lay theirs out come to the same Gaussians.
 
 The layouts: usd-convert-gsplat 0.1.15 (root prim, text in .usdz), 3dgrut (features half, a package of

@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """The files that the writer leaves: their bytes and members, and what happens to those that are there."""
 
 import hashlib

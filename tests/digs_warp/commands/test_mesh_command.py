@@ -1,5 +1,3 @@
-# pxr comes without type stubs:
-# pyright: reportAttributeAccessIssue=false
 """`digs-warp mesh`: from a simulated capture to a mesh that is held against the recorded one."""
 
 import re
