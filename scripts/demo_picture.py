@@ -47,7 +47,7 @@ def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
     """Colour the depth of the object's surroundings; near is bright."""
     depth = frame.load_depth()
     distance = np.linalg.norm(frame.camera.center_world)
-    reach = float(capture.metadata["object_radius"])
+    reach = capture.about.object_radius or 0.0
     shade = (distance + reach - depth) / (2 * reach)
     colors = plt.get_cmap("viridis")(np.clip(np.nan_to_num(shade), 0, 1))[..., :3]
     return colors

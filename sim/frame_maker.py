@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.capture_writer import BASIC_LAYERS, FrameImages
+from digs_warp.data.capture_writer import FrameImages
 from digs_warp.data.images import to_uint8
+from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.record.run_log import timed
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.color.recorded import recorded_images
@@ -15,10 +16,10 @@ from digs_warp.sim.sensor_plan import SensorPlan
 from digs_warp.sim.session import Session
 
 
-def layers_of(config: SimulateConfig) -> tuple[str, ...]:
-    """Return the layers that a recording writes for every frame, as keys of transforms.json."""
-    sensor = ("cause_file_path", "confidence_file_path") if config.plans_effects else ()
-    normals = ("normals_file_path",) if config.normals else ()
+def layers_of(config: SimulateConfig) -> tuple[Layer, ...]:
+    """Return the layers that a recording writes for every frame."""
+    sensor = (Layer.CAUSE, Layer.CONFIDENCE) if config.plans_effects else ()
+    normals = (Layer.NORMALS,) if config.normals else ()
     return (*BASIC_LAYERS, *sensor, *normals)
 
 

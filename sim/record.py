@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, file_hashes
 from digs_warp.record.files import read_json, to_json, write_atomically
@@ -67,7 +68,7 @@ def simulate(
             write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json()).encode())
         writer = CaptureWriter(folder, session.rig.intrinsics, Rig(session.rig.baseline))
         _record(FrameMaker(session, plan), writer, log, record)
-        capture = writer.finish(_metadata(session, plan))
+        capture = writer.finish(_about(session, plan))
         log.results = {
             "frames": len(capture),
             "seed": config.seed,
@@ -150,22 +151,25 @@ def _finish(maker: FrameMaker, frame: RenderedFrame, writer: CaptureWriter) -> d
     return seconds
 
 
-def _metadata(session: Session, plan: SensorPlan) -> dict[str, Any]:
-    """Return what the index tells of the recording."""
+def _about(session: Session, plan: SensorPlan) -> About:
+    """Return the facts about the recording for its index."""
     config = session.config
-    about: dict[str, Any] = {
-        "tier": config.tier,
-        "seed": config.seed,
-        "object_radius": session.scene.radius,
-        "surround_radius": session.environment.radius,
-        "exposure": session.renderer.exposure,
-        "sensor": {k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
-    }
-    if config.plans_effects:
-        about["readout_time"] = plan.shutter(session.rig, config.strength).readout_time
-        about["effects"] = plan.effects_on
-        about["cause_labels"] = {str(cause.value): cause.name.lower() for cause in Cause}
-    return about
+    about = About(
+        tier=config.tier,
+        seed=config.seed,
+        object_radius=session.scene.radius,
+        surround_radius=session.environment.radius,
+        exposure=session.renderer.exposure,
+        sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
+    )
+    if not config.plans_effects:
+        return about
+    return replace(
+        about,
+        readout_time=plan.shutter(session.rig, config.strength).readout_time,
+        effects=plan.effects_on,
+        cause_labels={cause.value: cause.name.lower() for cause in Cause},
+    )
 
 
 def _profile_record(profile: Profile) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 
 if TYPE_CHECKING:
     from digs_warp.camera import Camera
@@ -84,7 +85,7 @@ def _look_from(
     if capture is None:
         return _evenly(_rings(scene), views), None
     chosen = _evenly(_frames_of(capture, reconstruction), views)
-    masked = all(frame.has("mask_path") for frame in chosen)
+    masked = all(frame.has(Layer.MASK) for frame in chosen)
     return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
 
 

@@ -10,16 +10,9 @@ from digs_warp.commands.facts import Facts
 from digs_warp.commands.quality import read_quality
 from digs_warp.data.capture import Frame, read_capture
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.layers import Layer
 from digs_warp.record import layout
 from digs_warp.record.files import read_json
-
-_LAYER_NAMES = {
-    "file_path": "left image",
-    "right_file_path": "right image",
-    "depth_file_path": "depth",
-    "depth_true_file_path": "true depth",
-    "mask_path": "mask",
-}
 
 
 def of_capture(folder: Path) -> Facts:
@@ -34,7 +27,7 @@ def of_capture(folder: Path) -> Facts:
         "image size": f"{k.width} x {k.height}",
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
         "baseline": f"{capture.rig.baseline * 1e3:.1f} mm" if capture.rig else "none (one camera)",
-        "layers": ", ".join(name for key, name in _LAYER_NAMES.items() if first.has(key)),
+        "layers": ", ".join(layer.label for layer in Layer if first.has(layer)),
         "camera path": _extent(np.stack([f.camera.center_world for f in capture.frames]))
         if capture.knows_poses
         else "unknown; reconstruct with --poses sfm",
@@ -44,9 +37,9 @@ def of_capture(folder: Path) -> Facts:
 
 def _of_frame(frame: Frame) -> Facts:
     facts: Facts = {}
-    if frame.has("mask_path"):
+    if frame.has(Layer.MASK):
         facts["object"] = f"{(frame.load_mask() > 127).mean():.1%} of the first image"
-    if frame.has("depth_file_path"):
+    if frame.has(Layer.DEPTH):
         depth = frame.load_depth()
         known = np.isfinite(depth)
         facts["depth"] = f"known at {known.mean():.1%} of the first image's pixels"

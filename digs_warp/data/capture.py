@@ -5,7 +5,8 @@ theirs. Pixels are loaded when asked for. The layout is described in docs/captur
 `digs_warp.data.capture_writer` writes it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,24 +15,17 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, check_positive, require_folder
+from digs_warp.data.about import About, read_about
 from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import read_json
 
 INDEX_NAME = "transforms.json"
 OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
-# Key in transforms.json -> what it is called in messages.
-_LABELS = {
-    "file_path": "image",
-    "right_file_path": "right image",
-    "depth_file_path": "depth",
-    "depth_true_file_path": "true depth",
-    "mask_path": "mask",
-    "cause_file_path": "cause",
-    "confidence_file_path": "confidence",
-    "normals_file_path": "normals",
-}
+# Where a layer's pixels are: a file, or an array with what the file would hold.
+PixelSource = Path | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -43,113 +37,143 @@ class Rig:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One moment of a recording: the left camera, the time [s], and where its files lie.
+    """One moment of a recording: the left camera, the time [s], and where its pixels are.
 
-    ``files`` maps the keys of transforms.json to paths; only ``file_path`` is always there.
+    ``layers`` has a file or an array for each layer of the frame; only `Layer.IMAGE` is always there. An
+    array holds what the file would hold (8 bits of sRGB, 8 bits of mask, float32 metres of depth, ...), so
+    both are decoded by the same code.
     """
 
     name: str
     camera: Camera
     time: float
-    files: dict[str, Path]
+    layers: Mapping[Layer, PixelSource]
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
-        return self._load_rgb("file_path")
+        return self._load_rgb(Layer.IMAGE)
 
     def load_right_image(self) -> np.ndarray:
         """Return the right image, sRGB, shape (height, width, 3), uint8."""
-        return self._load_rgb("right_file_path")
+        return self._load_rgb(Layer.RIGHT)
 
     def load_depth(self) -> np.ndarray:
         """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
-        return self._load_depth("depth_file_path")
+        return self._load_depth(Layer.DEPTH)
 
     def load_depth_true(self) -> np.ndarray:
         """Return the true planar depth [m], shape (height, width), float32, NaN where unknown."""
-        return self._load_depth("depth_true_file_path")
+        return self._load_depth(Layer.DEPTH_TRUE)
 
     def load_mask(self) -> np.ndarray:
         """Return the object mask, 0..255, shape (height, width), uint8."""
-        return self._load_grey("mask_path")
+        return self._load_grey(Layer.MASK)
 
     def load_cause(self) -> np.ndarray:
         """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0: it is neither.
 
-        The capture's ``cause_labels`` (in its metadata) names the values.
+        `About.cause_labels` of the capture names the values.
         """
-        return self._load_grey("cause_file_path")
+        return self._load_grey(Layer.CAUSE)
 
     def load_confidence(self) -> np.ndarray:
         """Return the sensor's trust in its depth, 0 to 1, shape (height, width), float32."""
-        return self._load_grey("confidence_file_path").astype(np.float32) / np.float32(255)
+        return self._load_grey(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
 
     def load_normals(self) -> np.ndarray:
         """Return true unit normals in the world, toward the viewer, (height, width, 3), float32."""
-        pixels = self._load("normals_file_path")
+        pixels = self._load(Layer.NORMALS)
         if pixels.dtype != np.float32 or pixels.shape[2] != 3:
             raise CaptureError(
-                f"normals '{self.files['normals_file_path']}': {pixels.shape[2]} channels of "
-                f"{pixels.dtype}, expected a float EXR with x, y, z"
+                f"{self._where(Layer.NORMALS)}: {pixels.shape[2]} channels of {pixels.dtype}, expected a "
+                "float EXR with x, y, z"
             )
         return pixels
 
-    def has(self, key: str) -> bool:
-        """Whether the index names a file for ``key`` (such as "mask_path")."""
-        return key in self.files
+    def has(self, layer: Layer) -> bool:
+        """Whether the frame has this layer."""
+        return layer in self.layers
 
-    def _load_rgb(self, key: str) -> np.ndarray:
-        pixels = self._load(key)
+    def path(self, layer: Layer) -> Path:
+        """Return the file of a layer.
+
+        Raises:
+            CaptureError: the frame lacks the layer, or holds it in memory.
+        """
+        source = self._source(layer)
+        if isinstance(source, Path):
+            return source
+        raise CaptureError(f"{self._where(layer)}: in memory, expected a file; give --out a folder")
+
+    def with_layer(self, layer: Layer, source: PixelSource) -> "Frame":
+        """Return the frame with another source of a layer."""
+        return replace(self, layers={**self.layers, layer: source})
+
+    def _load_rgb(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
         if pixels.dtype != np.uint8 or pixels.shape[2] < 3:
             raise CaptureError(
-                f"image '{self.files[key]}': {pixels.shape[2]} channels of {pixels.dtype}, "
-                "expected 3 of uint8; convert it to an 8-bit RGB PNG"
+                f"{self._where(layer)}: {pixels.shape[2]} channels of {pixels.dtype}, expected 3 of "
+                "uint8; convert it to an 8-bit RGB PNG"
             )
         return np.ascontiguousarray(pixels[..., :3])
 
-    def _load_grey(self, key: str) -> np.ndarray:
-        pixels = self._load(key)
+    def _load_grey(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
         if pixels.dtype != np.uint8:
-            raise CaptureError(f"{_LABELS[key]} '{self.files[key]}': expected 8 bits per pixel")
+            raise CaptureError(f"{self._where(layer)}: expected 8 bits per pixel")
         return pixels[..., 0]
 
-    def _load_depth(self, key: str) -> np.ndarray:
-        pixels = self._load(key)
+    def _load_depth(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
         if pixels.dtype == np.uint16:  # 16-bit PNG: millimetres, 0 where unknown
             depth = pixels[..., 0].astype(np.float32) / np.float32(1000)
         elif pixels.dtype == np.float32:
             depth = pixels[..., 0].copy()
         else:
             raise CaptureError(
-                f"depth '{self.files[key]}': {pixels.dtype}, expected a float EXR in metres "
-                "or a 16-bit PNG in millimetres"
+                f"{self._where(layer)}: {pixels.dtype}, expected a float EXR in metres or a 16-bit PNG "
+                "in millimetres"
             )
         # Sensors mark missing depth as 0, negative, NaN or infinite; in memory it is NaN.
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         return depth
 
-    def _load(self, key: str) -> np.ndarray:
-        if key not in self.files:
-            raise CaptureError(f"frame '{self.name}': the capture has no '{key}'")
-        path = self.files[key]
-        pixels = read_image(path, what=_LABELS[key])
+    def _load(self, layer: Layer) -> np.ndarray:
+        """Return the pixels as stored, shape (height, width, channels); the caller may change them."""
+        source = self._source(layer)
+        if isinstance(source, Path):
+            pixels = read_image(source, what=layer.label)
+        else:
+            pixels = source.reshape(*source.shape[:2], -1).copy()
         k = self.camera.intrinsics
         if pixels.shape[:2] != (k.height, k.width):
             raise CaptureError(
-                f"'{path}': {pixels.shape[1]}x{pixels.shape[0]} pixels, expected "
+                f"{self._where(layer)}: {pixels.shape[1]}x{pixels.shape[0]} pixels, expected "
                 f"{k.width}x{k.height} as {INDEX_NAME} says; export the file again or correct w and h"
             )
         return pixels
 
+    def _source(self, layer: Layer) -> PixelSource:
+        if layer not in self.layers:
+            raise CaptureError(f"frame '{self.name}': the capture has no '{layer.value}'")
+        return self.layers[layer]
+
+    def _where(self, layer: Layer) -> str:
+        """Name a layer in a message."""
+        source = self.layers[layer]
+        of_file = f"{layer.label} '{source}'"
+        return of_file if isinstance(source, Path) else f"frame '{self.name}', {layer.label}"
+
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A recording: its frames in order of time, the rig (if stereo), and what the folder tells of itself."""
+    """A recording: its frames in order of time, the rig (if stereo), and facts about the whole."""
 
     folder: Path
     frames: tuple[Frame, ...]
     rig: Rig | None
-    metadata: dict[str, Any]
+    about: About = field(default_factory=About)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -157,22 +181,12 @@ class Capture:
     @property
     def knows_poses(self) -> bool:
         """Whether the poses mean anything: a recording without them has the identity in every frame."""
-        return bool(self.metadata.get("poses_known", True))
+        return self.about.poses_known is not False
 
     @property
     def readout_time(self) -> float:
-        """How long the camera takes from the first row of an image to the last [s]; 0 if it does not say.
-
-        Raises:
-            CaptureError: the index says something that is no time.
-        """
-        found = self.metadata.get("readout_time", 0.0)
-        if not isinstance(found, int | float) or not 0 <= found < np.inf:
-            raise CaptureError(
-                f"capture '{self.folder}', digs_warp in {INDEX_NAME}: readout_time is {found!r}, expected "
-                "seconds, 0 for a camera that takes all rows at once"
-            )
-        return float(found)
+        """Time from the first row of an image to the last [s]; 0 if the recorder does not give it."""
+        return self.about.readout_time or 0.0
 
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
         """Return (training, test) frames: every ``test_every``-th, from the first on, is held out."""
@@ -199,12 +213,16 @@ def read_capture(folder: Path) -> Capture:
     if not isinstance(entries, list) or not entries:
         raise CaptureError(f"capture '{folder}': {INDEX_NAME} lists no frames")
     ours = index.get("digs_warp", {})
-    rig = _read_rig(folder, ours)
+    where = f"capture '{folder}', digs_warp in {INDEX_NAME}"
+    if not isinstance(ours, dict):
+        raise CaptureError(f"{where}: expected a JSON object, found {type(ours).__name__}")
+    rig = _read_rig(ours, where)
+    about = read_about(ours, where)
     frames = tuple(_read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
-    return Capture(folder, frames, rig, metadata=ours)
+    return Capture(folder, frames, rig, about)
 
 
-def _read_rig(folder: Path, ours: Any) -> Rig | None:
+def _read_rig(ours: dict[str, Any], where: str) -> Rig | None:
     try:
         return (
             Rig(check_positive("baseline", float(ours["rig"]["baseline"])))
@@ -213,7 +231,7 @@ def _read_rig(folder: Path, ours: Any) -> Rig | None:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CaptureError(
-            f"capture '{folder}', digs_warp in {INDEX_NAME}: unusable rig ({error!r}), expected "
+            f"{where}: unusable rig ({error!r}), expected "
             '{"rig": {"baseline": metres above 0}} or no rig'
         ) from error
 
@@ -232,15 +250,17 @@ def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], numb
         camera = Camera(intrinsics, world_from_cam)
         time = float(entry.get("time", number))
         files = {
-            key: _inside(folder, entry[key], f"{where}, {key}") for key in _LABELS if key in entry
+            layer: _inside(folder, entry[layer.value], f"{where}, {layer.value}")
+            for layer in Layer
+            if layer.value in entry
         }
     except KeyError as error:
         raise CaptureError(f"{where}: {INDEX_NAME} has no {error}") from None
     except (TypeError, ValueError) as error:
         raise CaptureError(f"{where}: {error}") from error
-    if "file_path" not in files:
-        raise CaptureError(f"{where}: {INDEX_NAME} has no 'file_path'")
-    return Frame(files["file_path"].stem, camera, time, files)
+    if Layer.IMAGE not in files:
+        raise CaptureError(f"{where}: {INDEX_NAME} has no '{Layer.IMAGE.value}'")
+    return Frame(files[Layer.IMAGE].stem, camera, time, files)
 
 
 def _lookup(entry: dict[str, Any], index: dict[str, Any], key: str) -> Any:

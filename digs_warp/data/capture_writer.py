@@ -10,34 +10,15 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError, DigsError, check_finite
+from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD
 
 FORMAT_VERSION = 1
-
-# Key in transforms.json -> where the writer puts the file of frame 7.
-_FILES = {
-    "file_path": "images/{:04d}.png",
-    "right_file_path": "right/{:04d}.png",
-    "depth_file_path": "depth/{:04d}.exr",
-    "depth_true_file_path": "depth_true/{:04d}.exr",
-    "mask_path": "masks/{:04d}.png",
-    "cause_file_path": "cause/{:04d}.png",
-    "confidence_file_path": "confidence/{:04d}.png",
-    "normals_file_path": "normals/{:04d}.exr",
-}
-
-# What every simulated frame has; the other layers are there for some sensors, or on request.
-BASIC_LAYERS = (
-    "file_path",
-    "right_file_path",
-    "depth_file_path",
-    "depth_true_file_path",
-    "mask_path",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,19 +38,10 @@ class FrameImages:
     confidence: np.ndarray | None = None
     normals: np.ndarray | None = None
 
-    def by_key(self) -> dict[str, np.ndarray]:
-        """The images that are there, under the keys of transforms.json."""
-        images = {
-            "file_path": self.image,
-            "right_file_path": self.right,
-            "depth_file_path": self.depth,
-            "depth_true_file_path": self.depth_true,
-            "mask_path": self.mask,
-            "cause_file_path": self.cause,
-            "confidence_file_path": self.confidence,
-            "normals_file_path": self.normals,
-        }
-        return {key: pixels for key, pixels in images.items() if pixels is not None}
+    def by_layer(self) -> dict[Layer, np.ndarray]:
+        """Return the images that are there."""
+        images = {layer: getattr(self, layer.name.lower()) for layer in Layer}
+        return {layer: pixels for layer, pixels in images.items() if pixels is not None}
 
 
 @dataclass
@@ -85,17 +57,19 @@ class CaptureWriter:
     rig: Rig | None = None
     _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
-    def has_frame(self, number: int, keys: Sequence[str] = BASIC_LAYERS) -> bool:
-        """Whether all files of frame ``number`` lie in the folder already; ``keys`` names the layers."""
-        return all((self.folder / _FILES[key].format(number)).is_file() for key in keys)
+    def has_frame(self, number: int, layers: Sequence[Layer] = BASIC_LAYERS) -> bool:
+        """Whether the files of these layers of frame ``number`` are in the folder already."""
+        return all((self.folder / layer.pattern.format(number)).is_file() for layer in layers)
 
     def write_frame(self, number: int, images: FrameImages) -> None:
         """Write the files of frame ``number``."""
         shape = (self.intrinsics.height, self.intrinsics.width)
-        for key, pixels in images.by_key().items():
+        for layer, pixels in images.by_layer().items():
             if pixels.shape[:2] != shape:
-                raise CaptureError(f"frame {number}, {key}: shape {pixels.shape}, expected {shape}")
-            write_image(self.folder / _FILES[key].format(number), pixels)
+                raise CaptureError(
+                    f"frame {number}, {layer.value}: shape {pixels.shape}, expected {shape}"
+                )
+            write_image(self.folder / layer.pattern.format(number), pixels)
 
     def add_pose(
         self,
@@ -109,7 +83,7 @@ class CaptureWriter:
         ``intrinsics`` is its own camera where that differs from the others', at the same image size.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
-        paths = {key: pattern.format(number) for key, pattern in _FILES.items()}
+        paths = {layer.value: layer.pattern.format(number) for layer in Layer}
         self._entries[number] = {
             **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
             "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
@@ -117,7 +91,7 @@ class CaptureWriter:
             **({} if intrinsics is None else _camera_keys(intrinsics)),
         }
 
-    def finish(self, metadata: dict[str, Any] | None = None) -> Capture:
+    def finish(self, about: About | None = None) -> Capture:
         """Write transforms.json and return the capture."""
         if not self._entries:
             raise DigsError(f"capture '{self.folder}': no frame was added")
@@ -130,7 +104,7 @@ class CaptureWriter:
             "w": k.width,
             "h": k.height,
             **_camera_keys(k),
-            "digs_warp": ours | (metadata or {}),
+            "digs_warp": ours | (about or About()).as_json(),
             "frames": [self._entries[number] for number in sorted(self._entries)],
         }
         write_atomically(self.folder / INDEX_NAME, to_json(index).encode())

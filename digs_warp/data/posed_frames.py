@@ -13,6 +13,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.record.files import read_json, to_json, write_atomically
 
@@ -82,13 +83,13 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
         "world_from_cam": frame.camera.world_from_cam.tolist(),
     }
     # Masks of the recording stay where they are; only ours lie in the reconstruction's folder.
-    mask = frame.files.get("mask_path")
-    if mask is not None and mask.resolve().is_relative_to(Path(folder).resolve()):
+    mask = frame.layers.get(Layer.MASK)
+    if isinstance(mask, Path) and mask.resolve().is_relative_to(Path(folder).resolve()):
         entry["mask"] = str(mask.resolve().relative_to(Path(folder).resolve()))
     return entry
 
 
 def _posed(frame: Frame, entry: dict[str, Any], folder: Path) -> Frame:
     camera = replace(frame.camera, world_from_cam=np.array(entry["world_from_cam"], np.float64))
-    files = frame.files | ({"mask_path": folder / entry["mask"]} if "mask" in entry else {})
-    return replace(frame, camera=camera, files=files)
+    posed = replace(frame, camera=camera)
+    return posed.with_layer(Layer.MASK, folder / entry["mask"]) if "mask" in entry else posed

@@ -13,6 +13,7 @@ import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
 from digs_warp.init import edge_kernel, normal_kernel, voxel_kernel
@@ -195,16 +196,16 @@ def _require_layers(frames: Sequence[Frame], config: InitConfig) -> None:
     if not frames:
         raise DigsError("initialization: no frames; the capture needs at least one training frame")
     advice = {
-        "depth_file_path": "depth maps (float EXR in metres or 16-bit PNG in millimetres)",
-        "mask_path": "object masks (8-bit PNG, 255 on the object)",
+        Layer.DEPTH: "depth maps (float EXR in metres or 16-bit PNG in millimetres)",
+        Layer.MASK: "object masks (8-bit PNG, 255 on the object)",
     }
     if config.weight_by_confidence:
-        advice["confidence_file_path"] = "confidence maps (8-bit PNG)"
-    for key, what in advice.items():
-        lacking = [frame.name for frame in frames if not frame.has(key)]
+        advice[Layer.CONFIDENCE] = "confidence maps (8-bit PNG)"
+    for layer, what in advice.items():
+        lacking = [frame.name for frame in frames if not frame.has(layer)]
         if lacking:
             raise DigsError(
-                f"initialization: {len(lacking)} of {len(frames)} frames have no '{key}' "
+                f"initialization: {len(lacking)} of {len(frames)} frames have no '{layer.value}' "
                 f"(the first is '{lacking[0]}'); add {what} to the capture or leave these frames out"
             )
 

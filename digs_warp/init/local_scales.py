@@ -8,6 +8,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
@@ -81,7 +82,7 @@ def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarr
     measured = depth_at(depth, px)
     usable = np.isfinite(measured) & (sfm_depths > 0)
     in_mask = np.ones(len(px), dtype=bool)
-    if frame.has("mask_path"):
+    if frame.has(Layer.MASK):
         columns, rows = _nearest(px[usable], width, height)
         in_mask = frame.load_mask()[rows, columns] > config.mask_level
     else:

@@ -19,6 +19,7 @@ import numpy as np
 from digs_warp.camera import Intrinsics, pixel_centers
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry import quat_xyzw_from_matrix
 from digs_warp.interchange.common import copy_image, for_each_frame, object_mask
@@ -66,7 +67,7 @@ def _write(
 
     def write_frame(number: int, frame: Frame) -> PointCloud:
         copy_image(frame, folder / "images" / names[number])
-        if frame.has("mask_path"):
+        if frame.has(Layer.MASK):
             mask = np.where(object_mask(frame), 255, 0).astype(np.uint8)
             write_image(folder / "masks" / f"{names[number]}.png", mask)
         return _thinned_points(frame, per_frame)
@@ -97,7 +98,7 @@ def _image(number: int, frame: Frame, name: str, cameras: Sequence[Intrinsics]) 
 
 def _thinned_points(frame: Frame, most: int) -> PointCloud:
     """Return at most ``most`` of the frame's depth pixels as points, evenly spread over the image."""
-    if not frame.has("depth_file_path"):
+    if not frame.has(Layer.DEPTH):
         return PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
     depth = frame.load_depth()
     known = np.flatnonzero(np.isfinite(depth))

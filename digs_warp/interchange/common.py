@@ -14,6 +14,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
@@ -44,7 +45,7 @@ def for_each_frame(
 
 def copy_image(frame: Frame, path: Path) -> None:
     """Put the left image at ``path``, a PNG: the file itself where it is one already."""
-    source = frame.files["file_path"]
+    source = frame.path(Layer.IMAGE)
     if source.suffix.lower() == ".png":
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, path)

@@ -13,6 +13,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames, with_cameras
 from digs_warp.data.sfm_model import SfmModel
@@ -138,7 +139,7 @@ def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFr
     """Give the frames masks. Those held out keep their own: what is tested must not be the yardstick."""
     training = with_masks(frames.training, segment(frames.training, config, folder))
     held_out = list(frames.held_out)
-    if any(not frame.has("mask_path") for frame in held_out):
+    if any(not frame.has(Layer.MASK) for frame in held_out):
         held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
     return replace(frames, training=tuple(training), held_out=tuple(held_out))
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.data.capture import Capture, Frame
-from digs_warp.report.causes import CAUSE, describe_causes, paint_causes
+from digs_warp.data.layers import Layer
+from digs_warp.report.causes import describe_causes, paint_causes
 from digs_warp.report.markup import legend, picture, picture_grid, section, swatches
 from digs_warp.report.pictures import (
     ColorScale,
@@ -21,16 +22,16 @@ THUMBNAIL_WIDTH = 400  # pixels; the columns are about half as wide on a common 
 
 _OUTSIDE = np.uint8(255)  # white: where errors are not shown
 
-_TRUE, _SENSED = "depth_true_file_path", "depth_file_path"
+_TRUE, _SENSED = Layer.DEPTH_TRUE, Layer.DEPTH
 
 
 @dataclass(frozen=True)
 class _Column:
-    """One column of the sheet: which files it needs, and how it paints a frame (RGB, uint8)."""
+    """One column of the sheet: which layers it needs, and how it paints a frame (RGB, uint8)."""
 
     heading: str
     alt: str
-    needs: tuple[str, ...]
+    needs: tuple[Layer, ...]
     paint: Callable[[Frame], np.ndarray]
 
 
@@ -71,8 +72,8 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
         return np.where(_on_object(frame)[..., None], errors.paint(_error_mm(frame)), _OUTSIDE)
 
     return [
-        _Column("Left", "left image", ("file_path",), Frame.load_image),
-        _Column("Right", "right image", ("right_file_path",), Frame.load_right_image),
+        _Column("Left", "left image", (Layer.IMAGE,), Frame.load_image),
+        _Column("Right", "right image", (Layer.RIGHT,), Frame.load_right_image),
         _Column(
             "Depth, true",
             "true depth in colours",
@@ -89,10 +90,10 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
         _Column(
             "Cause of errors",
             "cause of missing and wrong depth in colours",
-            (CAUSE,),
+            (Layer.CAUSE,),
             lambda frame: paint_causes(frame.load_cause()),
         ),
-        _Column("Mask", "object mask, white on the object", ("mask_path",), grey),
+        _Column("Mask", "object mask, white on the object", (Layer.MASK,), grey),
     ]
 
 
@@ -136,6 +137,6 @@ def _error_mm(frame: Frame) -> np.ndarray:
 def _on_object(frame: Frame) -> np.ndarray:
     """Return which pixels lie on the object, bool; without a mask all do."""
     k = frame.camera.intrinsics
-    if not frame.has("mask_path"):
+    if not frame.has(Layer.MASK):
         return np.ones((k.height, k.width), dtype=bool)
     return frame.load_mask() > 127

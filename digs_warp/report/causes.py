@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from digs_warp.data.capture import Capture, Frame
-
-CAUSE = "cause_file_path"
+from digs_warp.data.layers import Layer
 
 # Nearly white where the depth is right: only what went wrong has a colour.
 OK_COLOR = np.array([238, 240, 243], dtype=np.uint8)
@@ -30,12 +29,12 @@ def describe_causes(capture: Capture, frames: Sequence[Frame]) -> list[tuple[str
     """Return (CSS colour, "cause, share of pixels") of every cause in the frames, the largest first."""
     counts = np.zeros(256, dtype=np.int64)
     for frame in frames:
-        if frame.has(CAUSE):
+        if frame.has(Layer.CAUSE):
             counts += np.bincount(frame.load_cause().ravel(), minlength=256)
-    labels = capture.metadata.get("cause_labels", {})
+    labels = capture.about.cause_labels or {}
     described = []
     for code in np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]:
         r, g, b = paint_causes(np.array([[code]]))[0, 0]
-        name = str(labels.get(str(code), f"cause {code}")).replace("_", " ")
+        name = labels.get(int(code), f"cause {code}").replace("_", " ")
         described.append((f"rgb({r} {g} {b})", f"{name} {counts[code] / counts.sum():.1%}"))
     return described

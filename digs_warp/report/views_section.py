@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
 from digs_warp.report.markup import (
     details,
     legend,
@@ -67,7 +68,7 @@ def _cells(capture: Capture, results: Results, name: str) -> list[str]:
             f"report: the evaluation in '{results.folder}' names view '{name}', which capture "
             f"'{capture.folder}' lacks; give the capture that was reconstructed"
         )
-    truth = over_white(frame.load_image(), frame.load_mask() if frame.has("mask_path") else None)
+    truth = over_white(frame.load_image(), frame.load_mask() if frame.has(Layer.MASK) else None)
     rendered = _read_render(results, frame, truth.shape)
     difference = np.abs(truth.astype(np.float32) - rendered).mean(axis=2)
     images = {

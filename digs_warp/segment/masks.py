@@ -5,7 +5,6 @@ import json
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.progress import progress
@@ -31,11 +31,11 @@ ALMOST_EMPTY, ALMOST_FULL = 0.001, 0.98
 
 # What each source reads of a frame.
 _INPUTS = {
-    "capture": ("mask_path",),
-    "folder": ("file_path",),
-    "isnet": ("file_path",),
-    "depth": ("file_path", "depth_file_path"),
-    "degraded": ("mask_path",),
+    "capture": (Layer.MASK,),
+    "folder": (Layer.IMAGE,),
+    "isnet": (Layer.IMAGE,),
+    "depth": (Layer.IMAGE, Layer.DEPTH),
+    "degraded": (Layer.MASK,),
 }
 
 MaskOf = Callable[[int, Frame], np.ndarray]
@@ -58,7 +58,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
     """
     _check_inputs(frames, config)
     if config.masks == "capture":
-        return [frame.files["mask_path"] for frame in frames]
+        return [frame.path(Layer.MASK) for frame in frames]
     paths = [folder / f"{frame.name}.png" for frame in frames]
     _forget_other_masks(paths, _key(frames, config), folder)
     missing = [number for number, path in enumerate(paths) if not path.is_file()]
@@ -69,10 +69,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
 
 def with_masks(frames: Sequence[Frame], paths: Sequence[Path]) -> list[Frame]:
     """Return the frames with other mask files."""
-    return [
-        replace(frame, files=frame.files | {"mask_path": path})
-        for frame, path in zip(frames, paths, strict=True)
-    ]
+    return [frame.with_layer(Layer.MASK, path) for frame, path in zip(frames, paths, strict=True)]
 
 
 def _make(
@@ -142,11 +139,11 @@ def _mask_from_folder(folder: Path, _: int, frame: Frame) -> np.ndarray:
 
 
 def _check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
-    for key in _INPUTS[config.masks]:
-        lacking = [frame.name for frame in frames if not frame.has(key)]
+    for layer in _INPUTS[config.masks]:
+        lacking = [frame.name for frame in frames if not frame.has(layer)]
         if lacking:
             raise DigsError(
-                f"masks: {len(lacking)} of {len(frames)} frames have no '{key}' (the first is "
+                f"masks: {len(lacking)} of {len(frames)} frames have no '{layer.value}' (the first is "
                 f"'{lacking[0]}'), which --masks {config.masks} needs; choose another source"
             )
     if config.mask_folder is not None:
@@ -160,7 +157,7 @@ def _check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
 
 def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     """A hash of the settings and of the state of every file that a mask depends on."""
-    files = [frame.files[key] for frame in frames for key in _INPUTS[config.masks]]
+    files = [frame.path(layer) for frame in frames for layer in _INPUTS[config.masks]]
     if config.mask_folder is not None:
         files += [config.mask_folder / f"{frame.name}.png" for frame in frames]
     if config.masks == "isnet":

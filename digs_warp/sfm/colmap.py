@@ -15,6 +15,7 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.record.files import write_atomically
 from digs_warp.record.progress import progress
@@ -52,7 +53,7 @@ class ImageSet:
     @staticmethod
     def of(frames: Sequence[Frame]) -> "ImageSet":
         """Return the images of ``frames``."""
-        files = [frame.files["file_path"].resolve() for frame in frames]
+        files = [frame.path(Layer.IMAGE).resolve() for frame in frames]
         root = Path(os.path.commonpath([path.parent for path in files]))
         names = tuple(path.relative_to(root).as_posix() for path in files)
         return ImageSet(root, names, tuple(frame.camera.intrinsics for frame in frames))

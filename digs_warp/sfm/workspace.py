@@ -18,6 +18,7 @@ from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.sfm.config import SfmConfig
 
@@ -38,7 +39,7 @@ class StageKeys:
 def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:
     """Return what decides the result of each stage, as hashes; reads every image file once."""
     images = [
-        [frame.name, hashlib.sha256(frame.files["file_path"].read_bytes()).hexdigest()]
+        [frame.name, hashlib.sha256(frame.path(Layer.IMAGE).read_bytes()).hexdigest()]
         for frame in frames
     ]
     cameras = [frame.camera.intrinsics for frame in frames]

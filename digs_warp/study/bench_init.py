@@ -12,12 +12,11 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig, Strategy
@@ -38,31 +37,16 @@ MEMORY_INTERVAL = 0.02  # seconds between two looks at the memory in use
 STRATEGIES: tuple[Strategy, ...] = ("highdepth", "depth", "fusion")
 
 
-@dataclass(frozen=True, eq=False)
-class MemoryFrame(Frame):
-    """A frame whose pixels lie in memory."""
-
-    depth: np.ndarray
-    image: np.ndarray
-    mask: np.ndarray
-
-    def load_depth(self) -> np.ndarray:
-        """Return the sensed depth; shared, not to be written to."""
-        return self.depth
-
-    def load_image(self) -> np.ndarray:
-        """Return the left image; shared."""
-        return self.image
-
-    def load_mask(self) -> np.ndarray:
-        """Return the mask; shared."""
-        return self.mask
-
-    @staticmethod
-    def of(frame: Frame) -> "MemoryFrame":
-        """Read a frame into memory."""
-        depth, image, mask = frame.load_depth(), frame.load_image(), frame.load_mask()
-        return MemoryFrame(frame.name, frame.camera, frame.time, frame.files, depth, image, mask)
+def in_memory(frame: Frame) -> Frame:
+    """Return the frame with the layers that initialization reads as arrays."""
+    return replace(
+        frame,
+        layers={
+            Layer.IMAGE: frame.load_image(),
+            Layer.DEPTH: frame.load_depth(),
+            Layer.MASK: frame.load_mask(),
+        },
+    )
 
 
 class PeakMemory:
@@ -111,7 +95,7 @@ def bench_init(
         case = render_case(config, Path(folder))
         capture = case.capture()
         sfm = sfm_from_truth(capture.frames, SFM_PER_METRE)
-        held = [MemoryFrame.of(frame) for frame in capture.frames]
+        held = [in_memory(frame) for frame in capture.frames]
     names = [f"{number:04d}" for number in range(frames)]
     many = [replace(held[i % distinct], name=name) for i, name in enumerate(names)]
     shared = {"frames": frames, "size": f"{width}x{height}", "threads": default_threads()}

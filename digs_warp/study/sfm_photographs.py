@@ -11,6 +11,7 @@ import numpy as np
 
 from digs_warp.data.capture import INDEX_NAME, Frame, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.layers import Layer
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.color.encoding import decode, encode
@@ -22,7 +23,7 @@ from digs_warp.sim.session import Session, load_inputs, prepare_session
 from digs_warp.sim.shutter import ShutteredEye
 
 SAMPLES_PER_PIXEL = 2
-LAYERS = ("file_path",)
+LAYERS = (Layer.IMAGE,)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.measure.metrics import psnr, ssim
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -43,7 +44,7 @@ def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
     for frame in frames:
         image = frame.load_image().astype(np.float32) / 255.0
         mask = np.full(image.shape[:2], 255, np.uint8)
-        if frame.has("mask_path"):
+        if frame.has(Layer.MASK):
             mask = frame.load_mask()
         share = mask[..., None].astype(np.float32) / 255.0
         target = image * share + (1.0 - share)

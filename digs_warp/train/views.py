@@ -8,6 +8,7 @@ import warp as wp
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import Box, mask_box, tiles_of
 from digs_warp.losses.target import pack_view
@@ -65,11 +66,11 @@ def load_view(
         CaptureError: a file is missing, broken or of another size than the index says.
     """
     image = frame.load_image()
-    has_mask = frame.has("mask_path")
+    has_mask = frame.has(Layer.MASK)
     mask = frame.load_mask() if has_mask else np.full(image.shape[:2], 255, np.uint8)
     view = packed_view(frame.name, frame.camera, image, mask, device)
     if with_depth:
-        confidence = frame.load_confidence() if frame.has("confidence_file_path") else None
+        confidence = frame.load_confidence() if frame.has(Layer.CONFIDENCE) else None
         depth = frame.load_depth()
         weights = depth_weights(image, mask, depth, confidence)
         view = replace(view, depth=_pack_depth(depth, weights, view.box, device))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
+from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.geometry import look_at
@@ -37,7 +38,7 @@ def write_capture(folder: Path, count: int = 3, stereo: bool = True) -> Capture:
     for number in range(count):
         writer.write_frame(number, frame_images(number, stereo))
         writer.add_pose(number, view(number), time=0.5 * number)
-    return writer.finish({"note": "a test"})
+    return writer.finish(About(recorded_as="a test"))
 
 
 def change_index(folder: Path, **changes: Any) -> None:

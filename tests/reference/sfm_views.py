@@ -10,6 +10,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.geometry import look_at
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def photograph(
         image, _ = renderer.render_image(camera, samples_per_pixel=2, seed=number)
         path = folder / "images" / f"{number:04d}.png"
         write_image(path, image)
-        frames.append(Frame(path.stem, camera, 0.1 * number, {"file_path": path}))
+        frames.append(Frame(path.stem, camera, 0.1 * number, {Layer.IMAGE: path}))
     return frames
 
 

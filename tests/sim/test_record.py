@@ -176,7 +176,8 @@ def test_a_small_object_is_kept_beyond_the_nearest_depth(
 def test_a_large_object_gets_a_larger_surround(config: SimulateConfig, tmp_path: Path) -> None:
     capture = simulate(replace(config, frames=1, object_size=5.0), tmp_path / "capture")
     distance = np.linalg.norm(capture.frames[0].camera.center_world)
-    assert capture.metadata["surround_radius"] > 1.5 * distance > 4.0
+    assert capture.about.surround_radius is not None
+    assert capture.about.surround_radius > 1.5 * distance > 4.0
 
 
 @pytest.mark.parametrize(

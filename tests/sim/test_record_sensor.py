@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import file_hashes
 from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
 from digs_warp.record.files import read_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker
@@ -38,9 +39,10 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_depth_cause_and_confidence_agree(recording: Path) -> None:
     capture = read_capture(recording)
-    assert capture.metadata["cause_labels"][str(int(Cause.OCCLUDED))] == "occluded"
+    assert capture.about.cause_labels is not None
+    assert capture.about.cause_labels[int(Cause.OCCLUDED)] == "occluded"
     for frame in capture.frames:
-        coded = read_image(frame.files["depth_file_path"])[..., 0]
+        coded = read_image(frame.path(Layer.DEPTH))[..., 0]
         cause, confidence = frame.load_cause(), frame.load_confidence()
         missing = ~np.isfinite(coded)
         assert 0.01 < missing.mean() < 0.5
@@ -56,7 +58,7 @@ def test_the_plan_is_kept_with_the_recording(recording: Path, session: Session) 
     plan = read_json(recording / "sensor_plan.json", "plan")
     made = make_plan(session)
     assert [c["effect"] for c in plan["depth"] if c["on"]] == [c.effect for c in made.depth if c.on]
-    assert read_capture(recording).metadata["effects"] == list(made.effects_on)
+    assert read_capture(recording).about.effects == tuple(made.effects_on)
     figures = read_json(recording / "run.json", "record")["results"]["profile"]["figures"]
     assert figures["baseline"] == {"value": 0.12, "origin": "vendor", "note": "data sheet"}
     assert {figure["origin"] for figure in figures.values()} == {"measured", "vendor", "tuned"}
@@ -108,7 +110,7 @@ def test_a_frame_does_not_depend_on_those_before_it(recording: Path, session: Se
         frame = read_capture(recording).frames[number]
         np.testing.assert_array_equal(images.image, frame.load_image())
         np.testing.assert_array_equal(images.cause, frame.load_cause())
-        coded = read_image(frame.files["depth_file_path"])[..., 0]
+        coded = read_image(frame.path(Layer.DEPTH))[..., 0]
         np.testing.assert_array_equal(images.depth, coded)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
+from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
@@ -132,7 +133,7 @@ def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
         pose = np.eye(4) if frame.world_from_cam is None else frame.world_from_cam
         own = None if frame.intrinsics == writer.intrinsics else frame.intrinsics
         writer.add_pose(number, pose, frame.time - frames[0].time, own)
-    return writer.finish({"recorded_as": form, "poses_known": known})
+    return writer.finish(About(recorded_as=form, poses_known=known))
 
 
 def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:

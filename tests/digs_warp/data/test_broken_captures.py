@@ -10,43 +10,44 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from reference.noise_capture import INTRINSICS, change_frame, change_index, write_capture
 
 
 @pytest.mark.parametrize(
     ("key", "load", "pixels"),
     [
-        ("file_path", "load_image", np.zeros((8, 12, 3), np.uint8)),
-        ("right_file_path", "load_right_image", np.zeros((8, 12, 3), np.uint8)),
-        ("depth_file_path", "load_depth", np.zeros((8, 12), np.float32)),
-        ("depth_true_file_path", "load_depth_true", np.zeros((8, 12), np.float32)),
-        ("mask_path", "load_mask", np.zeros((8, 12), np.uint8)),
+        (Layer.IMAGE, "load_image", np.zeros((8, 12, 3), np.uint8)),
+        (Layer.RIGHT, "load_right_image", np.zeros((8, 12, 3), np.uint8)),
+        (Layer.DEPTH, "load_depth", np.zeros((8, 12), np.float32)),
+        (Layer.DEPTH_TRUE, "load_depth_true", np.zeros((8, 12), np.float32)),
+        (Layer.MASK, "load_mask", np.zeros((8, 12), np.uint8)),
     ],
 )
 def test_another_size_names_file_found_and_expected(
-    tmp_path: Path, key: str, load: str, pixels: np.ndarray
+    tmp_path: Path, key: Layer, load: str, pixels: np.ndarray
 ) -> None:
     frame = write_capture(tmp_path, 1).frames[0]
-    write_image(frame.files[key], pixels)
+    write_image(frame.path(key), pixels)
     with pytest.raises(CaptureError, match=r"0000\.(png|exr)': 12x8 pixels, expected 12x9"):
         getattr(frame, load)()
 
 
-@pytest.mark.parametrize("key", ["file_path", "depth_file_path", "mask_path"])
-def test_a_truncated_file_is_named_when_loaded(tmp_path: Path, key: str) -> None:
+@pytest.mark.parametrize("key", [Layer.IMAGE, Layer.DEPTH, Layer.MASK])
+def test_a_truncated_file_is_named_when_loaded(tmp_path: Path, key: Layer) -> None:
     frame = write_capture(tmp_path, 1).frames[0]
-    path = frame.files[key]
+    path = frame.path(key)
     path.write_bytes(path.read_bytes()[:60])
-    load = {"file_path": "load_image", "depth_file_path": "load_depth", "mask_path": "load_mask"}
+    load = {Layer.IMAGE: "load_image", Layer.DEPTH: "load_depth", Layer.MASK: "load_mask"}
     with pytest.raises(DigsError, match=path.name):
         getattr(frame, load[key])()
 
 
 def test_numbers_of_the_wrong_type_are_refused(tmp_path: Path) -> None:
-    files = write_capture(tmp_path, 1).frames[0].files
-    write_image(files["depth_file_path"].with_suffix(".png"), np.ones((9, 12), np.uint8))
-    write_image(files["mask_path"], np.ones((9, 12), np.uint16))
-    write_image(files["file_path"], np.ones((9, 12, 1), np.uint8))
+    frame = write_capture(tmp_path, 1).frames[0]
+    write_image(frame.path(Layer.DEPTH).with_suffix(".png"), np.ones((9, 12), np.uint8))
+    write_image(frame.path(Layer.MASK), np.ones((9, 12), np.uint16))
+    write_image(frame.path(Layer.IMAGE), np.ones((9, 12, 1), np.uint8))
     change_frame(tmp_path, 0, depth_file_path="depth/0000.png")
     frame = read_capture(tmp_path).frames[0]
     with pytest.raises(CaptureError, match="uint8, expected a float EXR in metres"):
@@ -145,6 +146,31 @@ def test_a_broken_rig_raises(tmp_path: Path, ours: Any) -> None:
     write_capture(tmp_path, 1)
     change_index(tmp_path, digs_warp=ours)
     with pytest.raises(CaptureError, match="digs_warp"):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("ours", "complaint"),
+    [
+        ([], "expected a JSON object"),
+        ({"poses_known": "no"}, "poses_known is 'no', expected true or false"),
+        ({"readout_time": -1.0}, "readout_time is -1.0, expected seconds"),
+        ({"seed": 0.5}, "seed is 0.5, expected an integer"),
+        ({"object_radius": True}, "object_radius is True, expected metres"),
+        ({"effects": "blur"}, "effects is 'blur', expected a list of names"),
+        ({"cause_labels": {"dark": "occluded"}}, "cause_labels is .*expected names by number"),
+        ({"sensor": 0.12}, "sensor is 0.12, expected an object"),
+    ],
+    ids=str,
+)
+def test_facts_of_the_wrong_type_name_file_and_key(
+    tmp_path: Path, ours: Any, complaint: str
+) -> None:
+    write_capture(tmp_path, 1)
+    change_index(tmp_path, digs_warp=ours)
+    with pytest.raises(
+        CaptureError, match=rf"{tmp_path}', digs_warp in transforms.json: {complaint}"
+    ):
         read_capture(tmp_path)
 
 

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError
+from digs_warp.data.about import About
 from digs_warp.data.capture import Rig, read_capture
-from digs_warp.data.capture_writer import BASIC_LAYERS, CaptureWriter, file_hashes
+from digs_warp.data.capture_writer import CaptureWriter, file_hashes
 from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import BASIC_LAYERS, Layer
 from reference.noise_capture import INTRINSICS, frame_images, view, write_capture
 
 
@@ -20,7 +22,7 @@ def test_what_is_written_is_read(tmp_path: Path, stereo: bool) -> None:
     capture = read_capture(tmp_path)
     assert len(capture) == 3
     assert capture.rig == (Rig(0.12) if stereo else None)
-    assert capture.metadata["note"] == "a test"
+    assert capture.about.recorded_as == "a test"
     for number, frame in enumerate(capture.frames):
         images = frame_images(number, stereo)
         assert frame.name == f"{number:04d}"
@@ -35,6 +37,48 @@ def test_what_is_written_is_read(tmp_path: Path, stereo: bool) -> None:
             assert images.depth_true is not None
             np.testing.assert_array_equal(frame.load_right_image(), images.right)
             np.testing.assert_array_equal(frame.load_depth_true(), images.depth_true)
+
+
+def test_facts_about_the_recording_come_back(tmp_path: Path) -> None:
+    about = About(
+        recorded_as="zed", poses_known=False, tier="planned", seed=3, object_radius=0.2,
+        surround_radius=4, exposure=1.5, sensor={"baseline": 0.12, "max_depth": None},
+        readout_time=0.01, effects=("blur",), cause_labels={0: "ok", 12: "occluded"},
+    )  # fmt: skip
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(0, frame_images(0))
+    writer.add_pose(0, view(0), time=0.0)
+    assert writer.finish(about).about == about
+
+
+@pytest.mark.parametrize("layer", [*BASIC_LAYERS, Layer.CAUSE, Layer.CONFIDENCE, Layer.NORMALS])
+def test_arrays_and_files_give_the_same_pixels(tmp_path: Path, layer: Layer) -> None:
+    rng = np.random.default_rng(5)
+    grey = rng.integers(0, 256, (9, 12), dtype=np.uint8)
+    normals = rng.normal(size=(9, 12, 3)).astype(np.float32)
+    images = replace(frame_images(0), cause=grey, confidence=grey, normals=normals)
+    assert images.depth is not None
+    images.depth[0, :5] = [np.nan, -np.inf, np.inf, 0.0, -1.0]
+    writer = CaptureWriter(tmp_path, INTRINSICS)
+    writer.write_frame(0, images)
+    writer.add_pose(0, view(0), time=0.0)
+    (on_disk,) = writer.finish().frames
+    in_memory = replace(on_disk, layers=images.by_layer())
+    name = {Layer.RIGHT: "right_image"}.get(layer, layer.name.lower())
+    expected, found = (getattr(frame, f"load_{name}")() for frame in (on_disk, in_memory))
+    assert expected.dtype == found.dtype
+    np.testing.assert_array_equal(found, expected)
+    found[:] = 0  # the caller's own: the frame keeps its pixels
+    np.testing.assert_array_equal(getattr(in_memory, f"load_{name}")(), expected)
+
+
+def test_a_layer_in_memory_has_no_file(tmp_path: Path) -> None:
+    frame = replace(write_capture(tmp_path, 1).frames[0], layers=frame_images(0).by_layer())
+    with pytest.raises(CaptureError, match="frame '0000', mask: in memory, expected a file"):
+        frame.path(Layer.MASK)
+    small = frame.with_layer(Layer.MASK, np.zeros((3, 4), np.uint8))
+    with pytest.raises(CaptureError, match="frame '0000', mask: 4x3 pixels, expected 12x9"):
+        small.load_mask()
 
 
 def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -80,7 +124,7 @@ def test_the_layers_of_a_sensor_come_back_and_are_optional(tmp_path: Path) -> No
     writer = CaptureWriter(tmp_path, INTRINSICS)
     writer.write_frame(0, layers)
     writer.write_frame(1, frame_images(1))
-    wanted = (*BASIC_LAYERS, "cause_file_path")
+    wanted = (*BASIC_LAYERS, Layer.CAUSE)
     assert [writer.has_frame(number, wanted) for number in (0, 1)] == [True, False]
     for number in (0, 1):
         writer.add_pose(number, view(number), time=float(number))
@@ -88,7 +132,7 @@ def test_the_layers_of_a_sensor_come_back_and_are_optional(tmp_path: Path) -> No
     np.testing.assert_array_equal(with_layers.load_cause(), cause)
     np.testing.assert_array_equal(np.round(255 * with_layers.load_confidence()), confidence)
     np.testing.assert_array_equal(with_layers.load_normals(), normals)
-    assert not without.has("cause_file_path")
+    assert not without.has(Layer.CAUSE)
     with pytest.raises(CaptureError, match="the capture has no 'confidence_file_path'"):
         without.load_confidence()
 
@@ -101,7 +145,7 @@ def test_sensor_codes_survive_in_the_file_and_read_as_unknown(tmp_path: Path) ->
     writer.write_frame(0, images)
     writer.add_pose(0, view(0), time=0.0)
     (frame,) = writer.finish().frames
-    np.testing.assert_array_equal(read_image(frame.files["depth_file_path"])[..., 0], images.depth)
+    np.testing.assert_array_equal(read_image(frame.path(Layer.DEPTH))[..., 0], images.depth)
     assert np.isnan(frame.load_depth()[0, :3]).all()
 
 
@@ -146,7 +190,7 @@ def test_a_folder_of_another_tool_is_read(tmp_path: Path) -> None:
     (frame,) = capture.frames
     assert capture.rig is None
     assert frame.time == 0.0
-    assert not frame.has("mask_path")
+    assert not frame.has(Layer.MASK)
     assert frame.camera.intrinsics == INTRINSICS
     # In OpenCV axes it looks along +z of the camera: the origin appears at the principal point.
     px, depth = frame.camera.project(np.array([[0.0, 0, 0], [0, 0.3, 0]]))
@@ -163,7 +207,7 @@ def test_every_mark_for_missing_depth_becomes_nan(tmp_path: Path) -> None:
     capture = write_capture(tmp_path, 1)
     depth = np.ones((9, 12), dtype=np.float32)
     depth[0, :5] = [np.nan, np.inf, -np.inf, 0.0, -1.0]
-    write_image(capture.frames[0].files["depth_file_path"], depth)
+    write_image(capture.frames[0].path(Layer.DEPTH), depth)
     found = capture.frames[0].load_depth()
     assert np.isnan(found[0, :5]).all()
     assert (found.ravel()[5:] == 1.0).all()

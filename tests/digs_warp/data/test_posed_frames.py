@@ -9,6 +9,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from reference.tiny_capture import write_tiny_capture
 
@@ -22,9 +23,9 @@ def posed(tmp_path: Path) -> Posed:
     training, held_out = capture.split(2)
     moved = training[0].camera.world_from_cam.copy()
     moved[:3, 3] += 0.25
-    files = training[0].files | {"mask_path": tmp_path / "reconstruction" / "masks" / "a.png"}
+    mask = tmp_path / "reconstruction" / "masks" / "a.png"
     camera = replace(training[0].camera, world_from_cam=moved)
-    training[0] = replace(training[0], camera=camera, files=files)
+    training[0] = replace(training[0], camera=camera).with_layer(Layer.MASK, mask)
     frames = PosedFrames(tuple(training), tuple(held_out), sfm_per_metre=2.5)
     return capture, frames, tmp_path / "reconstruction"
 
@@ -37,7 +38,7 @@ def test_what_was_saved_is_read(posed: Posed) -> None:
     for group in ("training", "held_out"):
         for a, b in zip(getattr(found, group), getattr(frames, group), strict=True):
             assert a.name == b.name
-            assert a.files == b.files
+            assert a.layers == b.layers
             np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
 
 
@@ -46,7 +47,7 @@ def test_the_folder_can_be_moved(posed: Posed) -> None:
     frames.save(folder)
     elsewhere = folder.rename(folder.with_name("elsewhere"))
     found = PosedFrames.load(capture, elsewhere)
-    assert found.training[0].files["mask_path"] == elsewhere / "masks" / "a.png"
+    assert found.training[0].path(Layer.MASK) == elsewhere / "masks" / "a.png"
 
 
 def test_another_capture_is_refused(posed: Posed) -> None:

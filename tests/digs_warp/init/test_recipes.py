@@ -9,6 +9,7 @@ import pytest
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.init.recipes import InitConfig, initial_points
 from reference.ball_capture import RADIUS, View, ball_views, write_capture
 
@@ -20,8 +21,8 @@ def views() -> list[View]:
     return ball_views()
 
 
-def without(frame: Frame, key: str) -> Frame:
-    return replace(frame, files={k: path for k, path in frame.files.items() if k != key})
+def without(frame: Frame, key: Layer) -> Frame:
+    return replace(frame, layers={k: path for k, path in frame.layers.items() if k != key})
 
 
 def test_points_lie_on_the_ball_with_its_colours_and_cover_its_sides(
@@ -165,14 +166,12 @@ def test_depth_too_sparse_for_the_edge_filter_says_so(tmp_path: Path, views: lis
     assert len(initial_points(capture.frames, replace(CONFIG, edge_filter=False))) > 20
 
 
-@pytest.mark.parametrize(
-    ("key", "advice"), [("depth_file_path", "EXR"), ("mask_path", "8-bit PNG")]
-)
+@pytest.mark.parametrize(("key", "advice"), [(Layer.DEPTH, "EXR"), (Layer.MASK, "8-bit PNG")])
 def test_frames_without_depth_or_mask_are_named(
-    tmp_path: Path, views: list[View], key: str, advice: str
+    tmp_path: Path, views: list[View], key: Layer, advice: str
 ) -> None:
     first, second, third = write_capture(tmp_path, views[:3]).frames
-    with pytest.raises(DigsError, match=rf"1 of 3 frames have no '{key}' .*'0001'.*{advice}"):
+    with pytest.raises(DigsError, match=rf"1 of 3 frames have no '{key.value}' .*'0001'.*{advice}"):
         initial_points([first, without(second, key), third], CONFIG)
 
 
@@ -180,7 +179,7 @@ def test_an_unreadable_file_is_named_although_threads_read_it(
     tmp_path: Path, views: list[View]
 ) -> None:
     capture = write_capture(tmp_path, views)
-    path = capture.frames[5].files["depth_file_path"]
+    path = capture.frames[5].path(Layer.DEPTH)
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(DigsError, match=r"depth '.*0005\.exr'"):
         initial_points(capture.frames, CONFIG)
@@ -213,6 +212,6 @@ def test_depth_of_another_size_than_the_image_raises(tmp_path: Path, views: list
     from digs_warp.data.images import write_image
 
     capture = write_capture(tmp_path, views[:2])
-    write_image(capture.frames[1].files["depth_file_path"], np.ones((30, 40), dtype=np.float32))
+    write_image(capture.frames[1].path(Layer.DEPTH), np.ones((30, 40), dtype=np.float32))
     with pytest.raises(CaptureError, match=r"0001\.exr': 40x30 pixels, expected 80x60"):
         initial_points(capture.frames, CONFIG)

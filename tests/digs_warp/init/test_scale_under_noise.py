@@ -14,6 +14,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import to_uint8, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales
@@ -50,7 +51,7 @@ class Recording:
         for frame, truth in zip(self.frames, self.truths, strict=True):
             path = folder / f"{frame.name}.exr"
             write_image(path, sense(truth))
-            changed.append(replace(frame, files={**frame.files, "depth_file_path": path}))
+            changed.append(frame.with_layer(Layer.DEPTH, path))
         return changed
 
     def scale(self, frames: Sequence[Frame]) -> float:

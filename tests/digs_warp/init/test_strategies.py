@@ -11,6 +11,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.geometry import look_at
 from digs_warp.init.config import InitConfig
@@ -58,7 +59,7 @@ def test_default_is_all_points_of_structure_from_motion(capture: Capture, metric
 
 
 def test_default_needs_neither_depth_nor_masks(capture: Capture, metric: SfmModel) -> None:
-    bare = [replace(f, files={"file_path": f.files["file_path"]}) for f in capture.frames]
+    bare = [replace(f, layers={Layer.IMAGE: f.path(Layer.IMAGE)}) for f in capture.frames]
     assert len(initialize(bare, InitConfig(strategy="default"), metric).points) > 0
     assert len(initialize(bare, InitConfig(strategy="random"), metric).points) > 0
 
@@ -230,14 +231,14 @@ def test_sizes_and_counts_exclude_each_other() -> None:
 
 
 def spoiled(
-    folder: Path, frames: Sequence[Frame], key: str, arrays: list[np.ndarray]
+    folder: Path, frames: Sequence[Frame], key: Layer, arrays: list[np.ndarray]
 ) -> list[Frame]:
-    suffix = "exr" if key == "depth_file_path" else "png"
+    suffix = "exr" if key == Layer.DEPTH else "png"
     changed = []
     for frame, array in zip(frames, arrays, strict=True):
         path = folder / f"{frame.name}.{suffix}"
         write_image(path, array)
-        changed.append(replace(frame, files={**frame.files, key: path}))
+        changed.append(frame.with_layer(key, path))
     return changed
 
 
@@ -247,7 +248,7 @@ def test_depth_with_holes(capture: Capture, tmp_path: Path, holes: float) -> Non
     depths = [frame.load_depth() for frame in capture.frames]
     for depth in depths:
         depth[rng.random(depth.shape) < holes] = np.nan
-    frames = spoiled(tmp_path, capture.frames, "depth_file_path", depths)
+    frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
     # Half of the pixels missing leave hardly a full neighbourhood: the edge filter cannot judge.
     config = InitConfig(edge_filter=holes == 0)
     points = initialize(frames, config).points.points_world
@@ -260,7 +261,7 @@ def test_depth_that_is_nearly_all_holes(capture: Capture, tmp_path: Path) -> Non
     depths = [frame.load_depth() for frame in capture.frames]
     for depth in depths:
         depth[rng.random(depth.shape) < 0.999] = np.nan
-    frames = spoiled(tmp_path, capture.frames, "depth_file_path", depths)
+    frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
     with pytest.raises(DigsError, match="too sparse for the edge filter"):
         initialize(frames, InitConfig())
     few = initialize(frames, InitConfig(edge_filter=False, min_support=0.0)).points
@@ -269,7 +270,7 @@ def test_depth_that_is_nearly_all_holes(capture: Capture, tmp_path: Path) -> Non
 
 def test_constant_depth_is_a_surface_like_any_other(capture: Capture, tmp_path: Path) -> None:
     depths = [np.full((60, 80), 0.8, np.float32)] * 12
-    frames = spoiled(tmp_path, capture.frames, "depth_file_path", depths)
+    frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
     found = initialize(frames[:1], InitConfig(min_support=0.0))
     _, z = frames[0].camera.project(found.points.points_world)
     np.testing.assert_allclose(z, 0.8, rtol=1e-5)
@@ -278,7 +279,7 @@ def test_constant_depth_is_a_surface_like_any_other(capture: Capture, tmp_path: 
 @pytest.mark.parametrize("value", [0, 255])
 def test_masks_that_tell_nothing(capture: Capture, tmp_path: Path, value: int) -> None:
     masks = [np.full((60, 80), value, np.uint8)] * 12
-    frames = spoiled(tmp_path, capture.frames, "mask_path", masks)
+    frames = spoiled(tmp_path, capture.frames, Layer.MASK, masks)
     if value == 0:
         with pytest.raises(DigsError, match="check the masks"):
             initialize(frames, InitConfig())
@@ -290,7 +291,7 @@ def test_masks_that_tell_nothing(capture: Capture, tmp_path: Path, value: int) -
 def test_a_mask_of_one_pixel(capture: Capture, tmp_path: Path) -> None:
     mask = np.zeros((60, 80), np.uint8)
     mask[30, 40] = 255
-    frames = spoiled(tmp_path, capture.frames, "mask_path", [mask] * 12)
+    frames = spoiled(tmp_path, capture.frames, Layer.MASK, [mask] * 12)
     points = initialize(frames, InitConfig(min_support=0.0)).points.points_world
     assert 0 < len(points) <= 12
     np.testing.assert_allclose(radii(points), RADIUS, atol=1e-4)
@@ -302,7 +303,7 @@ def test_masks_that_disagree_with_the_depth_are_told(
     masks = [frame.load_mask().copy() for frame in capture.frames]
     for mask in masks:
         mask[:, 70:] = 255  # more than a third of the mask is wall
-    frames = spoiled(tmp_path, capture.frames, "mask_path", masks)
+    frames = spoiled(tmp_path, capture.frames, Layer.MASK, masks)
     initialize(frames, InitConfig(edge_filter=False))
     assert "of its mask background" in caplog.text
 

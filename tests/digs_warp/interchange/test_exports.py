@@ -12,6 +12,7 @@ from digs_warp.commands.convert import CaptureFormat, Convert
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import encode_jpeg, read_image
+from digs_warp.data.layers import Layer
 from digs_warp.interchange.common import encode_depth
 from digs_warp.interchange.export import EXPORTERS, export_capture
 from digs_warp.record.files import read_json
@@ -46,8 +47,8 @@ def test_lost_depth_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) ->
 
 @pytest.mark.parametrize("form", ["tum", "redwood", "bop"])
 def test_missing_depth_is_named(capture: Capture, form: str, tmp_path: Path) -> None:
-    files = {k: v for k, v in capture.frames[-1].files.items() if k != "depth_file_path"}
-    bare = with_last_frame(capture, files=files)
+    layers = {k: v for k, v in capture.frames[-1].layers.items() if k != Layer.DEPTH}
+    bare = with_last_frame(capture, layers=layers)
     with pytest.raises(CaptureError, match="frame '0002': the capture has no 'depth_file_path'"):
         export_capture(bare, form, tmp_path / "out")
 
@@ -73,7 +74,7 @@ def test_one_pixel_of_one_frame_is_enough(form: str, tmp_path: Path) -> None:
 def test_images_of_other_types_become_png(capture: Capture, tmp_path: Path) -> None:
     frame = capture.frames[-1]
     (tmp_path / "photo.jpg").write_bytes(encode_jpeg(frame.load_image(), quality=100))
-    photo = with_last_frame(capture, files={**frame.files, "file_path": tmp_path / "photo.jpg"})
+    photo = with_last_frame(capture, layers={**frame.layers, Layer.IMAGE: tmp_path / "photo.jpg"})
     folder = exported(photo, "redwood", tmp_path / "out")
     found = read_image(folder / "color/00002.png")
     np.testing.assert_array_equal(found, photo.frames[-1].load_image())

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
@@ -105,9 +107,7 @@ def test_a_recording_without_poses_ends_upright_and_metric(
         replace(frame, camera=replace(frame.camera, world_from_cam=np.eye(4)))
         for frame in capture.frames
     ]
-    unknown = replace(
-        capture, frames=tuple(lost), metadata=capture.metadata | {"poses_known": False}
-    )
+    unknown = replace(capture, frames=tuple(lost), about=About(poses_known=False))
     shutil.copytree(found[2] / "sfm", tmp_path / "sfm")
     frames, points = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
     assert len(points) == pytest.approx(len(found[1]), rel=0.15)  # other voxels: turned axes
@@ -125,7 +125,7 @@ def test_a_recording_without_poses_ends_upright_and_metric(
 
 
 def test_unknown_poses_have_to_be_estimated(capture: Capture, tmp_path: Path) -> None:
-    unknown = replace(capture, metadata=capture.metadata | {"poses_known": False})
+    unknown = replace(capture, about=About(poses_known=False))
     with pytest.raises(DigsError, match="--poses sfm"):
         front_end(unknown, FrontEndConfig(), tmp_path, RunLog("test", {}))
 
@@ -145,7 +145,7 @@ def test_frames_that_were_not_registered_are_left_out(
 
     folder = tmp_path / "capture"
     broken = record(arc(12), folder)
-    path = broken.frames[5].files["file_path"]
+    path = broken.frames[5].path(Layer.IMAGE)
     write_image(path, np.zeros_like(read_image(path)))
     config = replace(FIND_POSES, sfm=replace(SFM, min_registered=0.8))
     with caplog.at_level(logging.WARNING):
@@ -160,18 +160,18 @@ def test_other_masks_serve_the_training_and_not_the_measurement(
 ) -> None:
     config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
     frames, _ = front_end(capture, config, tmp_path, RunLog("test", {}))
-    assert {frame.files["mask_path"].parent for frame in frames.training} == {tmp_path / "masks"}
+    assert {frame.path(Layer.MASK).parent for frame in frames.training} == {tmp_path / "masks"}
     for frame, original in zip(frames.held_out, capture.split(4)[1], strict=True):
-        assert frame.files["mask_path"] == original.files["mask_path"]
+        assert frame.path(Layer.MASK) == original.path(Layer.MASK)
     again = PosedFrames.load(capture, tmp_path)
-    assert [frame.files for frame in again.training] == [frame.files for frame in frames.training]
+    assert [frame.layers for frame in again.training] == [frame.layers for frame in frames.training]
 
 
 def test_a_recording_without_masks_gets_them_for_all_frames(
     capture: Capture, tmp_path: Path
 ) -> None:
     bare = [
-        replace(frame, files={k: v for k, v in frame.files.items() if k != "mask_path"})
+        replace(frame, layers={k: v for k, v in frame.layers.items() if k != Layer.MASK})
         for frame in capture.frames
     ]
     config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))

@@ -13,6 +13,7 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.train.config import TrainConfig
@@ -104,8 +105,8 @@ def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Pa
     """Spoiling the held-out photographs changes the metrics, not the Gaussians."""
     spoiled = read_capture(copied(capture, tmp_path / "capture"))
     for frame in spoiled.frames[::8]:
-        write_image(frame.files["file_path"], np.zeros((54, 72, 3), np.uint8))
-        write_image(frame.files["depth_file_path"], np.full((54, 72), 0.5, np.float32))
+        write_image(frame.path(Layer.IMAGE), np.zeros((54, 72, 3), np.uint8))
+        write_image(frame.path(Layer.DEPTH), np.full((54, 72), 0.5, np.float32))
     short = replace(CONFIG, train=replace(CONFIG.train, iterations=5))
     a = reconstruct(spoiled, short, tmp_path / "a")
     b = reconstruct(capture, short, tmp_path / "b")
@@ -122,7 +123,7 @@ def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path
     """In training and among the held-out views."""
     empty = read_capture(copied(capture, tmp_path / "capture"))
     for number in (0, 3):
-        write_image(empty.frames[number].files["mask_path"], np.zeros((54, 72), np.uint8))
+        write_image(empty.frames[number].path(Layer.MASK), np.zeros((54, 72), np.uint8))
     gaussians = reconstruct(empty, CONFIG, tmp_path / "out")
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
     evaluation = json.loads((tmp_path / "out" / "evaluation.json").read_text())
@@ -133,14 +134,14 @@ def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path
 def test_all_depth_missing_is_an_error_that_counts(capture: Capture, tmp_path: Path) -> None:
     blind = read_capture(copied(capture, tmp_path / "capture"))
     for frame in blind.frames:
-        write_image(frame.files["depth_file_path"], np.full((54, 72), np.nan, np.float32))
+        write_image(frame.path(Layer.DEPTH), np.full((54, 72), np.nan, np.float32))
     with pytest.raises(DigsError, match="depth"):
         reconstruct(blind, CONFIG, tmp_path / "out")
 
 
 def test_image_and_depth_of_different_sizes_are_refused(capture: Capture, tmp_path: Path) -> None:
     odd = read_capture(copied(capture, tmp_path / "capture"))
-    write_image(odd.frames[2].files["depth_file_path"], np.ones((27, 36), np.float32))
+    write_image(odd.frames[2].path(Layer.DEPTH), np.ones((27, 36), np.float32))
     with pytest.raises(CaptureError, match=r"0002\.exr.*36x27.*72x54"):
         reconstruct(odd, CONFIG, tmp_path / "out")
 

@@ -10,6 +10,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.images import read_image, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment, with_masks
 from digs_warp.segment.network import (
@@ -61,7 +62,7 @@ def masks_of(paths: list[Path]) -> list[np.ndarray]:
 
 def test_the_recordings_masks_are_taken_as_they_are(frames: list[Frame], tmp_path: Path) -> None:
     paths = segment(frames, SegmentConfig(), tmp_path / "masks")
-    assert paths == [frame.files["mask_path"] for frame in frames]
+    assert paths == [frame.path(Layer.MASK) for frame in frames]
     assert not (tmp_path / "masks").exists()
 
 
@@ -76,9 +77,9 @@ def test_depth_finds_the_ball(frames: list[Frame], tmp_path: Path) -> None:
 def test_new_masks_take_the_place_of_the_old(frames: list[Frame], tmp_path: Path) -> None:
     paths = segment(frames, SegmentConfig(masks="depth"), tmp_path)
     for frame, new, path in zip(frames, with_masks(frames, paths), paths, strict=True):
-        assert new.files["mask_path"] == path and frame.files["mask_path"] != path
+        assert new.path(Layer.MASK) == path and frame.path(Layer.MASK) != path
         np.testing.assert_array_equal(new.load_mask(), read_image(path)[..., 0])
-        assert new.files["file_path"] == frame.files["file_path"]
+        assert new.path(Layer.IMAGE) == frame.path(Layer.IMAGE)
 
 
 def test_spoilt_masks_differ_from_frame_to_frame(frames: list[Frame], tmp_path: Path) -> None:
@@ -114,7 +115,7 @@ def test_masks_of_other_settings_or_files_are_made_anew(
     mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
     copy = tmp_path / "copy.png"
     write_image(copy, frames[0].load_mask())
-    mine = [replace(frames[0], files=frames[0].files | {"mask_path": copy}), *frames[1:]]
+    mine = [frames[0].with_layer(Layer.MASK, copy), *frames[1:]]
     paths = segment(mine, config, tmp_path / "masks")
     write_image(paths[0], mark)
     if change == "settings":
@@ -256,7 +257,7 @@ def test_the_network_is_sought_where_rembg_keeps_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_frame_without_depth_needs_another_source(frames: list[Frame], tmp_path: Path) -> None:
-    bare = [*frames[:3], replace(frames[3], files={"file_path": frames[3].files["file_path"]})]
+    bare = [*frames[:3], replace(frames[3], layers={Layer.IMAGE: frames[3].path(Layer.IMAGE)})]
     with pytest.raises(DigsError, match=r"1 of 4 frames have no 'depth_file_path'.*'0003'"):
         segment(bare, SegmentConfig(masks="depth"), tmp_path)
 

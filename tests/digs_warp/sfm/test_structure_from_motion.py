@@ -12,6 +12,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.sfm import colmap
 from digs_warp.sfm.config import SfmConfig
@@ -253,7 +254,7 @@ def test_plain_images_are_refused_with_the_reason(tmp_path: Path) -> None:
     for number, pose in enumerate(arc(4)):
         path = tmp_path / f"{number}.png"
         write_image(path, np.full((240, 320, 3), 90, np.uint8))
-        frames.append(Frame(path.stem, Camera(INTRINSICS, pose), 0.0, {"file_path": path}))
+        frames.append(Frame(path.stem, Camera(INTRINSICS, pose), 0.0, {Layer.IMAGE: path}))
     with pytest.raises(
         DigsError, match=r"0 of 4 images could be placed: 0 features.*too little texture"
     ):
@@ -263,7 +264,7 @@ def test_plain_images_are_refused_with_the_reason(tmp_path: Path) -> None:
 def test_an_image_that_is_none_is_named(views: list[Frame], tmp_path: Path) -> None:
     broken = tmp_path / "broken.png"
     broken.write_bytes(b"no image")
-    frames = [*views[:3], replace(views[3], files={"file_path": broken})]
+    frames = [*views[:3], replace(views[3], layers={Layer.IMAGE: broken})]
     with pytest.raises(DigsError, match=r"1 of 4 images cannot be read.*broken\.png"):
         structure_from_motion(frames, CONFIG, tmp_path / "workspace")
 

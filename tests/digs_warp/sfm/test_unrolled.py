@@ -12,7 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.about import About, read_about
 from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.layers import Layer
 from digs_warp.geometry import invert_rigid
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
 from digs_warp.sfm.config import SfmConfig
@@ -52,7 +54,7 @@ def frames() -> list[Frame]:
     """Frames without files; the first and the last of the arc only tell how the others move."""
     return [
         Frame(
-            f"{n:04d}", Camera(INTRINSICS, pose), SPACING * n, {"file_path": Path(f"/{n:04d}.png")}
+            f"{n:04d}", Camera(INTRINSICS, pose), SPACING * n, {Layer.IMAGE: Path(f"/{n:04d}.png")}
         )
         for n, pose in enumerate(arc(COUNT))
     ]
@@ -133,9 +135,9 @@ def test_read_outs_beyond_any_camera_are_refused() -> None:
 
 
 def test_a_recording_tells_its_read_out(frames: list[Frame], tmp_path: Path) -> None:
-    capture = Capture(tmp_path, tuple(frames), None, {"readout_time": 0.0184})
+    capture = Capture(tmp_path, tuple(frames), None, About(readout_time=0.0184))
     assert capture.readout_time == 0.0184
-    assert replace(capture, metadata={}).readout_time == 0.0
+    assert replace(capture, about=About()).readout_time == 0.0
     for wrong in ("fast", -1.0, np.nan):
-        with pytest.raises(CaptureError, match="readout_time is"):
-            _ = replace(capture, metadata={"readout_time": wrong}).readout_time
+        with pytest.raises(CaptureError, match=r"here: readout_time is"):
+            read_about({"readout_time": wrong}, "here")

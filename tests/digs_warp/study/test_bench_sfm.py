@@ -11,6 +11,7 @@ import pytest
 from digs_warp.camera import Camera
 from digs_warp.data.capture import Frame
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.study.bench_sfm import CHOICES, DEFAULT, run_case
 from digs_warp.study.bench_sfm_sensor import sensors
 from digs_warp.study.sfm_photographs import (
@@ -35,7 +36,7 @@ def test_images_that_cannot_be_placed_are_a_row_of_the_table(tmp_path: Path) -> 
     for number, pose in enumerate(arc(3)):
         path = tmp_path / f"{number}.png"
         write_image(path, np.full((240, 320, 3), 90, np.uint8))
-        frames.append(Frame(path.stem, Camera(INTRINSICS, pose), 0.0, {"file_path": path}))
+        frames.append(Frame(path.stem, Camera(INTRINSICS, pose), 0.0, {Layer.IMAGE: path}))
     numbers = run_case(frames, DEFAULT, tmp_path / "workspace")
     assert numbers["registered", "images"] == 0
     assert numbers["total", "s"] > 0
@@ -65,7 +66,7 @@ def test_a_walk_is_photographed_once_and_goes_on_where_it_stopped(tmp_path: Path
     for frame, moment in zip(frames, session.moments, strict=True):
         np.testing.assert_allclose(frame.camera.world_from_cam, session.walk.pose(moment))
     whole = [frame.load_image() for frame in frames]
-    first, last = frames[0].files["file_path"], frames[2].files["file_path"]
+    first, last = frames[0].path(Layer.IMAGE), frames[2].path(Layer.IMAGE)
     last.unlink()
     (tmp_path / "transforms.json").unlink()
     write_image(first, np.zeros((36, 64, 3), np.uint8))  # to see that it is not photographed again

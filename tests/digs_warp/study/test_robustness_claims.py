@@ -1,7 +1,7 @@
 """What the robustness study claims, at a size for the suite: errors of depth may blur, but break nothing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from digs_warp.data.capture import Frame, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.images import to_uint8, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
@@ -52,7 +53,7 @@ class Walk:
                 depth = depth_of(sense_effects(truth, effects, seed, strength), truth)
                 path = folder / f"{frame.name}.exr"
                 write_image(path, depth)
-                frames.append(replace(frame, files={**frame.files, "depth_file_path": path}))
+                frames.append(frame.with_layer(Layer.DEPTH, path))
         points = initial_points(frames, INIT)
         seeds = seed_gaussians(points, TRAIN.sh_degree, INIT.seed_opacity, INIT.seed_width)
         trainer = Trainer(seeds, open_views(frames, TRAIN), TRAIN)

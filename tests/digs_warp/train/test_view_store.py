@@ -8,6 +8,7 @@ import pytest
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, Frame, read_capture
+from digs_warp.data.layers import Layer
 from digs_warp.losses.regions import mask_box
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
@@ -76,7 +77,7 @@ def test_a_run_may_start_in_the_middle_of_an_epoch(capture: Capture) -> None:
 
 def test_a_broken_image_is_found_before_the_training(capture: Capture, tmp_path: Path) -> None:
     broken = write_tiny_capture(tmp_path / "capture", frames=4)
-    broken.frames[2].files["file_path"].write_bytes(b"no image")
+    broken.frames[2].path(Layer.IMAGE).write_bytes(b"no image")
     with pytest.raises((CaptureError, DigsError), match=r"0002\.png"):
         open_views(read_capture(tmp_path / "capture").frames, TrainConfig())
 

@@ -13,6 +13,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import file_hashes
 from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.sim.config import SimulateConfig
@@ -42,10 +43,7 @@ def initialization_error(capture: Capture) -> float:
     from scipy.spatial import KDTree
 
     perfect = [
-        replace(
-            frame, files={**frame.files, "depth_file_path": frame.files["depth_true_file_path"]}
-        )
-        for frame in capture.frames
+        frame.with_layer(Layer.DEPTH, frame.path(Layer.DEPTH_TRUE)) for frame in capture.frames
     ]
     surface = initial_points(perfect, InitConfig()).points_world
     points = initial_points(capture.frames, InitConfig()).points_world

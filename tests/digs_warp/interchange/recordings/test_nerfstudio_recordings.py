@@ -9,6 +9,7 @@ import pytest
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import encode_jpeg, write_image
+from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.recordings.read import read_recording
 from digs_warp.record.files import to_json
@@ -46,7 +47,7 @@ def test_nerfstudio_without_depth_is_a_capture_of_images(capture: Capture, tmp_p
     write_nerfstudio(capture, tmp_path / "ns")
     found = converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
     for frame, true in zip(found.frames, capture.frames, strict=True):
-        assert frame.camera.intrinsics == CAMERA and not frame.has("depth_file_path")
+        assert frame.camera.intrinsics == CAMERA and not frame.has(Layer.DEPTH)
         np.testing.assert_allclose(
             frame.camera.world_from_cam, true.camera.world_from_cam, atol=1e-5
         )

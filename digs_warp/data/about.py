@@ -1,0 +1,107 @@
+"""What a recorder says about a recording as a whole, in transforms.json under ``digs_warp``."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import CaptureError
+
+
+@dataclass(frozen=True, kw_only=True)
+class About:
+    """Facts about a recording; None where the recorder does not give one.
+
+    Attributes:
+        recorded_as: form of the recording that the capture was converted from.
+        poses_known: False: the poses of all frames are the identity and mean nothing.
+        tier: kind of simulated sensor.
+        seed: seed of the simulation.
+        object_radius: radius of the simulated object [m].
+        surround_radius: radius of its surround [m].
+        exposure: factor from radiance to pixel values in the simulation.
+        sensor: figures of the simulated stereo camera; None for infinite ones.
+        readout_time: time from the first row of an image to the last [s]; 0: all rows at once.
+        effects: names of the simulated effects of the sensor.
+        cause_labels: names of the values in the cause images.
+    """
+
+    recorded_as: str | None = None
+    poses_known: bool | None = None
+    tier: str | None = None
+    seed: int | None = None
+    object_radius: float | None = None
+    surround_radius: float | None = None
+    exposure: float | None = None
+    sensor: dict[str, Any] | None = None
+    readout_time: float | None = None
+    effects: tuple[str, ...] | None = None
+    cause_labels: dict[int, str] | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the facts that are known, as transforms.json holds them."""
+        facts = {each.name: getattr(self, each.name) for each in fields(self)}
+        if self.cause_labels is not None:
+            facts["cause_labels"] = {str(code): name for code, name in self.cause_labels.items()}
+        return {name: value for name, value in facts.items() if value is not None}
+
+
+def read_about(facts: dict[str, Any], where: str) -> About:
+    """Return the facts that `About.as_json` wrote; keys of other programs are ignored.
+
+    Args:
+        facts: the object under ``digs_warp``.
+        where: what messages begin with: names the file.
+
+    Raises:
+        CaptureError: a value is not what its key stands for.
+    """
+    known: dict[str, Any] = {}
+    for name, (fits, expected) in _EXPECTED.items():
+        value = facts.get(name)
+        if value is None:
+            continue
+        if not fits(value):
+            raise CaptureError(f"{where}: {name} is {value!r}, expected {expected}")
+        known[name] = value
+    if "effects" in known:
+        known["effects"] = tuple(known["effects"])
+    if "cause_labels" in known:
+        known["cause_labels"] = {int(code): name for code, name in known["cause_labels"].items()}
+    return About(**known)
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_number(value: Any) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and 0 <= value < np.inf
+
+
+def _is_list_of_text(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_text, value))
+
+
+def _are_labels(value: Any) -> bool:
+    return isinstance(value, dict) and all(
+        code.isdecimal() and _is_text(name) for code, name in value.items()
+    )
+
+
+# Key -> whether a value fits, and what is expected.
+_EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "recorded_as": (_is_text, "a name"),
+    "poses_known": (lambda value: isinstance(value, bool), "true or false"),
+    "tier": (_is_text, "a name"),
+    "seed": (lambda value: isinstance(value, int) and value >= 0, "an integer, 0 or more"),
+    "object_radius": (_is_number, "metres"),
+    "surround_radius": (_is_number, "metres"),
+    "exposure": (_is_number, "a number, 0 or more"),
+    "sensor": (lambda value: isinstance(value, dict), "an object of figures"),
+    "readout_time": (_is_number, "seconds, 0 for a camera that takes all rows at once"),
+    "effects": (_is_list_of_text, "a list of names"),
+    "cause_labels": (_are_labels, 'names by number, such as {"0": "ok"}'),
+}

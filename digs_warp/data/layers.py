@@ -1,0 +1,35 @@
+"""The layers of a frame: which images a capture may hold for each moment."""
+
+from enum import Enum
+
+
+class Layer(Enum):
+    """A kind of image that belongs to a frame. The value is its key in transforms.json.
+
+    Attributes:
+        label: what messages call it.
+        pattern: where `digs_warp.data.capture_writer` puts it in the folder, with the frame's number.
+    """
+
+    label: str
+    pattern: str
+
+    IMAGE = "file_path", "left image", "images/{:04d}.png"
+    RIGHT = "right_file_path", "right image", "right/{:04d}.png"
+    DEPTH = "depth_file_path", "depth", "depth/{:04d}.exr"
+    DEPTH_TRUE = "depth_true_file_path", "true depth", "depth_true/{:04d}.exr"
+    MASK = "mask_path", "mask", "masks/{:04d}.png"
+    CAUSE = "cause_file_path", "cause", "cause/{:04d}.png"
+    CONFIDENCE = "confidence_file_path", "confidence", "confidence/{:04d}.png"
+    NORMALS = "normals_file_path", "normals", "normals/{:04d}.exr"
+
+    def __new__(cls, key: str, label: str, pattern: str) -> "Layer":
+        """Make a member whose value is the key alone."""
+        layer = object.__new__(cls)
+        layer._value_ = key
+        layer.label, layer.pattern = label, pattern
+        return layer
+
+
+# What every simulated frame has; the other layers are there for some sensors, or on request.
+BASIC_LAYERS = (Layer.IMAGE, Layer.RIGHT, Layer.DEPTH, Layer.DEPTH_TRUE, Layer.MASK)
