@@ -68,6 +68,17 @@ def read_sections(data: Bytes, what: str, start: int, size: int) -> list[Section
     return sections
 
 
+def read_count(data: bytes, at: int, what: str) -> int:
+    """Return the 64 bits at a place of a table.
+
+    Raises:
+        ValueError: the table ends before; names ``what``.
+    """
+    if at + COUNT.size > len(data):
+        raise ValueError(f"a table of {what} is cut off")
+    return COUNT.unpack_from(data, at)[0]
+
+
 def decompressed(block: bytes, size: int) -> bytes:
     """Return at most ``size`` bytes of a compressed block: the number of its pieces, here 0, and LZ4.
 

@@ -8,7 +8,7 @@ where they lead; one that leads to a place for the second time makes it build pa
 
 import numpy as np
 
-from digs_warp.usd.crate import COUNT, Bytes, Section, decompressed
+from digs_warp.usd.crate import COUNT, Bytes, Section, decompressed, read_count
 
 # Integers are stored as differences of 0, 1, 2 or 4 bytes; none stands for the most common difference.
 _WIDTHS = np.array([0, 1, 2, 4])
@@ -25,15 +25,15 @@ def check_paths(data: Bytes, what: str, start: int, sections: list[Section]) -> 
     if "PATHS" not in bodies or "TOKENS" not in bodies:
         raise ValueError(f"{what} has no table of paths or tokens")
     paths = bodies["PATHS"]
-    total, count = _count(paths, 0, what), _count(paths, COUNT.size, what)
-    tokens = _count(bodies["TOKENS"], 0, what)
+    total, count = read_count(paths, 0, what), read_count(paths, COUNT.size, what)
+    tokens = read_count(bodies["TOKENS"], 0, what)
     # All paths are listed but the empty one, where it is used.
     if not count <= total <= count + 1 or total > _MAX_INDEX:
         raise ValueError(f"{what} is said to have {total} paths and lists {count}")
     at = 2 * COUNT.size
     columns = []
     for _ in range(3):
-        size = _count(paths, at, what)
+        size = read_count(paths, at, what)
         at += COUNT.size
         columns.append(_integers(paths[at : at + size], count))
         at += size
@@ -42,12 +42,6 @@ def check_paths(data: Bytes, what: str, start: int, sections: list[Section]) -> 
         raise ValueError(f"the table of paths of {what} names a path twice")
     _within(np.abs(names[1:]), tokens, what)  # the root has no name
     _check_tree(jumps, what)
-
-
-def _count(data: bytes, at: int, what: str) -> int:
-    if at + COUNT.size > len(data):
-        raise ValueError(f"a table of {what} is cut off")
-    return COUNT.unpack_from(data, at)[0]
 
 
 def _within(values: np.ndarray, count: int, what: str) -> np.ndarray:

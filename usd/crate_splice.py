@@ -1,9 +1,12 @@
 """Puts large arrays into a small crate, straight from where they are computed.
 
-The USD library writes the scene with one splat. Here its arrays are exchanged for those of all splats: they
-are written behind what is there, the table of values points to them, and the sections follow. So a million
-splats need not pass through the library, which holds them all, hashes them to find equal ones, and copies
-them to the file: that takes longer, and their memory a second time.
+The USD library writes the scene with one splat. `splice` then replaces the arrays of that splat by those of
+all splats: it puts them behind the small arrays, points the table of values to them, and moves the sections
+behind them. The library itself would hold a million splats a second time, hash them to find equal arrays,
+and copy them to the file.
+
+All this depends on how the library lays out a file. `splice` refuses a crate that does not look as expected;
+then the library has to write the whole file.
 """
 
 import os
@@ -13,12 +16,25 @@ from itertools import accumulate
 
 import numpy as np
 
-from digs_warp.usd.crate import COUNT, HEADER, SECTION, Section, decompressed, read_sections, stored
+from digs_warp.usd.crate import (
+    COUNT,
+    HEADER,
+    SECTION,
+    Section,
+    decompressed,
+    read_count,
+    read_sections,
+    stored,
+)
 
 # Arrays begin at multiples of this: mapped, they can be used in place.
 _ALIGNMENT = 64
 
-# A value is 64 bits: is it an array, does it lie here itself, is it compressed, its type, and its place.
+# The layout is the same in all of these: lengths of arrays have 64 bits since 0.7.0, and 0.16.0 is the newest
+# version of OpenUSD 26.11. A later one may have moved anything.
+_KNOWN_VERSIONS = ((0, 7, 0), (0, 16, 0))
+
+# A value has 64 bits: three flags (an array; stored here, not at a place; compressed), its type, its place.
 _IS_ARRAY, _IS_INLINED, _IS_COMPRESSED = (np.uint64(1 << bit) for bit in (63, 62, 61))
 _PLACE = np.uint64((1 << 48) - 1)
 
@@ -28,24 +44,25 @@ class SplicedCrate:
     """A crate whose large arrays are still to be written; places count from its start.
 
     Attributes:
-        head: the bytes before the arrays, whose small arrays may still be changed.
-        starts: name -> where the bytes of its array belong.
-        lengths: where the length of each array belongs -> the length.
-        tail: the bytes behind the arrays.
+        head: the bytes before the large arrays.
+        summaries: name -> where the bytes of a small array lie in ``head``.
+        starts: name -> where the bytes of a large array belong.
+        lengths: where the length of each large array belongs -> the length.
+        tail: the bytes behind the large arrays.
         tail_start: where they belong.
     """
 
     head: bytearray
+    summaries: dict[str, int]
     starts: dict[str, int]
     lengths: dict[int, int]
     tail: bytes
     tail_start: int
 
-    def replace_small(self, before: np.ndarray, after: np.ndarray) -> None:
-        """Exchange an array of the head for one of the same size."""
-        place = _place_in(self.head, before)
-        assert before.nbytes == after.nbytes
-        self.head[place + COUNT.size : place + COUNT.size + after.nbytes] = after.tobytes()
+    def set_summary(self, name: str, values: np.ndarray) -> None:
+        """Replace a small array by one of the same size and type."""
+        place = self.summaries[name]
+        self.head[place : place + values.nbytes] = values.tobytes()
 
     def write_frame(self, file: int, start: int) -> None:
         """Write all but the arrays to a file, by its descriptor, from ``start`` on."""
@@ -55,26 +72,36 @@ class SplicedCrate:
         write_at(file, self.tail, start + self.tail_start)
 
 
-def splice(crate: bytes, placeholders: Mapping[str, np.ndarray], count: int) -> SplicedCrate:
+def splice(
+    crate: bytes,
+    placeholders: Mapping[str, np.ndarray],
+    summaries: Mapping[str, np.ndarray],
+    count: int,
+) -> SplicedCrate:
     """Make room in a crate for ``count`` times as many rows of each of its ``placeholders``.
 
     Args:
-        crate: a file of the USD library.
-        placeholders: name -> an array in it, of rows (n, ...); no two hold the same.
+        crate: a file that the USD library wrote.
+        placeholders: name -> an array in it, of rows (n, ...); no two are equal.
+        summaries: name -> a small array in it that `SplicedCrate.set_summary` is going to replace.
         count: the factor, at least 1.
 
     Raises:
-        ValueError: the crate does not hold a placeholder as expected.
+        ValueError: the crate has a version or a layout that is not known here.
     """
     sections = read_sections(crate, "the scene", 0, len(crate))
+    magic, *version, _ = HEADER.unpack_from(crate)
+    oldest, newest = _KNOWN_VERSIONS
+    if not oldest <= tuple(version[:3]) <= newest:
+        raise ValueError(f"version {'.'.join(map(str, version[:3]))} of the format")
     first = min(section.start for section in sections)
     head = bytearray(crate[:first])
     bodies = {each.name: crate[each.start : each.start + each.length] for each in sections}
-    indices, places = _read_values(bodies["FIELDS"])
+    indices, places = _read_values(bodies.get("FIELDS", b""))
     starts, lengths = {}, {}
     at = first
     for name, array in placeholders.items():
-        old = _place_in(head, array)
+        old = _place_in(head, array) - COUNT.size
         kind = _IS_ARRAY | _IS_INLINED | _IS_COMPRESSED
         mine = (places & _PLACE == old) & (places & kind == _IS_ARRAY)
         if not mine.any():
@@ -86,28 +113,29 @@ def splice(crate: bytes, placeholders: Mapping[str, np.ndarray], count: int) -> 
     block = stored(places.tobytes())
     bodies["FIELDS"] = indices + COUNT.pack(len(block)) + block
     tail, table = _with_table(sections, bodies, at)
-    magic, *version, _ = HEADER.unpack_from(head)
     HEADER.pack_into(head, 0, magic, *version, table)
-    return SplicedCrate(head, starts, lengths, tail, at)
+    small = {name: _place_in(head, array) for name, array in summaries.items()}
+    return SplicedCrate(head, small, starts, lengths, tail, at)
 
 
 def _place_in(head: bytes | bytearray, array: np.ndarray) -> int:
-    """Return where the only copy of an array lies: its length, then its bytes."""
+    """Return where the bytes of an array lie, behind their number; they lie there only once."""
     content = COUNT.pack(len(array)) + array.tobytes()
     place = head.find(content)
     if place < 0 or head.find(content, place + 1) >= 0:
         raise ValueError("the scene does not hold an array exactly once")
-    return place
+    return place + COUNT.size
 
 
 def _read_values(fields: bytes) -> tuple[bytes, np.ndarray]:
     """Return the section FIELDS up to the values, unchanged, and the values, uint64 (n,)."""
-    (number,) = COUNT.unpack_from(fields, 0)
-    (names_size,) = COUNT.unpack_from(fields, COUNT.size)
-    end = 2 * COUNT.size + names_size
-    (size,) = COUNT.unpack_from(fields, end)
+    number = read_count(fields, 0, "the scene")
+    end = 2 * COUNT.size + read_count(fields, COUNT.size, "the scene")
+    size = read_count(fields, end, "the scene")
     begin = end + COUNT.size
     values = decompressed(fields[begin : begin + size], number * 8)
+    if len(values) != number * 8:
+        raise ValueError(f"the table of values holds {len(values)} bytes for {number} values")
     return fields[:end], np.frombuffer(values, dtype="<u8").copy()
 
 

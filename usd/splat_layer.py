@@ -1,10 +1,16 @@
 """Writes a layer with a field of splats, piece by piece and on all cores, straight to the file.
 
-The USD library writes the layer with one splat; `digs_warp.usd.crate_splice` exchanges it for all of
-them. Beyond the Gaussians themselves this takes the memory of a few pieces, whatever their number.
+The USD library writes the layer with one splat; `digs_warp.usd.crate_splice` replaces it by all of them.
+Beyond the Gaussians themselves this takes the memory of a few pieces, whatever their number. Where the
+library lays out its files in a way that the splice does not know, the library writes all splats itself.
 """
 
+import logging
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
+from io import FileIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -31,7 +37,12 @@ from digs_warp.usd.files import export_layer
 if TYPE_CHECKING:
     from pxr import Usd
 
+_log = logging.getLogger(__name__)
+
 _ARRAYS = tuple(each.name for each in fields(SplatArrays))
+
+# One warning per process: a scene of many layers would repeat it for each.
+_warned = False
 
 
 def write_splat_crate(
@@ -59,26 +70,64 @@ def write_splat_crate(
     Raises:
         UsdError: NaN or infinite values, or values beyond the chosen precision; names ``what``.
     """
-    count = len(gaussians)
-    sample = _one_splat(gaussians.sh_degree if options.sh_degree is None else options.sh_degree)
-    sample = with_precision(sample, options.precision, what)
-    few = asset_arrays(gaussians, options, what) if count == 0 else sample
-    author_field(field, few)
-    with TemporaryDirectory(dir=target.parent) as folder:
-        small = Path(folder) / "one_splat.usdc"
-        export_layer(field.GetStage().GetRootLayer(), small, target)
-        crate = small.read_bytes()
-    with open(target, "r+b" if target.exists() else "wb", buffering=0) as file:
-        if count == 0:
-            write_at(file.fileno(), crate, start)
-            return three_sigma_extent(few)
-        placeholders = {name: _stored_rows(sample, name) for name in _ARRAYS}
-        spliced = splice(crate, placeholders, count)
+    spliced = _with_room(field, gaussians, options, target, what) if len(gaussians) else None
+    if spliced is None:
+        arrays = asset_arrays(gaussians, options, what)
+        author_field(field, arrays)
+        with _exported(field, target) as layer, layer.open("rb") as source, _opened(target) as file:
+            file.seek(start)
+            shutil.copyfileobj(source, file)
+        return three_sigma_extent(arrays)
+    with _opened(target) as file:
         extent, color = _write_arrays(file.fileno(), start, spliced, gaussians, options, what)
-        spliced.replace_small(three_sigma_extent(sample), extent)
-        spliced.replace_small(_color_of(mean_display_color(sample)), _color_of(color))
+        spliced.set_summary("extent", extent)
+        spliced.set_summary("color", _color_of(color))
         spliced.write_frame(file.fileno(), start)
     return extent
+
+
+def _with_room(
+    field: "Usd.Prim", gaussians: Gaussians, options: WriteOptions, target: Path, what: str
+) -> SplicedCrate | None:
+    """Return the layer as the library writes it for one splat, with room for all; None if that fails."""
+    sample = _one_splat(gaussians.sh_degree if options.sh_degree is None else options.sh_degree)
+    sample = with_precision(sample, options.precision, what)
+    author_field(field, sample)
+    with _exported(field, target) as layer:
+        crate = layer.read_bytes()
+    arrays = {name: _stored_rows(sample, name) for name in _ARRAYS}
+    color = _color_of(mean_display_color(sample))
+    summaries = {"extent": three_sigma_extent(sample), "color": color}
+    try:
+        return splice(crate, arrays, summaries, len(gaussians))
+    except ValueError as error:
+        _warn_once(error)
+        return None
+
+
+@contextmanager
+def _exported(field: "Usd.Prim", target: Path) -> Iterator[Path]:
+    """Give the layer of ``field`` as the USD library writes it, in a temporary file beside ``target``."""
+    with TemporaryDirectory(dir=target.parent) as folder:
+        layer = Path(folder) / "layer.usdc"
+        export_layer(field.GetStage().GetRootLayer(), layer, target)
+        yield layer
+
+
+def _opened(target: Path) -> FileIO:
+    """Open a file for writing at any place; what is in it stays."""
+    return open(target, "r+b" if target.exists() else "wb", buffering=0)
+
+
+def _warn_once(reason: ValueError) -> None:
+    global _warned
+    if not _warned:
+        _log.warning(
+            "this OpenUSD writes .usdc files in a layout that is new to digs_warp (%s): it writes all splats "
+            "itself, which takes longer and more memory; the scenes are the same",
+            reason,
+        )
+    _warned = True
 
 
 def _one_splat(degree: int) -> SplatArrays:

@@ -1,18 +1,25 @@
 """The binary format: what we read of it is what the USD library wrote; broken tables are refused."""
 
+import os
 import random
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
+from digs_warp.usd import crate_splice, splat_layer
 from digs_warp.usd.crate import COUNT, SECTION, decompressed, read_sections, stored
 from digs_warp.usd.crate_paths import _integers, check_paths
 from digs_warp.usd.crate_splice import splice
+from digs_warp.usd.diff import differences
+from digs_warp.usd.info import describe
 from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.structure import check_structure
+from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import write_gaussians
 
 
@@ -217,7 +224,62 @@ def test_the_splice_wants_each_array_once(tmp_path: Path, random_gaussians):
     path = tmp_path / "scene.usdc"
     write_gaussians(path, random_gaussians(3))
     with pytest.raises(ValueError, match="exactly once"):
-        splice(path.read_bytes(), {"positions": np.full((1, 3), 12345.0, np.float32)}, 2)
+        splice(path.read_bytes(), {"positions": np.full((1, 3), 12345.0, np.float32)}, {}, 2)
+
+
+DAMAGE = {
+    "version": ("_KNOWN_VERSIONS", ((0, 99, 0), (0, 99, 9))),
+    "place of a value": ("_PLACE", np.uint64(0)),
+    "flag of an array": ("_IS_ARRAY", np.uint64(1 << 61)),
+    "length of an array": ("COUNT", struct.Struct("<I")),
+    "empty table": ("decompressed", lambda _block, _size: b""),
+}
+
+
+@pytest.mark.parametrize("suffix", ["usdc", "usdz"])
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_in_an_unknown_layout_the_library_writes_the_same_scene_itself(
+    tmp_path: Path, random_gaussians, monkeypatch, caplog, damage: str, suffix: str
+):
+    gaussians, (name, value) = random_gaussians(2000), DAMAGE[damage]
+    fast, slow = (tmp_path / f"{kind}.{suffix}" for kind in ("fast", "slow"))
+    write_gaussians(fast, gaussians, {"a": 1})
+    monkeypatch.setattr(splat_layer, "_warned", False)
+    monkeypatch.setattr(crate_splice, name, value)
+    write_gaussians(slow, gaussians, {"a": 1})
+    write_gaussians(slow, gaussians, {"a": 1})
+    monkeypatch.undo()
+    assert [record.levelname for record in caplog.records] == ["WARNING"]  # once
+    assert "new to digs_warp" in caplog.text
+    assert differences(fast, slow) == []
+    report = validate(slow)
+    assert report.ok, report.text()
+    assert describe(slow)["extent"] == describe(fast)["extent"]
+
+
+def test_a_crate_of_another_layout_is_not_spliced(tmp_path: Path, random_gaussians):
+    # The library itself writes an older layout on demand: lengths of arrays have 32 bits in it.
+    random_gaussians(300).save(tmp_path / "gaussians.npz")
+    program = (
+        "import sys; from pathlib import Path\n"
+        f"sys.path[:0] = {sys.path!r}\n"
+        "from digs_warp.data.gaussians import Gaussians\n"
+        "from digs_warp.usd.writer import write_gaussians\n"
+        "write_gaussians(Path(sys.argv[2]), Gaussians.load(Path(sys.argv[1])))\n"
+    )
+    paths = [str(tmp_path / name) for name in ("gaussians.npz", "old.usdc")]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *paths],
+        env=os.environ | {"USD_WRITE_NEW_USDC_FILES_AS_VERSION": "0.6.0"},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("version 0.6.0 of the format") == 1
+    write_gaussians(tmp_path / "new.usdc", random_gaussians(300))
+    assert (tmp_path / "old.usdc").read_bytes()[8:11] == bytes([0, 6, 0])
+    assert differences(tmp_path / "new.usdc", tmp_path / "old.usdc") == []
 
 
 def test_bytes_do_not_depend_on_the_number_of_threads(
