@@ -3,20 +3,14 @@
 import numpy as np
 
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.filters import dilate
+from digs_warp.sim.sensor.facts import DARK, SATURATED, STEP
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
-from digs_warp.sim.sensor.steps import find_steps
+from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.texture import MATCHABLE_SNR
 
 # Error from which a match is wrong and not merely noisy [px] ("bad-1" of the Middlebury benchmark).
 WRONG = 1.0
-
-# Brightness that a camera clips or drowns in noise [DN].
-SATURATED, DARK = 250, 15
-
-# Jump of disparity that a matching window notices [px].
-STEP = 1.0
 
 
 def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
@@ -45,7 +39,7 @@ def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
     columns = np.arange(true.shape[1]) + 0.5
     return [
         (truth.texture_snr < MATCHABLE_SNR, Cause.WEAK_TEXTURE),
-        (near_steps(true, rig.window // 2 + 1), Cause.EDGE),
+        (near_steps(true, STEP, rig.window // 2 + 1), Cause.EDGE),
         (pixels_of(truth, is_glossy), Cause.SPECULAR),
         ((gray > SATURATED) | (gray < DARK), Cause.EXPOSURE),
         (pixels_of(truth, is_transparent), Cause.TRANSPARENT),
@@ -55,12 +49,3 @@ def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
         (truth.depth > rig.max_depth, Cause.FAR),
         (true > rig.largest_disparity, Cause.NEAR),
     ]
-
-
-def near_steps(disparity: np.ndarray, radius: int, threshold: float = STEP) -> np.ndarray:
-    """Return where a depth step lies within ``radius`` pixels along rows or columns, (height, width)."""
-    marked = np.zeros(disparity.shape, dtype=bool)
-    for steps, mark in zip(find_steps(disparity, threshold), (marked, marked.T), strict=True):
-        mark[steps.rows, steps.near] = True
-        mark[steps.rows, steps.far] = True
-    return dilate(marked, radius)

@@ -3,6 +3,10 @@
 import numpy as np
 
 from digs_warp.sim.sensor.noise_field import white_normal
+from digs_warp.sim.sensor.steps import pixels_where
+
+# Patches of a mirror or of glass that show their own texture (dust, a highlight) have about this size [px].
+SURFACE_PATCH = 12.0
 
 
 def coherent_normal(
@@ -63,3 +67,17 @@ def coherent_uniform(
     from scipy.special import ndtr
 
     return ndtr(coherent_normal(rng, shape, rows, columns, cell))
+
+
+def keep_patches(rng: np.random.Generator, marked: np.ndarray, share: np.ndarray | float) -> None:
+    """Unmark all but a share of the marked pixels of a surface, in patches of SURFACE_PATCH pixels.
+
+    Args:
+        rng: draws the patches.
+        marked: (height, width), bool; changed in place.
+        share: probability that a pixel stays marked, 0 to 1; one number, or one for each marked pixel in
+            reading order, (n,).
+    """
+    rows, columns = pixels_where(marked)
+    drawn = coherent_uniform(rng, marked.shape, rows, columns, SURFACE_PATCH)
+    marked[rows, columns] = drawn < share

@@ -6,12 +6,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.sensor.filters import dilate
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
+from digs_warp.sim.sensor.materials import (
+    highlights_on,
+    is_glossy,
+    is_mirror,
+    is_transparent,
+    pixels_of,
+)
 from digs_warp.sim.sensor.motion import image_motion
 from digs_warp.sim.sensor.slopes import width_ratio
-from digs_warp.sim.sensor.steps import find_steps
+from digs_warp.sim.sensor.steps import find_steps, near_steps
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
 # Thresholds of the statistics; the effects that use them tell their sources.
@@ -21,9 +26,6 @@ STEP, LARGE_STEP = 1.0, 3.0  # [px]
 STEP_REACH = 2  # [px]
 GRAZING_RATIO = 0.4
 SATURATED, DARK = 250, 15  # [DN]
-
-# A highlight is this much brighter than the middle of the glossy surface [DN] [tuned].
-HIGHLIGHT = 40.0
 
 # Motion is smooth over the image: one pixel in this many along each axis tells enough.
 MOTION_STRIDE = 8
@@ -129,8 +131,8 @@ def _texture(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
 def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
     disparity = truth.disparity
     facts = {
-        "step_share": _share_near_steps(disparity, STEP, visible),
-        "large_step_share": _share_near_steps(disparity, LARGE_STEP, visible),
+        "step_share": float(np.mean(near_steps(disparity, STEP, STEP_REACH)[visible])),
+        "large_step_share": float(np.mean(near_steps(disparity, LARGE_STEP, STEP_REACH)[visible])),
         "occluded_share": float(np.mean(_hidden_from_right(disparity)[visible])),
     }
     steps, _ = find_steps(disparity, LARGE_STEP)
@@ -143,16 +145,6 @@ def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
         ratio = (truth.gradient[steps.rows, near] + 1) / (truth.gradient[steps.rows, far] + 1)
         facts["step_contrast"] = float(np.median(np.log(ratio)))
     return facts
-
-
-def _share_near_steps(disparity: np.ndarray, threshold: float, visible: np.ndarray) -> float:
-    at_step = np.zeros(disparity.shape, dtype=bool)
-    along_rows, along_columns = find_steps(disparity, threshold)
-    for columns in (along_rows.near, along_rows.far):
-        at_step[along_rows.rows, columns] = True
-    for rows in (along_columns.near, along_columns.far):
-        at_step[rows, along_columns.rows] = True
-    return float(np.mean(dilate(at_step, STEP_REACH)[visible]))
 
 
 def _hidden_from_right(disparity: np.ndarray) -> np.ndarray:
@@ -181,7 +173,7 @@ def _surfaces(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
 def _highlight_shift(truth: FrameTruth) -> float:
     glossy = pixels_of(truth, is_glossy)
     assert glossy is not None  # asked only when there are some
-    highlight = glossy & (truth.gray > np.median(truth.gray[glossy]) + HIGHLIGHT)
+    highlight = highlights_on(truth, glossy)
     if not highlight.any():
         return 0.0
     shift = virtual_disparity(truth, highlight)[highlight] - truth.disparity[highlight]

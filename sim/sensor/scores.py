@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.sim.sensor.blame import WRONG, near_steps
+from digs_warp.sim.sensor.blame import WRONG
+from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.steps import near_steps
 
 # Pixels this near to a depth step count as edge pixels.
 EDGE_RADIUS = 2
@@ -41,7 +43,7 @@ def score(disparity: np.ndarray, truth: FrameTruth) -> Scores:
     filled = known & ~np.isnan(disparity)
     error = np.abs(disparity - true)
     bad = filled & (error > WRONG)
-    edge = near_steps(true, EDGE_RADIUS)
+    edge = near_steps(true, STEP, EDGE_RADIUS)
     inside = true <= np.arange(true.shape[1]) + 0.5  # not in the band that the right image lacks
     seen = truth.rays.right_visibility()
     hidden, visible = known & inside & ~seen, known & inside & seen
@@ -65,7 +67,7 @@ def bad_by_edge_distance(
     bad = filled & (np.abs(disparity - truth.disparity) > WRONG)
     shares, counted = [], np.zeros_like(filled)
     for limit in limits:
-        within = near_steps(truth.disparity, limit)
+        within = near_steps(truth.disparity, STEP, limit)
         shares.append(_share(bad, filled & within & ~counted))
         counted |= within
     return [*shares, _share(bad, filled & ~counted)]

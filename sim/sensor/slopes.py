@@ -1,9 +1,96 @@
-"""How fast disparity changes along a surface, without being fooled by the steps between surfaces."""
+"""How fast disparity changes along a surface, without being fooled by the steps between surfaces.
+
+The kernels' formulas in NumPy: tests/reference/slopes_twin.py.
+"""
+
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
 
 import numpy as np
+import warp as wp
 
+from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.sim.sensor.arrays import launch_rows, shared
-from digs_warp.sim.sensor.slope_kernels import slope_kernel, steep_kernel
+
+wp.set_module_options(vector_module_options())
+
+# Only loops of fixed length become vector code: kernels walk a row in pieces of this many pixels, then
+# pixel by pixel.
+_PIECE = wp.constant(64)
+
+
+@wp.func
+def slope_between(before: float, here: float, after: float) -> float:
+    """The smaller one of the differences to both neighbours; 0 where it is not known."""
+    back = here - before
+    forth = after - here
+    slope = wp.where(wp.abs(back) < wp.abs(forth), back, forth)
+    return wp.where(slope == slope, slope, 0.0)
+
+
+@wp.kernel
+def _slope_kernel(first: int, disparity: wp.array[float], width: int, slopes: wp.array[float]):
+    """Slopes along one row of 2 pixels or more; at the ends the one neighbour counts, whatever its step."""
+    start = (first + wp.tid()) * width
+    line = floats_from(disparity, start, width)
+    out = floats_from(slopes, start, width)
+    out[0] = slope_between(line[0] - wp.inf, line[0], line[1])
+    out[width - 1] = slope_between(line[width - 2] - wp.inf, line[width - 2], line[width - 1])
+    whole = (width - 2) // _PIECE
+    for piece in range(whole):
+        before = floats_from(disparity, start + piece * _PIECE, _PIECE)
+        here = floats_from(disparity, start + piece * _PIECE + 1, _PIECE)
+        after = floats_from(disparity, start + piece * _PIECE + 2, _PIECE)
+        slope = floats_from(slopes, start + piece * _PIECE + 1, _PIECE)
+        for x in range(_PIECE):
+            slope[x] = slope_between(before[x], here[x], after[x])
+    for i in range(whole * _PIECE + 1, width - 1):
+        out[i] = slope_between(line[i - 1], line[i], line[i + 1])
+
+
+@wp.kernel
+def _steep_kernel(
+    first: int,
+    disparity: wp.array[float],  # [height * width]
+    slopes: wp.array[float],  # [height * width] along rows
+    height: int,
+    width: int,
+    limit: float,
+    # outputs
+    steep: wp.array[
+        wp.uint8
+    ],  # [height * width] 1 where a slope along rows or columns exceeds the limit
+):
+    """Go through one row; its slopes along columns are those to the rows above and below."""
+    row = first + wp.tid()
+    start = row * width
+    # In the first and the last row the one neighbour counts: the other is infinitely far away.
+    middle = wp.where(row == height - 1, wp.max(height - 2, 0), row)
+    at_end = height > 1 and (row == 0 or row == height - 1)
+    away = wp.where(at_end, wp.inf, 0.0)
+    above = wp.max(middle - 1, 0) * width
+    below = wp.min(middle + 1, height - 1) * width
+    middle = middle * width
+    whole = width // _PIECE
+    for piece in range(whole):
+        column = piece * _PIECE
+        before = floats_from(disparity, above + column, _PIECE)
+        here = floats_from(disparity, middle + column, _PIECE)
+        after = floats_from(disparity, below + column, _PIECE)
+        along = floats_from(slopes, start + column, _PIECE)
+        out = bytes_from(steep, start + column, _PIECE)
+        for x in range(_PIECE):
+            across = slope_between(before[x] - away, here[x], after[x])
+            out[x] = wp.uint8(wp.where(wp.max(wp.abs(along[x]), wp.abs(across)) > limit, 1, 0))
+    for i in range(whole * _PIECE, width):
+        over = slope_between(
+            disparity[above + i] - away, disparity[middle + i], disparity[below + i]
+        )
+        found = wp.max(wp.abs(slopes[start + i]), wp.abs(over)) > limit
+        steep[start + i] = wp.uint8(wp.where(found, 1, 0))
 
 
 def surface_slope(disparity: np.ndarray) -> np.ndarray:
@@ -19,7 +106,7 @@ def surface_slope(disparity: np.ndarray) -> np.ndarray:
     if width < 2:
         return np.zeros(disparity.shape, dtype=np.float32)
     slopes = np.empty((height, width), dtype=np.float32)
-    launch_rows(slope_kernel, height, [shared(disparity), width, shared(slopes)])
+    launch_rows(_slope_kernel, height, [shared(disparity), width, shared(slopes)])
     return slopes
 
 
@@ -34,7 +121,7 @@ def steep_pixels(disparity: np.ndarray, slope: np.ndarray, limit: float) -> np.n
     height, width = disparity.shape
     steep = np.empty((height, width), dtype=np.uint8)
     inputs = [shared(disparity), shared(slope), height, width, limit, shared(steep)]
-    launch_rows(steep_kernel, height, inputs)
+    launch_rows(_steep_kernel, height, inputs)
     return np.flatnonzero(steep.view(bool))
 
 

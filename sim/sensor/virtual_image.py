@@ -3,7 +3,7 @@
 import numpy as np
 
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.pixels import pixels_where
+from digs_warp.sim.sensor.steps import pixels_where
 
 # Concave mirrors can throw the image to infinity or before the surface; it stays within this [m].
 MAX_VIRTUAL_DISTANCE = 100.0

@@ -1,8 +1,8 @@
-"""Which points the right eye sees, decided point by point in float64; see sim.sensor.landings."""
+"""Which points the right eye sees, decided point by point in float64; see sim.sensor.right_eye."""
 
 import numpy as np
 
-from digs_warp.sim.sensor.landings import HIDDEN, SEEN, UNSURE
+from digs_warp.sim.sensor.right_eye import HIDDEN, SEEN, UNSURE
 
 
 def classified(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:

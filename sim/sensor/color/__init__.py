@@ -2,10 +2,9 @@
 
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import ColorEffect, PixelEffect
-from digs_warp.sim.sensor.color.read_noise import ReadNoise
 from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
-from digs_warp.sim.sensor.color.shot_noise import ShotNoise
 from digs_warp.sim.sensor.color.vignetting import Vignetting
 
 ROLLING_SHUTTER = RollingShutter()

@@ -6,14 +6,13 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.color.protocol import MIDDLE_GREY, EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 
 # Share of saturated and dark pixels above which a camera does not leave the exposure as it is [tuned].
 BADLY_EXPOSED = 0.1
 
-MIDDLE_GREY = 0.18  # linear; what exposure meters take for the mean of a scene (ISO 2720)
 MAX_STOPS = 1.5  # how far the camera goes from the recording's common exposure [tuned]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec. 709

@@ -10,6 +10,8 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts
 
+MIDDLE_GREY = 0.18  # linear; what exposure meters take for the mean of a scene (ISO 2720)
+
 
 @dataclass(frozen=True, eq=False)
 class EyeImages:

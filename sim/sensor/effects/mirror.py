@@ -7,18 +7,15 @@ import numpy as np
 
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.coherent import coherent_uniform
+from digs_warp.sim.sensor.coherent import keep_patches
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.materials import is_mirror, pixels_of
-from digs_warp.sim.sensor.pixels import pixels_where
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
 # Share of the surface in view that must mirror before the effect shows.
 MIN_SHARE = 1e-4
-
-COHERENCE = 12.0
 
 
 @dataclass(frozen=True)
@@ -47,9 +44,7 @@ class Mirror:
         if mirrors is None or not mirrors.any():
             return sensed
         if strength < 1:
-            rows, columns = pixels_where(mirrors)
-            drawn = coherent_uniform(rng, mirrors.shape, rows, columns, COHERENCE)
-            mirrors[rows, columns] = drawn < strength
+            keep_patches(rng, mirrors, strength)
         return sensed.with_values(
             mirrors, virtual_disparity(truth, mirrors), Cause.MIRROR, confidence=0.8
         )

@@ -12,7 +12,7 @@ from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.motion import image_motion
-from digs_warp.sim.sensor.pixels import pixels_where
+from digs_warp.sim.sensor.steps import pixels_where
 
 # Blur along the rows [px] up to which a matcher does not mind; along the columns even 41 px do no harm.
 HARMLESS = 9.0

@@ -12,8 +12,8 @@ from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import horizontal_gradient
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.materials import is_glossy, pixels_of
-from digs_warp.sim.sensor.pixels import pixels_where
+from digs_warp.sim.sensor.materials import highlights_on, is_glossy, pixels_of
+from digs_warp.sim.sensor.steps import pixels_where
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
 # Share of the surface in view that must be glossy before the effect shows.
@@ -21,9 +21,6 @@ MIN_SHARE = 1e-4
 
 # Smallest shift between highlight and surface that a matcher can be wrong about [px].
 MIN_SHIFT = 1.0
-
-# A highlight is this much brighter than the middle of the glossy surface [DN] [tuned].
-HIGHLIGHT = 40.0
 
 # Share of wrong, confident matches by the shift [px]: measured with a highlight moved over a plane of weak
 # texture (3 DN); with strong texture (20 DN) the surface holds, and shifts from 5 px on leave holes.
@@ -67,11 +64,10 @@ class Specular:
         glossy = pixels_of(truth, is_glossy) if strength > 0 else None
         if glossy is None or not glossy.any():
             return sensed
-        gray = truth.gray
-        highlight = glossy & (gray > np.median(gray[glossy]) + HIGHLIGHT)
+        highlight = highlights_on(truth, glossy)
         if not highlight.any():
             return sensed
-        texture = np.median(np.abs(horizontal_gradient(gray))[glossy]) * CONTRAST_PER_GRADIENT
+        texture = np.median(np.abs(horizontal_gradient(truth.gray))[glossy]) * CONTRAST_PER_GRADIENT
         image = virtual_disparity(truth, highlight)
         image = truth.disparity + strength * (image - truth.disparity)
 

@@ -7,18 +7,14 @@ import numpy as np
 
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.coherent import coherent_uniform
+from digs_warp.sim.sensor.coherent import keep_patches
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.materials import is_transparent, pixels_of
-from digs_warp.sim.sensor.pixels import pixels_where
 
 # Share of the surface in view that must be transparent before the effect shows.
 MIN_SHARE = 1e-4
-
-# Patches of glass that carry their own texture (dust, a highlight) have about this size [px].
-COHERENCE = 12.0
 
 
 @dataclass(frozen=True)
@@ -46,12 +42,9 @@ class Transparency:
         glass = pixels_of(truth, is_transparent) if strength > 0 else None
         if glass is None or not glass.any():
             return sensed
-        rows, columns = pixels_where(glass)
         # The stronger gradient wins; with equal texture on both that is a matter of how much is seen.
         through = np.array([1 - m.opacity * (1 - m.transmission) for m in truth.materials])
-        share = through[truth.material_ids[rows, columns]] * min(strength, 1.0)
-        drawn = coherent_uniform(rng, glass.shape, rows, columns, COHERENCE)
-        glass[rows, columns] = drawn < share
+        keep_patches(rng, glass, through[truth.material_ids[glass]] * min(strength, 1.0))
         # The ray goes straight on: refraction is left out of the rendered images, too.
         behind = np.float32(truth.rig.focal_baseline) / truth.rays.depth_behind(glass)
         return sensed.with_values(glass, behind, Cause.TRANSPARENT, confidence=0.8)

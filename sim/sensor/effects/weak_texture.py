@@ -1,20 +1,36 @@
-"""Weak texture: image noise shows in the disparity, and at last drowns the match."""
+"""Weak texture: image noise shows in the disparity and, in the end, drowns the match.
+
+One kernel applies noise, strips and holes in one pass over the frame. It adds up seven fields from their
+rows, piece by piece, and never stores them: storing them image by image took most of the time. The same
+formulas in NumPy: tests/reference/weak_texture_twin.py.
+"""
+
+# Kernel code is a language of its own; these checks misread it.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+import warp as wp
 
+from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.arrays import launch_rows, shared
+from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
-from digs_warp.sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import box_mean
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.noise_field import level_above, normal_rows
-from digs_warp.sim.sensor.row_field import interpolated
+from digs_warp.sim.sensor.row_field import PIECE, RowField, Rows, interpolated, sum_rows
 from digs_warp.sim.sensor.tables import LogTable
 from digs_warp.sim.sensor.texture import BLOCK, noise_of
+
+wp.set_module_options(vector_module_options())
 
 # Disparity error [px] by typical gradient / image noise: semi-global matching (window 5, image noise 2 DN)
 # of rendered scenes, between a brick wall (0.75 times as much) and a blurred photograph (1.3 times). The
@@ -68,6 +84,121 @@ _WRONG = LogTable(STRIP_SNRS, STRIP_WRONG)
 _LOST = LogTable(STRIP_SNRS, STRIP_LOST)
 _FILL = LogTable(FILL_SNRS, FILL)
 
+_PIECE = wp.constant(PIECE)
+_MEMORY = wp.constant(7 * PIECE)
+_CAUSE = wp.constant(int(Cause.WEAK_TEXTURE))
+_NOTHING = wp.constant(float("nan"))
+_STRIP_ERROR, _STRIP_GROWTH = wp.constant(STRIP_ERROR), wp.constant(STRIP_GROWTH)
+_WRONG_FROM = wp.constant(WRONG)
+
+
+@wp.func
+def is_lost(strip: float, wrong: float, lost: float, patch: float, patch_level: float) -> bool:
+    """Whether a pixel has no value left."""
+    return (strip > wrong and strip > lost) or patch > patch_level
+
+
+@wp.func
+def new_disparity(old: float, noise: float, strip: float, wrong: float) -> float:
+    """What a pixel that is not lost gets."""
+    return wp.where(
+        strip > wrong, old - (_STRIP_ERROR + _STRIP_GROWTH * (strip - wrong)), old + noise
+    )
+
+
+@wp.kernel
+def _weak_texture_kernel(
+    first: int,
+    width: int,
+    noise: Rows,
+    sigma: Rows,
+    strips: Rows,
+    wrong_level: Rows,
+    lost_level: Rows,
+    patches: Rows,
+    patch_level: Rows,
+    # inputs and outputs
+    disparity: wp.array[float],  # [height * width]
+    cause: wp.array[wp.uint8],  # [height * width]
+    confidence: wp.array[float],  # [height * width]
+):
+    """Go through one row."""
+    row = first + wp.tid()
+    memory = wp.zeros(shape=(_MEMORY,), dtype=float)
+    error = wp.array(ptr=memory.ptr, shape=(_PIECE,), dtype=float)
+    size = floats_from(error, _PIECE, _PIECE)
+    strip = floats_from(error, 2 * _PIECE, _PIECE)
+    wrong = floats_from(error, 3 * _PIECE, _PIECE)
+    lost = floats_from(error, 4 * _PIECE, _PIECE)
+    patch = floats_from(error, 5 * _PIECE, _PIECE)
+    limit = floats_from(error, 6 * _PIECE, _PIECE)
+    for piece in range((width + _PIECE - 1) // _PIECE):
+        column = piece * _PIECE
+        sum_rows(noise, row, column, error)
+        sum_rows(sigma, row, column, size)
+        sum_rows(strips, row, column, strip)
+        sum_rows(wrong_level, row, column, wrong)
+        sum_rows(lost_level, row, column, lost)
+        sum_rows(patches, row, column, patch)
+        sum_rows(patch_level, row, column, limit)
+        count = wp.min(_PIECE, width - column)
+        old = floats_from(disparity, row * width + column, count)
+        label = bytes_from(cause, row * width + column, count)
+        trust = floats_from(confidence, row * width + column, count)
+        if count == _PIECE:
+            for x in range(_PIECE):
+                known = old[x] == old[x]
+                shift = error[x] * size[x]
+                gone = is_lost(strip[x], wrong[x], lost[x], patch[x], limit[x])
+                fails = known and (gone or strip[x] > wrong[x] or wp.abs(shift) > _WRONG_FROM)
+                value = new_disparity(old[x], shift, strip[x], wrong[x])
+                old[x] = wp.where(gone, _NOTHING, value)
+                label[x] = wp.where(fails, wp.uint8(_CAUSE), label[x])
+                trust[x] = wp.where(fails, wp.where(gone, 0.0, 0.5), trust[x])
+        else:
+            for t in range(count):
+                known_t = old[t] == old[t]
+                shift_t = error[t] * size[t]
+                gone_t = is_lost(strip[t], wrong[t], lost[t], patch[t], limit[t])
+                fails_t = known_t and (
+                    gone_t or strip[t] > wrong[t] or wp.abs(shift_t) > _WRONG_FROM
+                )
+                value_t = new_disparity(old[t], shift_t, strip[t], wrong[t])
+                old[t] = wp.where(gone_t, _NOTHING, value_t)
+                label[t] = wp.where(fails_t, wp.uint8(_CAUSE), label[t])
+                trust[t] = wp.where(fails_t, wp.where(gone_t, 0.0, 0.5), trust[t])
+
+
+@dataclass(frozen=True, eq=False)
+class WeakTextureFields:
+    """What decides about each pixel.
+
+    Attributes:
+        noise: normal field, the shape of the error.
+        sigma: its size [px].
+        strips: normal field; above a level it fails in strips.
+        wrong_level: above which it is wrong.
+        lost_level: above which it has no value.
+        patches: normal field; above a level patches are lost.
+        patch_level: that level.
+    """
+
+    noise: RowField
+    sigma: RowField
+    strips: RowField
+    wrong_level: RowField
+    lost_level: RowField
+    patches: RowField
+    patch_level: RowField
+
+
+def apply_weak_texture(sensed: Sensed, fields: WeakTextureFields) -> None:
+    """Change a frame in place; its arrays must be contiguous and of the fields' shape."""
+    height, width = sensed.disparity.shape
+    rows = [field.for_kernels() for field in vars(fields).values()]
+    frame = [shared(image) for image in (sensed.disparity, sensed.cause, sensed.confidence)]
+    launch_rows(_weak_texture_kernel, height, [width, *rows, *frame])
+
 
 @dataclass(frozen=True)
 class WeakTexture:
@@ -110,8 +241,7 @@ class WeakTexture:
             patch_level=patch,
         )
         changed = sensed.changeable()
-        frame = (changed.disparity, changed.cause, changed.confidence)
-        apply_weak_texture(*frame, fields, STRIP_ERROR, STRIP_GROWTH, WRONG)
+        apply_weak_texture(changed, fields)
         return replace(changed, owned=sensed.owned)
 
 

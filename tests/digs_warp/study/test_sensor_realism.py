@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.sensor.blame import near_steps
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.matcher import sense_by_matching
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import bad_by_edge_distance, score
+from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import sense
 from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
@@ -68,7 +68,7 @@ def test_errors_gather_at_the_steps_for_both(
         assert (np.diff(zones[:4]) < 0).all()
         assert zones[0] > 8 * max(zones[3:])
         # 72 to 74 % of the bad pixels near edges read too near in the reference measurement.
-        error = (disparity - pair.disparity)[near_steps(pair.disparity, 5)]
+        error = (disparity - pair.disparity)[near_steps(pair.disparity, 1.0, 5)]
         assert (error[np.abs(error) > 1] > 0).mean() > 0.6
 
 

@@ -11,10 +11,14 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.encoding import decode, encode
-from digs_warp.sim.sensor.color.noise_law import STEPS_PER_LINEAR, read_sigma, shot_factor
+from digs_warp.sim.sensor.color.image_noise import (
+    STEPS_PER_LINEAR,
+    ReadNoise,
+    ShotNoise,
+    read_sigma,
+    shot_factor,
+)
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
-from digs_warp.sim.sensor.color.read_noise import ReadNoise
-from digs_warp.sim.sensor.color.shot_noise import ShotNoise
 from digs_warp.sim.sensor.color.vignetting import Vignetting
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import Motion

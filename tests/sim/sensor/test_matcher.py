@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.sensor.blame import blame, near_steps
+from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.color.read_noise import ReadNoise
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.color.shot_noise import ShotNoise
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.matcher import match, search_range, sense_by_matching
 from digs_warp.sim.sensor.scores import bad_by_edge_distance, score
+from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.texture import noise_of
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import HiddenRays, box_frame, plane_pair, shifted_right_eye
@@ -132,7 +132,7 @@ def test_scores_count_what_they_say() -> None:
 def test_zones_round_the_steps_are_disjoint_and_complete() -> None:
     truth, _ = box_frame(38.0, 8.0)
     spoiled = truth.disparity.copy()
-    zone = near_steps(truth.disparity, 5) & ~near_steps(truth.disparity, 2)
+    zone = near_steps(truth.disparity, 1.0, 5) & ~near_steps(truth.disparity, 1.0, 2)
     spoiled[zone] += 3
     assert bad_by_edge_distance(spoiled, truth) == [0, 1, 0, 0, 0]
 

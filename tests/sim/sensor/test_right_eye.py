@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.scene import Material
-from digs_warp.sim.sensor.landings import HIDDEN, SEEN, UNSURE, classify
+from digs_warp.sim.sensor.right_eye import HIDDEN, SEEN, UNSURE, classify
 from reference.right_eye_twin import classified
 from reference.stereo_frames import CountedRays, make_frame
 

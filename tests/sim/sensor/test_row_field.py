@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.effects.weak_texture_kernel import WeakTextureFields, apply_weak_texture
+from digs_warp.sim.sensor.effects.weak_texture import (
+    STRIP_ERROR,
+    STRIP_GROWTH,
+    WRONG,
+    WeakTextureFields,
+    apply_weak_texture,
+)
+from digs_warp.sim.sensor.frame import Sensed
 from digs_warp.sim.sensor.noise_field import UNREACHED, level_above, normal_rows
 from digs_warp.sim.sensor.row_field import interpolated, spline_taps, stretched
 from digs_warp.sim.sensor.tables import LogTable
-from digs_warp.sim.sensor.texture import BLOCK, measure_texture
-from digs_warp.sim.sensor.texture_kernel import LEAST_GRADIENT
+from digs_warp.sim.sensor.texture import BLOCK, LEAST_GRADIENT, measure_texture
 from reference.weak_texture_twin import (
     block_means,
     gradient_of,
@@ -97,9 +103,11 @@ def test_weak_texture_fails_as_pixel_by_pixel(shape: tuple[int, int]) -> None:
     before[rng.random(shape) < 0.1] = np.nan
     disparity, cause = before.copy(), np.zeros(shape, np.uint8)
     confidence = np.ones(shape, np.float32)
-    apply_weak_texture(disparity, cause, confidence, fields, 1.05, 1.6, 1.0)
+    apply_weak_texture(Sensed(disparity, cause, confidence), fields)
     images = {name: getattr(fields, name).image().astype(np.float64) for name in names}
-    expected, failed, lost = weak_texture(before.astype(np.float64), images, 1.05, 1.6, 1.0)
+    expected, failed, lost = weak_texture(
+        before.astype(np.float64), images, STRIP_ERROR, STRIP_GROWTH, WRONG
+    )
     np.testing.assert_allclose(disparity, expected, rtol=1e-5)
     np.testing.assert_array_equal(cause, np.where(failed, Cause.WEAK_TEXTURE, Cause.OK))
     np.testing.assert_array_equal(confidence, np.where(lost, 0.0, np.where(failed, 0.5, 1.0)))

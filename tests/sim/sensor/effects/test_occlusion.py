@@ -18,7 +18,7 @@ from digs_warp.sim.sensor.effects.occlusion import (
     hole_share,
 )
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.landings import SEEN, classify
+from digs_warp.sim.sensor.right_eye import SEEN, classify
 from reference.stereo_frames import make_frame, make_rig
 from reference.stereo_pairs import HiddenRays, box_frame
 

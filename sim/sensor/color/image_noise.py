@@ -1,0 +1,104 @@
+"""Image noise: photons arrive at random (shot noise), and the electronics add their own (read noise).
+
+In linear light (1 is white) the variance of a pixel is
+
+    x / W + r
+
+where x is the signal and W the number of electrons that a white pixel holds. x / W is shot noise (photon
+counts are Poisson distributed), r is read noise, which shows in the dark. A rig states W and the standard
+deviation at middle grey in 8-bit sRGB steps, which can be read off recorded images; r is the remainder.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color.protocol import MIDDLE_GREY, EyeImages
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.sim.sensor.noise_field import white_normal
+
+# 8-bit sRGB steps per unit of linear light at middle grey: the derivative of the sRGB curve there.
+STEPS_PER_LINEAR = 255 * 1.055 / 2.4 * MIDDLE_GREY ** (1 / 2.4 - 1)
+
+
+def shot_factor(rig: StereoRig) -> float:
+    """Return the standard deviation of shot noise at white; it grows with the square root of the signal.
+
+    It never exceeds the noise that the rig states at middle grey.
+    """
+    stated = rig.image_noise / STEPS_PER_LINEAR / np.sqrt(MIDDLE_GREY)
+    return float(min(1 / np.sqrt(rig.full_well), stated))
+
+
+def read_sigma(rig: StereoRig) -> float:
+    """Return the standard deviation of read noise, in linear light."""
+    total = (rig.image_noise / STEPS_PER_LINEAR) ** 2
+    return float(np.sqrt(max(total - shot_factor(rig) ** 2 * MIDDLE_GREY, 0.0)))
+
+
+@dataclass(frozen=True)
+class ShotNoise:
+    """Adds noise with a variance proportional to the signal, per pixel, channel and eye."""
+
+    name: ClassVar[str] = "shot-noise"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Depends on the sensor alone."""
+        return choose_above(
+            self.name,
+            "image_noise",
+            rig.image_noise,
+            0.0,
+            "DN",
+            on="light comes in photons, and every sensor counts them",
+            off="the profile states no image noise",
+        )
+
+    def apply(
+        self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> EyeImages:
+        """Add Gaussian noise: at hundreds of photons a Poisson distribution looks the same."""
+        factor = np.float32(strength * shot_factor(rig))
+        images = (eyes.left, eyes.right)
+        return eyes.with_images(
+            *(_noisy(x, factor * np.sqrt(np.maximum(x, 0)), rng) for x in images)
+        )
+
+
+@dataclass(frozen=True)
+class ReadNoise:
+    """Adds noise of constant variance, per pixel, channel and eye."""
+
+    name: ClassVar[str] = "read-noise"
+
+    def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
+        """Depends on the sensor alone."""
+        return choose_above(
+            self.name,
+            "read_noise",
+            read_sigma(rig) * STEPS_PER_LINEAR,
+            0.0,
+            "DN",
+            on="the electronics add noise of their own, which shows in the dark",
+            off="shot noise explains all image noise that the profile states",
+        )
+
+    def apply(
+        self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
+    ) -> EyeImages:
+        """Add white Gaussian noise in linear light."""
+        sigma = np.float32(strength * read_sigma(rig))
+        return eyes.with_images(*(_noisy(x, sigma, rng) for x in (eyes.left, eyes.right)))
+
+
+def _noisy(
+    linear: np.ndarray, sigma: np.ndarray | np.float32, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the image plus white noise of standard deviation ``sigma``."""
+    noise = white_normal(rng, linear.shape)
+    noise *= sigma
+    noise += linear
+    return noise
