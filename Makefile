@@ -91,7 +91,7 @@ constraints: ## Write constraints.txt anew: the newest versions that fit pyproje
 	'$(PYTHON)' -m venv build/constraints
 	build/constraints/bin/python -m pip install --disable-pip-version-check --quiet '.[dev]'
 	@{ sed -n '/^#/p' constraints.txt; \
-		build/constraints/bin/python -m pip freeze --exclude digs-warp; } > build/constraints.txt
+		build/constraints/bin/python -m pip freeze --all --exclude pip --exclude digs-warp; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 	rm -rf build/constraints
 

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import seconds_of
 
-# Results that were measured for the documentation; a package without its documentation has none.
+# The results behind docs/study: in a clone of the repository, not in an installed package.
 PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "study" / "tradeoff"
 
 
@@ -22,8 +22,8 @@ class Recommend:
     """Time for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
 
     study: Path | None = None
-    """Folder of the study. Default: out/study/tradeoff, or else the results that come with the
-    documentation, whose seconds are those of another machine."""
+    """Folder of the study. Default: out/study/tradeoff; without it, in a clone of the repository, the
+    published results in docs/study/tradeoff, whose seconds are those of another machine."""
 
     can_resume: ClassVar[bool] = False
 
@@ -34,9 +34,12 @@ class Recommend:
 
         folder = self.study or _default_study()
         if not (folder / RESULTS).is_file():
+            published = (
+                "; or pass the results of a clone of the repository: --study docs/study/tradeoff"
+            )
             raise DigsError(
                 f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
-                f"{folder}"
+                f"{folder}{'' if self.study else published}"
             )
         budget = seconds_of(self.time_budget, "--time-budget")
         records = [r for r in Store(folder).records.values() if "error" not in r]

@@ -34,7 +34,8 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
         f"{MARKER}(effects='auto', strengths={DEFAULT_STRENGTHS}, **settings): captures for the fixture "
-        f"'{MARKER}', simulated at rising sensor noise; settings are those of sim.config.SimulateConfig",
+        f"'{MARKER}', simulated at rising sensor noise; settings are those of "
+        "digs_warp.sim.config.SimulateConfig",
     )
 
 
