@@ -12,8 +12,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense
-from digs_warp.sim.sensor_plan import SensorPlan
-from digs_warp.sim.session import Session
+from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
+from digs_warp.sim.session import Session, load_inputs, prepare_session
 
 
 def layers_of(config: SimulateConfig) -> tuple[Layer, ...]:
@@ -37,6 +37,17 @@ class FrameMaker:
 
     session: Session
     plan: SensorPlan
+
+    @staticmethod
+    def of(config: SimulateConfig) -> "FrameMaker":
+        """Load what the settings name and choose the effects of the sensor.
+
+        Raises:
+            DigsError: bad input.
+        """
+        check_effects(config)
+        session = prepare_session(config, load_inputs(config))
+        return FrameMaker(session, make_plan(session))
 
     def render(self, number: int) -> RenderedFrame:
         """Return what the eyes see."""

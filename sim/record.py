@@ -10,7 +10,7 @@ from typing import Any
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
-from digs_warp.data.capture_writer import CaptureWriter, file_hashes
+from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter, file_hashes
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
 from digs_warp.record.progress import progress
@@ -80,6 +80,19 @@ def simulate(
     return capture
 
 
+def simulate_in_memory(config: SimulateConfig) -> Capture:
+    """Render and sense every frame; the capture's pixels are those that `simulate` would write.
+
+    Raises:
+        DigsError: bad input.
+    """
+    maker = FrameMaker.of(config)
+    rig = maker.session.rig
+    writer = MemoryWriter(rig.intrinsics, Rig(rig.baseline))
+    _record(maker, writer, RunLog("simulate", config), None)
+    return writer.finish(_about(maker.session, maker.plan))
+
+
 def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     """Return the log of the recording, with earlier times; refuse a folder that holds another one."""
     log = RunLog("simulate", config)
@@ -109,9 +122,12 @@ def _is_finished(folder: Path, config: SimulateConfig) -> bool:
     return all(frame.has(layer) for frame in frames for layer in layers_of(config))
 
 
-def _record(maker: FrameMaker, writer: CaptureWriter, log: RunLog, record: Path) -> None:
+def _record(
+    maker: FrameMaker, writer: CaptureWriter | MemoryWriter, log: RunLog, record: Path | None
+) -> None:
     """Make the frames that are not there yet: rendering here, the rest beside it in other threads.
 
+    ``record`` is the file for the times so far; None: they are not saved.
     The times noted for the workers' stages add up over the threads: most of them pass while rays are cast.
     """
     config = maker.session.config
@@ -134,7 +150,7 @@ def _record(maker: FrameMaker, writer: CaptureWriter, log: RunLog, record: Path)
             pending.append(pool.submit(_finish, maker, frame, writer))
             # The first frame goes alone: it compiles kernels, which is no work for two threads.
             settle(0 if number == missing[0] else QUEUE)
-            if number % SAVE_EVERY == 0:
+            if record is not None and number % SAVE_EVERY == 0:
                 log.save(record)
             bar.update()
         settle(0)
@@ -142,7 +158,9 @@ def _record(maker: FrameMaker, writer: CaptureWriter, log: RunLog, record: Path)
         writer.add_pose(number, maker.session.walk.pose(moment), moment)
 
 
-def _finish(maker: FrameMaker, frame: RenderedFrame, writer: CaptureWriter) -> dict[str, float]:
+def _finish(
+    maker: FrameMaker, frame: RenderedFrame, writer: CaptureWriter | MemoryWriter
+) -> dict[str, float]:
     """Sense and write a frame; return the seconds of each stage."""
     seconds: dict[str, float] = {}
     images = maker.finish(frame, seconds)

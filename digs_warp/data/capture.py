@@ -103,7 +103,9 @@ class Frame:
         source = self._source(layer)
         if isinstance(source, Path):
             return source
-        raise CaptureError(f"{self._where(layer)}: in memory, expected a file; give --out a folder")
+        raise CaptureError(
+            f"{self._where(layer)}: in memory, expected a file; simulate with out=FOLDER"
+        )
 
     def with_layer(self, layer: Layer, source: PixelSource) -> "Frame":
         """Return the frame with another source of a layer."""
@@ -168,15 +170,32 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A recording: its frames in order of time, the rig (if stereo), and facts about the whole."""
+    """A recording: its frames in order of time, the rig (if stereo), and facts about the whole.
 
-    folder: Path
+    ``stored_in`` is the folder it was read from; None: it was made in memory.
+    """
+
+    stored_in: Path | None
     frames: tuple[Frame, ...]
     rig: Rig | None
     about: About = field(default_factory=About)
 
     def __len__(self) -> int:
         return len(self.frames)
+
+    def __str__(self) -> str:
+        return "capture in memory" if self.stored_in is None else f"capture '{self.stored_in}'"
+
+    @property
+    def folder(self) -> Path:
+        """The capture's folder.
+
+        Raises:
+            CaptureError: it has none: it was made in memory.
+        """
+        if self.stored_in is None:
+            raise CaptureError(f"{self}: this needs a capture folder; simulate with out=FOLDER")
+        return self.stored_in
 
     @property
     def knows_poses(self) -> bool:

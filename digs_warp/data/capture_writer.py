@@ -1,17 +1,17 @@
-"""Writes a capture folder, frame by frame; `digs_warp.data.capture` reads it."""
+"""Writes a capture folder, frame by frame; `digs_warp.data.capture` reads it. Or keeps it in memory."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Intrinsics
+from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
-from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
+from digs_warp.data.capture import INDEX_NAME, Capture, Frame, Rig, read_capture
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
@@ -109,6 +109,34 @@ class CaptureWriter:
         }
         write_atomically(self.folder / INDEX_NAME, to_json(index).encode())
         return read_capture(self.folder)
+
+
+@dataclass
+class MemoryWriter:
+    """Collects frames into a capture in memory; takes what `CaptureWriter` takes."""
+
+    intrinsics: Intrinsics
+    rig: Rig | None = None
+    _layers: dict[int, Mapping[Layer, np.ndarray]] = field(default_factory=dict)
+    _frames: dict[int, Frame] = field(default_factory=dict)
+
+    def has_frame(self, number: int, layers: Sequence[Layer] = BASIC_LAYERS) -> bool:
+        """Whether frame ``number`` has these layers."""
+        return set(layers) <= self._layers.get(number, {}).keys()
+
+    def write_frame(self, number: int, images: FrameImages) -> None:
+        """Keep the images of frame ``number``."""
+        self._layers[number] = images.by_layer()
+
+    def add_pose(self, number: int, world_from_cam: np.ndarray, time: float) -> None:
+        """Note the pose and time [s] of frame ``number``, whose images were written before."""
+        camera = Camera(self.intrinsics, world_from_cam)
+        self._frames[number] = Frame(f"{number:04d}", camera, time, self._layers[number])
+
+    def finish(self, about: About | None = None) -> Capture:
+        """Return the capture."""
+        frames = tuple(self._frames[number] for number in sorted(self._frames))
+        return Capture(None, frames, self.rig, about or About())
 
 
 def _camera_keys(k: Intrinsics) -> dict[str, float]:

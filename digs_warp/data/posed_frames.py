@@ -63,7 +63,7 @@ class PosedFrames:
             return PosedFrames(tuple(groups[False]), tuple(groups[True]), record["sfm_per_metre"])
         except KeyError as error:
             raise DigsError(
-                f"'{path}': {error} is not in the capture '{capture.folder}' or not in the file; name the "
+                f"'{path}': {error} is not in the {capture} or not in the file; name the "
                 "capture that was reconstructed"
             ) from error
         except (TypeError, ValueError) as error:

@@ -45,8 +45,8 @@ def for_each_frame(
 
 def copy_image(frame: Frame, path: Path) -> None:
     """Put the left image at ``path``, a PNG: the file itself where it is one already."""
-    source = frame.path(Layer.IMAGE)
-    if source.suffix.lower() == ".png":
+    source = frame.layers.get(Layer.IMAGE)
+    if isinstance(source, Path) and source.suffix.lower() == ".png":
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, path)
     else:
@@ -116,7 +116,7 @@ def the_one_camera(capture: Capture, form: str) -> Intrinsics:
     found = {frame.camera.intrinsics for frame in capture.frames}
     if len(found) > 1:
         raise CaptureError(
-            f"capture '{capture.folder}': {len(found)} different cameras, but {form} knows one for all "
+            f"{capture}: {len(found)} different cameras, but {form} knows one for all "
             "frames; export to colmap or bop, which keep a camera per frame"
         )
     return found.pop()

@@ -32,7 +32,7 @@ def write_tum(capture: Capture, folder: Path) -> None:
     stamps = [f"{frame.time:.6f}" for frame in capture.frames]
     if len(set(stamps)) < len(stamps):
         raise CaptureError(
-            f"capture '{capture.folder}': several frames share a time, which names the files in TUM "
+            f"{capture}: several frames share a time, which names the files in TUM "
             "RGB-D; correct 'time' in transforms.json"
         )
 

@@ -80,8 +80,7 @@ def front_end(
         return PosedFrames.load(capture, folder), PointCloud.load(folder / INITIAL_POINTS)
     if not capture.knows_poses and config.sfm.poses != "sfm":
         raise DigsError(
-            f"capture '{capture.folder}': the recording has no camera poses; let them be estimated with "
-            "--poses sfm"
+            f"{capture}: the recording has no camera poses; let them be estimated with --poses sfm"
         )
     frames = _split(capture, config.test_every)
     sparse = None
@@ -116,7 +115,7 @@ def _split(capture: Capture, test_every: int) -> PosedFrames:
     training, held_out = capture.split(test_every)
     if not training:
         raise DigsError(
-            f"capture '{capture.folder}': {len(capture)} frame, expected at least 2: "
+            f"{capture}: {len(capture)} frame, expected at least 2: "
             "one is held out for the evaluation"
         )
     return PosedFrames(tuple(training), tuple(held_out))

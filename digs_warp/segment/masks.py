@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.capture import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
@@ -157,14 +157,20 @@ def _check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
 
 def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     """A hash of the settings and of the state of every file that a mask depends on."""
-    files = [frame.path(layer) for frame in frames for layer in _INPUTS[config.masks]]
+    sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.masks]]
     if config.mask_folder is not None:
-        files += [config.mask_folder / f"{frame.name}.png" for frame in frames]
+        sources += [config.mask_folder / f"{frame.name}.png" for frame in frames]
     if config.masks == "isnet":
         model = config.mask_model or default_model_path()
-        files += [model] if model.is_file() else []
-    states = [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files]
-    return hashlib.sha256(to_json([config, states]).encode()).hexdigest()
+        sources += [model] if model.is_file() else []
+    return hashlib.sha256(to_json([config, list(map(_state, sources))]).encode()).hexdigest()
+
+
+def _state(source: PixelSource) -> list[str | int]:
+    """Return what changes when the pixels do: of a file its name, size and time."""
+    if isinstance(source, Path):
+        return [str(source.resolve()), source.stat().st_size, source.stat().st_mtime_ns]
+    return [hashlib.sha256(source.tobytes()).hexdigest()]
 
 
 def _forget_other_masks(paths: Sequence[Path], key: str, folder: Path) -> None:

@@ -29,7 +29,7 @@ from digs_warp.sfm.quality import (
     measure_quality,
 )
 from digs_warp.sfm.unrolled import correct_rolling_shutter
-from digs_warp.sfm.workspace import Workspace, stage_keys
+from digs_warp.sfm.workspace import IMAGES, Workspace, stage_keys, with_image_files
 
 logger = logging.getLogger(__name__)
 
@@ -75,6 +75,7 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
             f"structure from motion: {len(frames)} images, expected at least {FEWEST_IMAGES}"
         )
     _check_names_differ(frames)
+    frames = with_image_files(frames, workspace / IMAGES)
     log = RunLog("sfm", config)
     images, place = ImageSet.of(frames), Workspace(workspace, stage_keys(frames, config))
     place.prepare()

@@ -3,6 +3,7 @@
     database.db   features and matches, as COLMAP keeps them
     model/        the sparse model, COLMAP's binary files; COLMAP's own viewer opens it
     stages.json   the key of each stage: a hash of everything that decides its result
+    images/       only for a recording in memory: its left images as PNG files
 
 A stage whose key is unchanged is not done again; one that was cut off goes on with what is missing.
 """
@@ -18,6 +19,7 @@ from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.sfm.config import SfmConfig
@@ -25,6 +27,7 @@ from digs_warp.sfm.config import SfmConfig
 DATABASE = "database.db"
 MODEL = "model"
 STAGES = "stages.json"
+IMAGES = "images"
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,19 @@ class StageKeys:
     features: str
     matches: str
     model: str
+
+
+def with_image_files(frames: Sequence[Frame], folder: Path) -> list[Frame]:
+    """Return the frames with a file for each left image; images in memory are written to ``folder``."""
+
+    def on_disk(frame: Frame) -> Frame:
+        if isinstance(frame.layers[Layer.IMAGE], Path):
+            return frame
+        path = folder / f"{frame.name}.png"
+        write_image(path, frame.load_image())
+        return frame.with_layer(Layer.IMAGE, path)
+
+    return [on_disk(frame) for frame in frames]
 
 
 def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:

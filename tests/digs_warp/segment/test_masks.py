@@ -126,6 +126,22 @@ def test_masks_of_other_settings_or_files_are_made_anew(
     assert (read_image(paths[0])[..., 0] != mark).any()
 
 
+def test_masks_are_made_again_when_pixels_in_memory_change(
+    frames: list[Frame], tmp_path: Path
+) -> None:
+    config = SegmentConfig(masks="degraded")
+    mine = [frame.with_layer(Layer.MASK, frame.load_mask()) for frame in frames]
+    paths = segment(mine, config, tmp_path)
+    before = [path.read_bytes() for path in paths]
+    mark = np.full((HEIGHT, WIDTH), 7, np.uint8)
+    write_image(paths[0], mark)
+    segment(mine, config, tmp_path)
+    np.testing.assert_array_equal(read_image(paths[0])[..., 0], mark)
+    mine[1] = mine[1].with_layer(Layer.MASK, np.zeros((HEIGHT, WIDTH), np.uint8))
+    segment(mine, config, tmp_path)
+    assert paths[0].read_bytes() == before[0] and paths[1].read_bytes() != before[1]
+
+
 # A folder of masks
 
 

@@ -1,0 +1,65 @@
+"""Frames of a simulated recording one after the other, for programs that consume them at once."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker
+
+
+@dataclass(frozen=True, eq=False)
+class StereoFrame:
+    """What the simulated stereo depth camera gives at one moment, and the truth.
+
+    Attributes:
+        number: index of the frame, from 0.
+        time: seconds since the start.
+        camera: the left camera.
+        left: sRGB, shape (height, width, 3), uint8.
+        right: the right image, the same.
+        depth: sensed planar depth [m], shape (height, width), float32, NaN where unknown.
+        depth_true: true planar depth [m], the same.
+        mask: the object, 0 to 255, shape (height, width), uint8.
+        cause: why depth is missing or wrong (`digs_warp.sim.sensor.cause.Cause`), (height, width), uint8;
+            None for the tiers 'truth' and 'law', which do not know.
+    """
+
+    number: int
+    time: float
+    camera: Camera
+    left: np.ndarray
+    right: np.ndarray
+    depth: np.ndarray
+    depth_true: np.ndarray
+    mask: np.ndarray
+    cause: np.ndarray | None
+
+
+def stream(config: SimulateConfig) -> Iterator[StereoFrame]:
+    """Yield the frames of `digs_warp.sim.record.simulate`; each is rendered when asked for, none is kept.
+
+    Raises:
+        DigsError: bad input.
+    """
+    maker = FrameMaker.of(config)
+    session = maker.session
+    for number, moment in enumerate(session.moments):
+        images = maker.finish(maker.render(number), {})
+        camera = Camera(session.rig.intrinsics, session.walk.pose(moment))
+        frame = Frame(f"{number:04d}", camera, moment, images.by_layer())
+        yield StereoFrame(
+            number=number,
+            time=moment,
+            camera=camera,
+            left=frame.load_image(),
+            right=frame.load_right_image(),
+            depth=frame.load_depth(),
+            depth_true=frame.load_depth_true(),
+            mask=frame.load_mask(),
+            cause=frame.load_cause() if frame.has(Layer.CAUSE) else None,
+        )
