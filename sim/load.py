@@ -10,10 +10,10 @@ from urllib.parse import unquote
 import numpy as np
 
 from digs_warp.checks import DigsError, MeshError, check_positive, require_file
-from digs_warp.sim.mesh.gltf_extras import read_extras
-from digs_warp.sim.mesh.gltf_header import (
+from digs_warp.sim.mesh.gltf import (
     check_gltf,
     check_textures,
+    read_extras,
     read_gltf_header,
     unmodelled_features,
 )

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.sim.render.protocol import Renderer
-from digs_warp.sim.render.track import CameraTrack
+from digs_warp.sim.render.protocol import CameraTrack, Renderer
 from digs_warp.sim.sensor.frame import FrameRays
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.

@@ -6,16 +6,23 @@ from typing import Any
 import numpy as np
 
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.sim.mesh.gltf_extras import GltfExtras
+from digs_warp.sim.mesh.gltf import GltfExtras
 from digs_warp.sim.mesh.parts import MeshPart
-from digs_warp.sim.mesh.pbr import MIN_OPACITY, pbr_material
-from digs_warp.sim.mesh.pixels import alpha_pixels
-from digs_warp.sim.mesh.texture import color_texture
+from digs_warp.sim.mesh.pixels import alpha_pixels, color_texture, mean_over_surface, rgb_pixels
 from digs_warp.sim.scene import Material
 
 # What a mesh without any colour is drawn in: light grey clay, linear.
 PLAIN_COLOR = (0.4, 0.4, 0.4)
 PLAIN_ROUGHNESS = 0.8
+
+# Blended texels fainter than this are holes: nothing reflects there either.
+MIN_OPACITY = 0.02
+
+# glTF's cut-off of alphaMode MASK where none is given.
+DEFAULT_CUTOFF = 0.5
+
+# Zero of x and y in a normal map.
+FLAT = 128
 
 
 def materials_of_parts(
@@ -46,7 +53,7 @@ def _material(parts: list[MeshPart], extras: Mapping[str, GltfExtras]) -> Materi
 
     source = parts[0].material
     if isinstance(source, PBRMaterial):
-        return pbr_material(source, parts, extras.get(str(source.name), GltfExtras()))
+        return _pbr_material(source, parts, extras.get(str(source.name), GltfExtras()))
     if isinstance(source, SimpleMaterial) and not _is_empty(source):
         return _simple_material(source, parts)
     color = (1.0, 1.0, 1.0) if parts[0].colored else PLAIN_COLOR
@@ -77,11 +84,11 @@ def _simple_material(source: Any, parts: list[MeshPart]) -> Material:
         base_color.astype(np.float32),
         texture,
         roughness,
-        **_opacity(source, name, texture is not None),
+        **_mtl_opacity(source, name, texture is not None),
     )
 
 
-def _opacity(source: Any, name: str, textured: bool) -> dict[str, Any]:
+def _mtl_opacity(source: Any, name: str, textured: bool) -> dict[str, Any]:
     """Return opacity from an MTL's ``d`` or ``Tr`` and from the alpha of its texture."""
     try:
         transparency = 1.0 - float(source.kwargs.get("tr", ["0"])[-1])
@@ -97,3 +104,107 @@ def _opacity(source: Any, name: str, textured: bool) -> dict[str, Any]:
         "opacity_texture": np.rint(alpha * opacity).astype(np.uint8),
         "alpha_cutoff": MIN_OPACITY,
     }
+
+
+def _pbr_material(source: Any, parts: Sequence[MeshPart], extras: GltfExtras) -> Material:
+    """Convert a `PBRMaterial` of trimesh; its factors are linear and 1 where they are left out."""
+    name = str(source.name or "material")
+    factor = source.baseColorFactor  # RGBA bytes, still linear
+    base_color = np.ones(3) if factor is None else np.asarray(factor)[:3] / 255.0
+    return Material(
+        name=name,
+        base_color=base_color.astype(np.float32),
+        texture=color_texture(source.baseColorTexture, name, parts),
+        **_finish(source, name, parts),
+        **_opacity(source, name, parts),
+        **_transmission(extras, name, parts),
+        **_emission(source, name, parts, extras.emissive_strength),
+        normal_texture=_normals(source, name, parts, extras.normal_scale),
+    )
+
+
+def _finish(source: Any, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
+    """Return roughness and metallic, and their texture where they vary."""
+    factors = np.array(
+        [
+            1.0 if source.roughnessFactor is None else source.roughnessFactor,
+            1.0 if source.metallicFactor is None else source.metallicFactor,
+        ]
+    )
+    texture = None
+    if source.metallicRoughnessTexture is not None and parts[0].uvs is not None:
+        pixels = rgb_pixels(source.metallicRoughnessTexture, name)[..., 1:]
+        texture = _scaled(pixels, factors) if np.ptp(pixels, axis=(0, 1)).any() else None
+        factors = factors * mean_over_surface(pixels, parts) / 255.0
+    roughness, metallic = np.clip(factors, 0.0, 1.0)
+    return {
+        "roughness": float(roughness),
+        "metallic": float(metallic),
+        "finish_texture": texture,
+    }
+
+
+def _opacity(source: Any, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
+    """Return opacity, its texture where it varies, and the cut-off; nothing for opaque materials."""
+    mode = source.alphaMode or "OPAQUE"
+    if mode == "OPAQUE":
+        return {}
+    factor = 1.0 if source.baseColorFactor is None else source.baseColorFactor[3] / 255.0
+    image = source.baseColorTexture
+    alpha = None if image is None or parts[0].uvs is None else alpha_pixels(image, name)
+    if mode == "MASK":
+        cutoff = DEFAULT_CUTOFF if source.alphaCutoff is None else float(source.alphaCutoff)
+        if alpha is not None:
+            alpha = np.where(alpha / 255.0 * factor >= cutoff, 255, 0).astype(np.uint8)
+        factor = 1.0 if factor >= cutoff or alpha is not None else 0.0
+    if alpha is None:
+        return {"opacity": float(factor)}
+    alpha = _scaled(alpha, factor)
+    return {
+        "opacity": float(mean_over_surface(alpha[..., None], parts)[0] / 255.0),
+        "opacity_texture": alpha,
+        "alpha_cutoff": DEFAULT_CUTOFF if mode == "MASK" else MIN_OPACITY,
+    }
+
+
+def _transmission(extras: GltfExtras, name: str, parts: Sequence[MeshPart]) -> dict[str, Any]:
+    """Return transmission, and its texture where it varies."""
+    if extras.transmission <= 0:
+        return {}
+    if extras.transmission_image is None or parts[0].uvs is None:
+        return {"transmission": extras.transmission}
+    pixels = _scaled(rgb_pixels(extras.transmission_image, name)[..., 0], extras.transmission)
+    return {
+        "transmission": float(mean_over_surface(pixels[..., None], parts)[0] / 255.0),
+        "transmission_texture": pixels,
+    }
+
+
+def _emission(source: Any, name: str, parts: Sequence[MeshPart], strength: float) -> dict[str, Any]:
+    """Return the emission and its texture; nothing for materials that do not glow."""
+    factor = np.zeros(3) if source.emissiveFactor is None else np.asarray(source.emissiveFactor)
+    if not (factor * strength > 0).any():
+        return {}
+    texture = color_texture(source.emissiveTexture, name, parts)
+    if texture is not None and not texture.any():
+        return {}
+    red, green, blue = (float(value) for value in factor[:3] * strength)
+    return {"emission": (red, green, blue), "emission_texture": texture}
+
+
+def _normals(source: Any, name: str, parts: Sequence[MeshPart], scale: float) -> np.ndarray | None:
+    """Return the normal map with its scale worked in; None where it is flat."""
+    if source.normalTexture is None or parts[0].uvs is None:
+        return None
+    pixels = rgb_pixels(source.normalTexture, name)
+    tilt = pixels[..., :2].astype(np.int16) - FLAT
+    if np.abs(tilt).max() <= 1 or scale == 0:
+        return None
+    if scale != 1:
+        tilt = np.clip(np.rint(tilt * scale), -FLAT, 255 - FLAT)
+        pixels = np.concatenate([(tilt + FLAT).astype(np.uint8), pixels[..., 2:]], axis=-1)
+    return np.ascontiguousarray(pixels)
+
+
+def _scaled(pixels: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
+    return np.rint(np.clip(pixels * factor, 0, 255)).astype(np.uint8)

@@ -1,11 +1,14 @@
 """Pixels of the textures that trimesh hands over as PIL images."""
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from digs_warp.sim.mesh.parts import MeshPart
+
+logger = logging.getLogger(__name__)
 
 # Where a triangle is looked up in a texture for its mean (barycentric): a rule that is exact for quadratic
 # functions.
@@ -61,3 +64,13 @@ def mean_over_surface(image: np.ndarray, parts: Sequence[MeshPart]) -> np.ndarra
         total += areas @ image[rows, columns].mean(axis=1)
         weight += areas.sum()
     return total / weight if weight > 0 else image.mean(axis=(0, 1))
+
+
+def color_texture(image: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarray | None:
+    """Return the sRGB pixels, (height, width, 3), uint8; None without image or texture coordinates."""
+    if image is None:
+        return None
+    if parts[0].uvs is None:
+        logger.warning("material '%s': no texture coordinates, drawn without its texture", name)
+        return None
+    return rgb_pixels(image, name)

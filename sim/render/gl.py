@@ -21,9 +21,8 @@ from digs_warp.sim.render.gl_scene import (
     two_lights,
 )
 from digs_warp.sim.render.lighting import prepare_light
-from digs_warp.sim.render.protocol import RenderedView
+from digs_warp.sim.render.protocol import CameraTrack, RenderedView, exposure_by_views
 from digs_warp.sim.render.rays import SurfaceRays
-from digs_warp.sim.render.track import CameraTrack, exposure_by_views
 from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
 from digs_warp.sim.render.view import check_inside
 from digs_warp.sim.scene import Scene

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.scene import Scene
 
@@ -21,6 +22,14 @@ wp.set_module_options({"enable_backward": False})
 
 GOLDEN_ANGLE = wp.constant(2.399963229728653)
 GOLDEN_RATIO = wp.constant(0.6180339887498949)
+
+# Rays per node and side; large meshes divide the budget.
+RAYS = 64
+RAY_BUDGET = 2_000_000
+MIN_RAYS = 8
+
+# Occluders farther away than this share of the scene's radius do not darken a surface.
+REACH = 0.7
 
 # Share of the way from a node to the middle of its face along which its openness is measured.
 INSET = wp.constant(0.6)
@@ -103,7 +112,7 @@ def open_share(
 
 
 @wp.kernel
-def openness_kernel(
+def _openness_kernel(
     first: int,
     surface: Surface,
     points: wp.array[wp.vec3],  # [nodes]
@@ -125,3 +134,19 @@ def openness_kernel(
     front = open_share(surface, point + offset * normal, way, normal, rays, reach)
     back = open_share(surface, point - offset * normal, way, -normal, rays, reach)
     openness[node] = wp.vec2(front, back)
+
+
+def measure_openness(scene: Scene, surface: Surface, threads: int = 0) -> None:
+    """Measure the openness of a scene and add it to its ``surface``; ``threads`` 0: all cores."""
+    nodes = openness_nodes(scene)
+    count = len(nodes.points)
+    rays = int(np.clip(RAY_BUDGET // (2 * count), MIN_RAYS, RAYS))
+    openness = wp.empty(count, dtype=wp.vec2, device="cpu")
+    places = [
+        wp.array(array, dtype=wp.vec3, device="cpu")
+        for array in (nodes.points, nodes.inward, nodes.normals)
+    ]
+    inputs = [surface, *places, rays, REACH * scene.radius, openness]
+    launch_parallel(_openness_kernel, count, inputs, threads=threads)
+    surface.openness = openness
+    surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")

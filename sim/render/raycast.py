@@ -14,21 +14,12 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.render.kernels import color_kernel, geometry_kernel
 from digs_warp.sim.render.lighting import prepare_light
-from digs_warp.sim.render.openness import openness_kernel, openness_nodes
-from digs_warp.sim.render.protocol import RenderedView
+from digs_warp.sim.render.openness import measure_openness
+from digs_warp.sim.render.protocol import CameraTrack, RenderedView
 from digs_warp.sim.render.rays import SurfaceRays
-from digs_warp.sim.render.track import CameraTrack
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view
 from digs_warp.sim.scene import Scene
-
-# Rays that measure how open a node of the mesh lies, on each side; large meshes share out the budget.
-OPENNESS_RAYS = 64
-OPENNESS_BUDGET = 2_000_000
-MIN_OPENNESS_RAYS = 8
-
-# Occluders farther away than this share of the scene's radius do not darken a surface.
-OPENNESS_REACH = 0.7
 
 
 class RaycastRenderer:
@@ -42,7 +33,7 @@ class RaycastRenderer:
         self._light = prepare_light(environment, threads)
         self._scene = upload_scene(scene)
         self._surface = self._scene.surface
-        self._openness: Any = None  # measured for the first image
+        self._has_openness = False  # measured for the first image
 
     @property
     def exposure(self) -> float:
@@ -78,7 +69,9 @@ class RaycastRenderer:
         texel_angle = np.pi / self._panorama_height
         surround_level = float(max(0.0, np.log2(pixel_angle / texel_angle)))
         surround_step = float(max(pixel_angle, texel_angle))
-        self._ensure_openness()
+        if not self._has_openness:
+            measure_openness(self._source, self._surface, self.threads)
+            self._has_openness = True
         image = wp.empty((k.height * k.width, 3), dtype=wp.uint8, device="cpu")
         mask = wp.empty(k.height * k.width, dtype=wp.uint8, device="cpu")
         scalars = [surround_level, surround_step, samples, _int32(seed)]
@@ -104,20 +97,6 @@ class RaycastRenderer:
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
         """Return the rays that the sensor's effects may ask for; none is cast before it is asked for."""
         return SurfaceRays(self._scene, camera, baseline, self.surround_radius, self.threads)
-
-    def _ensure_openness(self) -> None:
-        if self._openness is not None:
-            return
-        nodes = openness_nodes(self._source)
-        count = len(nodes.points)
-        rays = int(np.clip(OPENNESS_BUDGET // (2 * count), MIN_OPENNESS_RAYS, OPENNESS_RAYS))
-        openness = wp.empty(count, dtype=wp.vec2, device="cpu")
-        arrays = (nodes.points, nodes.inward, nodes.normals)
-        places = [wp.array(array, dtype=wp.vec3, device="cpu") for array in arrays]
-        reach = OPENNESS_REACH * self._source.radius
-        self._launch(openness_kernel, count, [self._surface, *places, rays, reach, openness])
-        self._surface.openness = self._openness = openness
-        self._surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
         launch_parallel(kernel, dim, inputs, threads=self.threads)

@@ -10,7 +10,6 @@ import warp as wp
 
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.render.surface import MaterialData, Surface
-from digs_warp.sim.render.tangents import face_handedness, vertex_tangents
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
 from digs_warp.sim.scene import Material, Scene
 
@@ -20,6 +19,9 @@ start_warp()
 # a surface starts this far off it, so that it does not meet it again.
 STEP_SHARE = 2e-5
 LIFT_SHARE = 1e-4
+
+# Shorter tangents have no direction: mirrored halves cancel out, or the texture has no extent.
+MIN_TANGENT = 1e-12
 
 TEXTURE_FIELDS = {
     "texture": SRGB,
@@ -52,8 +54,8 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.corners = wp.array(scene.faces.reshape(-1), dtype=int, device="cpu")
     surface.normals = wp.array(scene.normals, dtype=wp.vec3, device="cpu")
     if any(material.normal_texture is not None for material in scene.materials):
-        surface.tangents = wp.array(vertex_tangents(scene), dtype=wp.vec3, device="cpu")
-        surface.handedness = wp.array(face_handedness(scene), dtype=float, device="cpu")
+        surface.tangents = wp.array(_vertex_tangents(scene), dtype=wp.vec3, device="cpu")
+        surface.handedness = wp.array(_face_handedness(scene), dtype=float, device="cpu")
     surface.uvs = wp.array(scene.uvs, dtype=wp.vec2, device="cpu")
     surface.colors = wp.array(scene.vertex_colors, dtype=wp.vec3, device="cpu")
     surface.materials = wp.array(scene.face_materials, dtype=int, device="cpu")
@@ -123,10 +125,53 @@ def _uv_levels(scene: Scene) -> np.ndarray:
 
     Akenine-Moller et al. 2019, eq. 5: half the log2 of texture area over surface area.
     """
+    (ab, ac), uv_area = _edges_and_uv_area(scene)
+    area = np.linalg.norm(np.cross(ab, ac), axis=1)
+    # Faces without extent in the texture show one texel: the finest level.
+    return (0.5 * np.log2(np.maximum(np.abs(uv_area), 1e-18) / np.maximum(area, 1e-30))).astype(
+        np.float32
+    )
+
+
+def _vertex_tangents(scene: Scene) -> np.ndarray:
+    """Return the unit direction in which u grows at each vertex, (n, 3), float32; 0: none.
+
+    The mean over the faces around a vertex, weighted by area, as programs that bake normal maps compute it.
+    Vertices are already split along the seams of the texture.
+    """
+    along_u = _face_tangents(scene)
+    total = np.zeros((len(scene.vertices), 3))
+    for corner in range(3):
+        np.add.at(total, scene.faces[:, corner], along_u)
+    normals = scene.normals.astype(np.float64)
+    total -= (total * normals).sum(axis=1, keepdims=True) * normals
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(length > MIN_TANGENT, total / np.maximum(length, MIN_TANGENT), 0.0).astype(
+        np.float32
+    )
+
+
+def _face_handedness(scene: Scene) -> np.ndarray:
+    """Return 1 where (u, v, normal) is right-handed and -1 where the texture is mirrored, (m,), float32."""
+    edges, uv_area = _edges_and_uv_area(scene)
+    outward = np.cross(edges[0], edges[1])
+    along = (outward * scene.normals[scene.faces].sum(axis=1)).sum(axis=1)
+    return np.where(uv_area * along < 0, -1.0, 1.0).astype(np.float32)
+
+
+def _face_tangents(scene: Scene) -> np.ndarray:
+    """Return dP/du of each face times its area in the world, shape (m, 3)."""
+    (ab, ac), uv_area = _edges_and_uv_area(scene)
+    a, b, c = np.moveaxis(scene.uvs[scene.faces].astype(np.float64), 1, 0)
+    along_u = (c - a)[:, 1:] * ab - (b - a)[:, 1:] * ac
+    along_u *= np.sign(uv_area)[:, None]
+    length = np.maximum(np.linalg.norm(along_u, axis=1, keepdims=True), 1e-300)
+    return along_u / length * np.linalg.norm(np.cross(ab, ac), axis=1, keepdims=True)
+
+
+def _edges_and_uv_area(scene: Scene) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Return the two edges at the first corner, (m, 3) each, and twice the signed area in the texture."""
     a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     ua, ub, uc = np.moveaxis(scene.uvs[scene.faces].astype(np.float64), 1, 0)
     ab, ac = ub - ua, uc - ua
-    uv_area = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-    # Faces without extent in the texture show one texel: the finest level.
-    return (0.5 * np.log2(np.maximum(uv_area, 1e-18) / np.maximum(area, 1e-30))).astype(np.float32)
+    return (b - a, c - a), ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]

@@ -9,7 +9,7 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.sim.render.track import CameraTrack
+from digs_warp.sim.render.protocol import CameraTrack
 
 wp.set_module_options({"enable_backward": False})
 

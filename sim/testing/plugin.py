@@ -47,8 +47,7 @@ def sensor_noise(
 
     They are kept in pytest's cache between runs (``pytest --cache-clear`` removes them).
     """
-    from digs_warp.sim.testing.cache import CaptureCache
-    from digs_warp.sim.testing.series import NoiseSeries
+    from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 
     marker = request.node.get_closest_marker(MARKER)
     settings = dict(marker.kwargs) if marker else {}

@@ -1,16 +1,73 @@
-"""One simulated walk at rising sensor noise."""
+"""One simulated walk at rising sensor noise, and the captures of it that are kept between test runs."""
 
+import hashlib
+import os
+import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
 from itertools import pairwise
+from pathlib import Path
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.record.files import to_json
+from digs_warp.record.run_log import versions
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
 from digs_warp.sim.session import Session, load_inputs, prepare_session
-from digs_warp.sim.testing.cache import CaptureCache
 from digs_warp.sim.testing.curve import DegradationCurve
+
+KEY_LENGTH = 20  # hexadecimal digits
+
+# Folders of this package and the files below it whose code decides the bytes of a capture.
+_SOURCES = ("*.py", "data/*.py", "device/*.py", "record/*.py", "sim/**/*.py")
+
+
+@dataclass(frozen=True)
+class CaptureCache:
+    """A folder of captures, each made once.
+
+    The name of a capture is a hash of its settings and of the files they name. Captures lie in a folder
+    named by the simulator's code and the packages under it; those of other code are removed.
+    """
+
+    folder: Path
+
+    def capture(
+        self, config: SimulateConfig, session: Callable[[], Session] | None = None
+    ) -> Capture:
+        """Return the capture of these settings; simulates it when it is not there yet.
+
+        Args:
+            config: settings.
+            session: returns what `digs_warp.sim.record.simulate` may use instead of loading the scene
+                again; only called when something is simulated.
+        """
+        folder = self.folder / _code_key() / _key(config)
+        if not folder.is_dir():
+            self._remove_others(folder.parent)
+            self._simulate(config, folder, session() if session else None)
+        return read_capture(folder)
+
+    def _remove_others(self, current: Path) -> None:
+        if self.folder.is_dir():
+            for other in self.folder.iterdir():
+                if other != current:
+                    shutil.rmtree(other, ignore_errors=True)
+
+    def _simulate(self, config: SimulateConfig, folder: Path, session: Session | None) -> None:
+        # Test processes may run side by side: each makes its own, the first one to finish wins.
+        unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+        try:
+            simulate(config, unfinished, session=session)
+            try:
+                os.replace(unfinished, folder)
+            except OSError:
+                if not folder.is_dir():
+                    raise
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -57,3 +114,21 @@ class NoiseSeries:
                 failure.add_note(f"on the simulated capture at sensor noise strength {strength:g}")
                 raise
         return DegradationCurve(self.strengths, tuple(errors))
+
+
+def _key(config: SimulateConfig) -> str:
+    digest = hashlib.sha256(to_json(config).encode())
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if isinstance(value, Path) and value.is_file():
+            digest.update(hashlib.sha256(value.read_bytes()).digest())
+    return digest.hexdigest()[:KEY_LENGTH]
+
+
+@cache
+def _code_key() -> str:
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256(to_json(versions()).encode())
+    for path in sorted(path for pattern in _SOURCES for path in root.glob(pattern)):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:KEY_LENGTH]

@@ -11,9 +11,8 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import look_at, rigid
 from digs_warp.sim.environment import Environment
-from digs_warp.sim.render.protocol import Renderer
+from digs_warp.sim.render.protocol import Renderer, exposure_by_views
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.render.track import exposure_by_views
 from digs_warp.sim.scene import Material
 from digs_warp.sim.shutter import BandedRays, Shutter, ShutteredEye
 from reference.plates import plate

@@ -18,10 +18,8 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.testing import cache
-from digs_warp.sim.testing.cache import CaptureCache
 from digs_warp.sim.testing.curve import DegradationCurve
-from digs_warp.sim.testing.series import NoiseSeries
+from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 
 BOX = Path(__file__).parent / "box.obj"
 
@@ -141,7 +139,7 @@ def test_captures_of_other_code_are_removed(
 ) -> None:
     captures = CaptureCache(tmp_path / "cache")
     before = captures.capture(config).folder
-    monkeypatch.setattr(cache, "_code_key", lambda: "other code")
+    monkeypatch.setattr("digs_warp.sim.testing.series._code_key", lambda: "other code")
     after = captures.capture(config).folder
     assert (before.name, before.exists()) == (after.name, False)
     assert [path.name for path in captures.folder.iterdir()] == ["other code"]
