@@ -43,18 +43,18 @@ demo: setup ## The main job on the built-in object: capture, reconstruct, out/de
 figures: demo ## The pictures of README and docs, from the results of make demo
 	$(BIN)/python scripts/demo_picture.py out/demo
 
-sensor: setup ## Photograph every effect of the simulated camera and write docs/sensor.md
+sensor: setup ## Photograph every effect of the simulated camera for docs/sensor.md
 	$(BIN)/python scripts/sensor_page.py
 
-sensor-cost: setup ## Measure the simulated camera against real matching and write docs/sensor-cost.md
-	$(BIN)/python scripts/sensor_cost_page.py
+sensor-cost: setup ## Measure the simulated camera against real matching, for docs/sensor-cost.md
+	$(BIN)/python scripts/pages.py sim
 
 docs: setup ## The documentation as a site in build/site; fails when a link leads nowhere
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[docs]'
 	$(BIN)/zensical build --strict
 
-performance: setup ## Measure the rasterizer and write docs/performance.md
-	$(BIN)/python scripts/performance_page.py
+performance: setup ## Measure the rasterizer, for docs/performance.md
+	$(BIN)/python scripts/pages.py raster scaling
 
 studies: setup ## Run the studies within their budgets and write docs/study; under two hours, quiet
 	$(BIN)/digs-warp study run initialization --time-budget 20min
@@ -66,12 +66,9 @@ studies: setup ## Run the studies within their budgets and write docs/study; und
 	$(BIN)/python scripts/study_pages.py
 	$(BIN)/python scripts/initialization_picture.py
 
-pages: setup ## Measure everything else and write the figures into its pages; an hour on a quiet machine
-	$(BIN)/python scripts/training_page.py
-	$(BIN)/python scripts/initialization_page.py
-	$(BIN)/python scripts/front_end_figures.py
-	$(BIN)/python scripts/usd_page.py
-	$(BIN)/python scripts/splat_pages.py
+pages: setup ## Run all other benchmarks for the documentation; an hour on a quiet machine
+	$(BIN)/python scripts/pages.py convergence options train init init-noise masks sfm sfm-full sfm-sensor \
+		paper-length usd render mesh splat-files
 
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh

@@ -1,4 +1,4 @@
-"""Where a page of the documentation keeps what a command measures: between two comments.
+"""Places in the pages of the documentation that scripts fill: between two comments.
 
 <!-- NAME: written by scripts/SCRIPT.py -->
 <!-- end -->
@@ -12,16 +12,21 @@ from digs_warp.record.files import write_atomically
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 
+def marks(page: str) -> list[str]:
+    """Return the names of the marks of a page, in their order."""
+    return re.findall(r"<!-- ([^:>]+): written by", (DOCS / page).read_text(encoding="utf-8"))
+
+
 def fill(page: str, name: str, text: str) -> Path:
-    """Put ``text`` between the marks ``name`` of a page and return where the page lies.
+    """Put ``text`` between the marks ``name`` of a page and return the path of the page.
 
     Raises:
         ValueError: the page has no such marks, or several.
     """
     path = DOCS / page
-    marks = rf"(<!-- {name}: [^>]*-->\n).*?(<!-- end -->)"
+    place = rf"(<!-- {name}: [^>]*-->\n).*?(<!-- end -->)"
     filled, count = re.subn(
-        marks,
+        place,
         lambda found: f"{found[1]}{text.strip()}\n{found[2]}",
         path.read_text(encoding="utf-8"),
         flags=re.DOTALL,

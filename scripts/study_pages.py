@@ -12,8 +12,8 @@ from typing import Any
 from digs_warp.commands.study import find_study, write_report
 from digs_warp.record.files import write_atomically
 from digs_warp.study.catalogue import STUDIES, Study
-from digs_warp.study.engine.page import MARKDOWN, PAGE
 from digs_warp.study.engine.store import RESULTS, Store
+from digs_warp.study.page import MARKDOWN, PAGE
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "study"
 

@@ -1,4 +1,4 @@
-"""`digs-warp bench`: run a benchmark, print its table."""
+"""`digs-warp bench`: run a benchmark, print its tables."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,15 +8,12 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.record.files import write_atomically
-from digs_warp.study.benchmarks import BENCHMARKS, Benchmark
-from digs_warp.study.results import write_json_lines
-
-NAMES = tuple(benchmark.name for benchmark in BENCHMARKS)
+from digs_warp.study.benchmarks import BENCHMARKS, find_benchmark
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """Measure how fast a part is on this machine and print a table."""
+    """Measure a part of the package on this machine and print the results as tables."""
 
     name: Annotated[
         str,
@@ -29,32 +26,30 @@ class Bench:
         ),
     ]
     json: Path | None = None
-    """Also write the results to this file: one JSON object per line with name, value, unit, settings."""
+    """Also write the results to this file: one JSON object per case and line with labels and values."""
 
     plot: Path | None = None
-    """Also draw the results into this PNG file; for benchmarks that have a picture: sim."""
+    """Also draw the results into this PNG file; for scaling, convergence and sim."""
 
     can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        if self.name not in NAMES:
-            raise DigsError(f"bench '{self.name}': no such benchmark; there is: {', '.join(NAMES)}")
-        if self.plot is not None and not self._benchmark.plot_function:
+        benchmark = find_benchmark(self.name)
+        if self.plot is not None and not benchmark.chart_function:
             raise DigsError(f"bench '{self.name}': has no picture; leave out --plot")
 
     def execute(self) -> str:
-        """Measure, write the file, return the table."""
-        benchmark = self._benchmark
+        """Measure, write the files, return the tables."""
+        from digs_warp.study.charts import side_by_side
+        from digs_warp.study.results import format_tables, write_json_lines
+
+        benchmark = find_benchmark(self.name)
         results = benchmark.run()
-        lines = [benchmark.table(results)]
+        parts = [format_tables(results)]
         if self.json is not None:
             write_json_lines(results, self.json)
-            lines.append(f"{len(results)} results, also in {self.json}")
+            parts.append(f"{len(results)} results, also in {self.json}")
         if self.plot is not None:
-            write_atomically(self.plot, benchmark.plot(results))
-            lines.append(f"drawn in {self.plot}")
-        return "\n\n".join(lines)
-
-    @property
-    def _benchmark(self) -> Benchmark:
-        return next(b for b in BENCHMARKS if b.name == self.name)
+            write_atomically(self.plot, side_by_side(benchmark.charts(results)))
+            parts.append(f"drawn in {self.plot}")
+        return "\n\n".join(parts)

@@ -139,8 +139,8 @@ def write_report(study: Study, folder: Path) -> Path:
     Raises:
         DigsError: no case ended well; the message has their errors.
     """
-    from digs_warp.study.engine.page import write_pages
     from digs_warp.study.engine.store import RESULTS, Store
+    from digs_warp.study.page import write_pages
 
     records = list(Store(folder).records.values())
     good = [record for record in records if "error" not in record]

@@ -1,17 +1,13 @@
-"""`digs-warp bench init`: from 200 depth maps of 2208x1242 to points: seconds, memory, distances.
+"""`digs-warp bench init`: 200 depth maps of 2208x1242 to points: seconds, memory, distance to the truth.
 
-A few views of the built-in object are rendered and sensed (not timed) and held in memory; each serves many
-times, so that reading files does not count. The scale is estimated from sparse points made from the truth.
-Times are wall-clock for a stage of the recipe, and CPU time for its parts, all threads together.
+A few views of the built-in object are rendered and sensed (not timed), held in memory and used many times, so
+that reading files does not count. The scale is estimated from sparse points that are made from the truth.
+"CPU" times sum over all threads.
 """
 
 import gc
-import os
 import tempfile
-import threading
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,13 +23,13 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case
 from digs_warp.study.results import Result
 from digs_warp.study.synthetic_sfm import sfm_from_truth
+from digs_warp.study.timing import Stopwatch, peak_memory
 
 WIDTH, HEIGHT = 2208, 1242
 FRAMES = 200
 DISTINCT = 8
 SFM_PER_METRE = 1.37
 
-MEMORY_INTERVAL = 0.02  # seconds between two looks at the memory in use
 STRATEGIES: tuple[Strategy, ...] = ("highdepth", "depth", "fusion")
 
 
@@ -49,46 +45,16 @@ def in_memory(frame: Frame) -> Frame:
     )
 
 
-class PeakMemory:
-    """The most memory that the process has in use between entering and leaving [bytes].
-
-    Attributes:
-        start: in use when entered.
-        peak: the most that was seen.
-    """
-
-    def __init__(self) -> None:
-        self.start = self.peak = 0
-        self._done = threading.Event()
-
-    @contextmanager
-    def watch(self) -> Iterator["PeakMemory"]:
-        """Look at the memory in use every few milliseconds until the block is left."""
-        gc.collect()
-        self.start = self.peak = _resident()
-        watcher = threading.Thread(target=self._look, daemon=True)
-        watcher.start()
-        try:
-            yield self
-        finally:
-            self._done.set()
-            watcher.join()
-
-    def _look(self) -> None:
-        while not self._done.wait(MEMORY_INTERVAL):
-            self.peak = max(self.peak, _resident())
-
-
 def bench_init(
     width: int = WIDTH, height: int = HEIGHT, frames: int = FRAMES, distinct: int = DISTINCT
 ) -> list[Result]:
-    """Return times [s], memory [GB] and distance to the true surface [mm] of scale and strategies.
+    """Return time and error of the scale; time, memory and distance to the true surface by strategy.
 
     Args:
         width: of the depth maps [px].
         height: of the depth maps [px].
         frames: number of frames that are initialized from.
-        distinct: number of different ones among them, each used alike often.
+        distinct: number of different ones among them, each used equally often.
     """
     config = SimulateConfig(frames=distinct, width=width, height=height, samples_per_pixel=1)
     with tempfile.TemporaryDirectory() as folder:
@@ -100,41 +66,36 @@ def bench_init(
     many = [replace(held[i % distinct], name=name) for i, name in enumerate(names)]
     shared = {"frames": frames, "size": f"{width}x{height}", "threads": default_threads()}
     initialize(many[:distinct], InitConfig())  # compiles the kernels
-    start = time.perf_counter()
-    scale = estimate_scale(local_scales(sfm, held, InitConfig()))
-    results = [
-        Result(f"scale from {distinct} frames", time.perf_counter() - start, "s"),
-        Result("scale error", abs(scale.sfm_per_metre / SFM_PER_METRE - 1), "share"),
-    ]
+    with Stopwatch() as watch:
+        scale = estimate_scale(local_scales(sfm, held, InitConfig()))
+    values = {
+        f"scale from {distinct} frames [s]": watch.seconds,
+        "scale error": abs(scale.sfm_per_metre / SFM_PER_METRE - 1),
+    }
+    results = [Result(shared, values, "scale")]
     metric = sfm.in_metres(scale.sfm_per_metre)
     for strategy in STRATEGIES:
-        results += _measure(case, many, replace(InitConfig(), strategy=strategy), metric)
-    return [replace(result, settings=shared | result.settings) for result in results]
+        values = _measure(case, many, replace(InitConfig(), strategy=strategy), metric)
+        results.append(Result(shared | {"strategy": strategy}, values, "strategies"))
+    return results
 
 
 def _measure(
     case: InitCase, frames: Sequence[Frame], config: InitConfig, metric: SfmModel
-) -> Iterator[Result]:
-    """Return what one strategy costs and gives."""
-    settings = {"strategy": config.strategy}
-    memory = PeakMemory()
-    start = time.perf_counter()
-    with memory.watch():
+) -> dict[str, float]:
+    """Return the costs and the accuracy of one strategy."""
+    gc.collect()
+    with peak_memory() as memory, Stopwatch() as watch:
         found = initialize(frames, config, metric)
-    yield Result("wall clock", time.perf_counter() - start, "s", settings)
     assert found.depth is not None
-    for stage, seconds in found.depth.seconds.items():
-        if stage != "read":
-            yield Result(f"CPU: {stage}", seconds, "s", settings)
-    yield Result("peak memory", memory.peak / 1e9, "GB", settings)
-    yield Result("of it the stage's own", (memory.peak - memory.start) / 1e9, "GB", settings)
     score = case.score(found.points.points_world)
-    yield Result("points", len(found.points), "points", settings)
-    yield Result("Chamfer distance", 1e3 * score.chamfer, "mm", settings)
-    yield Result("median distance to the surface", 1e3 * score.accuracy_median, "mm", settings)
-
-
-def _resident() -> int:
-    """Return the memory that the process has in use [bytes]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")
+    stages = found.depth.seconds.items()
+    return {
+        "wall clock [s]": watch.seconds,
+        **{f"CPU: {stage} [s]": seconds for stage, seconds in stages if stage != "read"},
+        "peak memory [GB]": memory.peak / 1e9,
+        "growth [GB]": memory.growth / 1e9,
+        "points": len(found.points),
+        "Chamfer [mm]": 1e3 * score.chamfer,
+        "median to surface [mm]": 1e3 * score.accuracy_median,
+    }

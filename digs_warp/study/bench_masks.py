@@ -1,10 +1,9 @@
-"""`digs-warp bench masks`: how well masks without a network fit the true ones, on simulated recordings.
+"""`digs-warp bench masks`: masks that need no network, compared with the true ones.
 
-The built-in object is recorded by the simulated camera with all errors that its sensor makes.
+The built-in object is recorded by the simulated camera with all its sensor errors.
 """
 
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment
 from digs_warp.segment.score import intersection_over_union
 from digs_warp.study.results import Result
+from digs_warp.study.timing import Stopwatch
 
 FRAMES, WIDTH = 9, 640
 
@@ -27,7 +27,7 @@ CASES = (
 
 
 def bench_masks() -> list[Result]:
-    """Return intersection over union with the true masks, and the time per mask [s], of each source."""
+    """Return the overlap with the true masks (intersection over union) and the time per mask."""
     from digs_warp.sim.record import SimulateConfig, simulate
 
     results = []
@@ -35,17 +35,16 @@ def bench_masks() -> list[Result]:
         config = SimulateConfig(frames=FRAMES, width=WIDTH, samples_per_pixel=2)
         frames = simulate(config, Path(folder) / "capture").frames
         for name, settings in CASES:
-            start = time.perf_counter()
-            paths = segment(frames, settings, Path(folder) / name)
-            seconds = (time.perf_counter() - start) / len(frames)
+            with Stopwatch() as watch:
+                paths = segment(frames, settings, Path(folder) / name)
             overlaps = [
                 intersection_over_union(read_image(path)[..., 0], frame.load_mask())
                 for path, frame in zip(paths, frames, strict=True)
             ]
-            shared = {"masks": name, "frames": FRAMES, "width": WIDTH}
-            results += [
-                Result("overlap mean", float(np.mean(overlaps)), "", shared),
-                Result("overlap worst", min(overlaps), "", shared),
-                Result("seconds per mask", seconds, "s", shared),
-            ]
+            values = {
+                "overlap mean": float(np.mean(overlaps)),
+                "overlap worst": min(overlaps),
+                "seconds per mask [s]": watch.seconds / len(frames),
+            }
+            results.append(Result({"masks": name, "frames": FRAMES, "width": WIDTH}, values))
     return results

@@ -9,7 +9,6 @@ share of the rate of a matrix product: how much of what the core can do is used.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -25,6 +24,7 @@ from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.machine import worth_of_threads
 from digs_warp.study.results import Result
+from digs_warp.study.timing import best_ms, clock_for
 
 # Additions and multiplications of one pixel and one splat; comparisons and selections not counted. Forward:
 # power 6, exponential 15, opacity 1, transmittance 2, weights 2, three colours 6. Backward: the same up to
@@ -81,19 +81,18 @@ SCENES = (
 
 
 def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
-    """Return times [ms] of every stage and kernel, and how many times faster than the plain kernel."""
+    """Return the times of every stage and kernel, and how much of a core the raster kernels use."""
     threads = sorted({1, 2, default_threads()})
     variants: list[tuple[RasterKernels, int]] = [("plain", 1)]
     variants.extend(("vectorized", count) for count in threads)
-    results: list[Result] = []
+    results = []
     matrix_rate = measure_matrix_product()
     with progress(len(scenes) * len(variants), "Measuring", "variant") as bar:
         for scene in scenes:
             gaussians = DeviceGaussians.from_numpy(scene.gaussians())
-            plain: dict[str, float] = {}
             for kernel, count in variants:
                 times, renderer = _measure(scene, gaussians, kernel, count)
-                settings = {
+                labels = {
                     "scene": scene.name,
                     "image": f"{scene.width}x{scene.height}",
                     "splats": scene.splats,
@@ -101,20 +100,17 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
                     "kernel": kernel,
                     "threads": count,
                 }
+                values = {f"{stage} [ms]": time for stage, time in times.items()}
+                results.append(Result(labels, values, "stages"))
                 if kernel == "vectorized":
-                    results += _rates(renderer, times, count, matrix_rate, settings)
-                for stage, milliseconds in times.items():
-                    results.append(Result(stage, milliseconds, "ms", settings))
-                    before = plain.setdefault(stage, milliseconds)
-                    if kernel != "plain":
-                        ratio = before / milliseconds
-                        results.append(Result(f"{stage} speed-up", ratio, "x plain", settings))
+                    rates = _rates(renderer, times, count, matrix_rate)
+                    results.append(Result(labels, rates, "rates"))
                 bar.update()
-        results += _measure_sorts()
-    for count in threads[1:]:
-        worth = worth_of_threads(count)
-        results.append(Result("matrix products", worth, "x one thread", {"threads": count}))
-    return results
+    results += [
+        Result({"threads": count}, {"times the work of one": worth_of_threads(count)}, "threads")
+        for count in threads[1:]
+    ]
+    return results + _measure_sorts()
 
 
 def _measure(
@@ -130,7 +126,7 @@ def _measure(
     repeats = 7 if kernels == "vectorized" else 2  # the plain kernels take seconds
     stages = renderer.stages()
     clock = clock_for(threads)
-    times = {name: best_time(stage, repeats, clock=clock) for name, stage in stages.items()}
+    times = {name: best_ms(stage, repeats, clock=clock) for name, stage in stages.items()}
     return times, renderer
 
 
@@ -166,33 +162,24 @@ def count_work(renderer: SplatRenderer) -> Work:
 
 
 def _rates(
-    renderer: SplatRenderer,
-    times: dict[str, float],
-    threads: int,
-    matrix_rate: float,
-    settings: dict[str, Any],
-) -> list[Result]:
+    renderer: SplatRenderer, times: dict[str, float], threads: int, matrix_rate: float
+) -> dict[str, float]:
     """Return row evaluations per second and core, and the share of the matrix product's rate."""
-    work, results = count_work(renderer), []
+    work = count_work(renderer)
+    found = {}
     for stage, operations in (("forward", FORWARD_FLOPS), ("backward", BACKWARD_FLOPS)):
         seconds = 1e-3 * times[stage] * threads
-        results.append(
-            Result(f"{stage} rows", work.rows / seconds / 1e6, "M rows/s/core", settings)
-        )
-        share = operations * work.pixels / seconds / matrix_rate
-        results.append(Result(f"{stage} rate", 100 * share, "% of matrix product", settings))
-    return results
+        found[f"{stage} [M rows/s/core]"] = work.rows / seconds / 1e6
+        rate = operations * work.pixels / seconds
+        found[f"{stage} [% of matrix product]"] = 100 * rate / matrix_rate
+    return found
 
 
 def measure_matrix_product(size: int = 1024) -> float:
     """Return the operations per second of a float32 matrix product on one core."""
     a = np.random.default_rng(0).normal(size=(size, size)).astype(np.float32)
-    shortest = np.inf
-    for _ in range(5):
-        start = time.process_time()  # of all threads of the library: seconds of one core
-        np.dot(a, a)
-        shortest = min(shortest, time.process_time() - start)
-    return 2 * size**3 / shortest
+    # CPU time of all threads of the library: seconds of one core.
+    return 2e3 * size**3 / best_ms(lambda: np.dot(a, a), 5, clock=time.process_time)
 
 
 def _measure_sorts(keys: int = 800_000) -> list[Result]:
@@ -209,28 +196,6 @@ def _measure_sorts(keys: int = 800_000) -> list[Result]:
         def sort(array: wp.array = sorted_keys, order: wp.array = values) -> None:
             wp.utils.radix_sort_pairs(array, order, keys)
 
-        best = best_time(sort, 5, restore)
-        results.append(Result("radix sort", best, "ms", {"keys": keys, "key": dtype.__name__}))
+        labels = {"keys": keys, "key": dtype.__name__}
+        results.append(Result(labels, {"radix sort [ms]": best_ms(sort, 5, restore)}, "sorts"))
     return results
-
-
-def clock_for(threads: int) -> Callable[[], float]:
-    """Return the processor's seconds for one thread, which others disturb less, else those of the wall."""
-    return time.process_time if threads == 1 else time.perf_counter
-
-
-def best_time(
-    function: Callable[[], object],
-    repeats: int,
-    before: Callable[[], object] | None = None,
-    clock: Callable[[], float] = time.perf_counter,
-) -> float:
-    """Return the shortest of ``repeats`` calls [ms]; ``before`` runs ahead of each and does not count."""
-    shortest = np.inf
-    for _ in range(repeats):
-        if before is not None:
-            before()
-        start = clock()
-        function()
-        shortest = min(shortest, clock() - start)
-    return 1e3 * float(shortest)

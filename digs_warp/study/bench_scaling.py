@@ -13,8 +13,9 @@ measured: the bytes of every buffer that a renderer and the optimizer hold.
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -24,13 +25,22 @@ from digs_warp.device.parallel import default_threads
 from digs_warp.record.progress import progress
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
-from digs_warp.study.bench_raster import NEAR, RasterScene, best_time, clock_for, count_work
+from digs_warp.study.bench_raster import NEAR, RasterScene, count_work
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.results import Result
+from digs_warp.study.timing import best_ms, clock_for
 
 REPEATS = 5
 RASTER_STAGES = ("forward", "backward")
 BASE = RasterScene("base", 640, 360, 20_000, lambda rng, n: rng.uniform(1.0, 4.0, (n, 2)))
 SH_COEFFICIENTS = 16  # degree 3
+
+CURVES = {
+    "pixels": "pixels of the image (splats grow with it)",
+    "splats": "splats",
+    "overlap": "overlap: relative size of the splats",
+    "threads": "threads",
+}
 
 # Loads every kernel that training needs, as a first run does.
 LOAD_KERNELS = """
@@ -96,12 +106,13 @@ def bench_scaling(repeats: int = REPEATS) -> list[Result]:
         for case in todo:
             points.append(measure(case, repeats))
             bar.update()
-        results = [result for point in points for result in results_of(point)]
+        results = [result_of(point) for point in points]
         results += fit_laws([point for point in points if point.case.threads == 1])
         results += count_memory()
         with tempfile.TemporaryDirectory() as cache:
             for state in ("cold", "warm"):
-                results.append(Result("kernels", _load_kernels(cache), "s", {"cache": state}))
+                seconds = {"load kernels [s]": _load_kernels(cache)}
+                results.append(Result({"cache": state}, seconds, "kernels"))
                 bar.update()
     return results
 
@@ -120,7 +131,7 @@ def measure(case: Case, repeats: int = REPEATS) -> Point:
     renderer.backward()
     clock = clock_for(case.threads)
     stages = renderer.stages().items()
-    times = {name: best_time(stage, repeats, clock=clock) for name, stage in stages}
+    times = {name: best_ms(stage, repeats, clock=clock) for name, stage in stages}
     raster = sum(times[name] for name in RASTER_STAGES)
     return Point(
         case,
@@ -146,11 +157,10 @@ def fit_laws(points: list[Point]) -> list[Result]:
         times = 1e6 * np.array([getattr(point, law.replace(" ", "_")) for point in points])
         counts = np.array([[getattr(point, term) for term in terms] for point in points], float)
         costs, _ = nnls(counts / times[:, None], np.ones(len(points)))
-        for term, cost in zip(terms, costs, strict=True):
-            results.append(Result(f"{law} law", float(cost), "ns", {"per": term}))
-        misses = np.abs(counts @ costs / times - 1)
-        results.append(Result(f"{law} law error", float(100 * np.median(misses)), "% median"))
-        results.append(Result(f"{law} law error", float(100 * misses.max()), "% largest"))
+        misses = 100 * np.abs(counts @ costs / times - 1)
+        values = {f"per {term} [ns]": float(c) for term, c in zip(terms, costs, strict=True)}
+        values |= {"median error [%]": float(np.median(misses)), "largest [%]": float(misses.max())}
+        results.append(Result({"law": law}, values, "laws"))
     return results
 
 
@@ -175,16 +185,15 @@ def count_memory(splats: int = 30_000) -> list[Result]:
         "moments of Adam": 2 * parameters,
         "tile lists": _bytes(getattr(lists, field.name) for field in fields(lists)),
     }
+    per_splat["total"] = sum(per_splat.values())
     results = [
-        Result("memory", size / splats, "bytes/splat", {"part": part})
+        Result({"part": part}, {"bytes per splat": size / splats}, "memory")
         for part, size in per_splat.items()
     ]
-    total = sum(per_splat.values()) / splats
-    results.append(Result("memory", total, "bytes/splat", {"part": "total"}))
     planes = [value for value in vars(renderer).values() if isinstance(value, ImagePlanes)]
     size = _bytes(p.data for p in planes) / (scene.width * scene.height)
     part = "view and its gradient, borders included"
-    return [*results, Result("memory", size, "bytes/pixel", {"part": part})]
+    return [*results, Result({"part": part}, {"bytes per pixel": size}, "memory")]
 
 
 def _bytes(arrays: Iterable[wp.array]) -> int:
@@ -198,10 +207,10 @@ def _load_kernels(cache: str) -> float:
     return float(done.stdout.split()[-1])
 
 
-def results_of(point: Point) -> list[Result]:
-    """Return the times of a point, with all that the laws are made of."""
+def result_of(point: Point) -> Result:
+    """Return the times of a point with all counts of the laws."""
     case = point.case
-    settings = {
+    labels = {
         "curve": case.curve,
         "at": case.at,
         "threads": case.threads,
@@ -210,7 +219,38 @@ def results_of(point: Point) -> list[Result]:
         "pairs": point.pairs,
         "evaluated": point.evaluated,
     }
-    return [
-        Result("raster", point.raster, "ms", settings),
-        Result("per splat", point.per_splat, "ms", settings),
-    ]
+    return Result(
+        labels, {"raster [ms]": point.raster, "per splat [ms]": point.per_splat}, "points"
+    )
+
+
+def scaling_charts(results: Sequence[Result]) -> list[Chart]:
+    """Return a chart per curve: the measurements as points, the laws as lines."""
+    points = [result for result in results if result.table == "points"]
+    laws = {r.labels["law"]: r.values for r in results if r.table == "laws"}
+    charts = []
+    for curve, x_label in CURVES.items():
+        of_curve = [r for r in points if r.labels["curve"] == curve]
+        of_curve.sort(key=lambda r: r.labels["at"])
+        at = [r.labels["at"] for r in of_curve]
+        curves = []
+        for color, (law, costs) in enumerate(laws.items()):
+            measured = [r.values[f"{law} [ms]"] for r in of_curve]
+            expected = [_expected_ms(costs, r.labels) for r in of_curve]
+            curves.append(Curve(law, at, measured, line=False, color=color))
+            curves.append(Curve(f"{law}, law", at, expected, marker=False, color=color))
+        y_label = "forward and backward [ms]"
+        if at:
+            title = f"Time by {curve}"
+            charts.append(Chart(f"scaling_{curve}", title, curves, x_label, y_label, True, True))
+    return charts
+
+
+def _expected_ms(costs: Mapping[str, float], counts: Mapping[str, Any]) -> float:
+    """Return the time that a law gives for a point [ms]; threads share the work."""
+    total = sum(counts.get(_term(name), 0) * cost for name, cost in costs.items())
+    return 1e-6 * total / counts["threads"]
+
+
+def _term(name: str) -> str:
+    return name.removeprefix("per ").removesuffix(" [ns]")

@@ -1,12 +1,13 @@
-"""`digs-warp bench sfm`: what each choice of structure from motion costs, and how exact the poses get.
+"""`digs-warp bench sfm|sfm-full|sfm-sensor`: seconds, memory and pose errors of structure from motion.
 
-Photographs of the built-in object in its room, from the walk that the simulator takes, without image noise
-and rolling shutter: the errors are those of structure from motion alone (`sfm-sensor` measures those of the
-sensor). Every case starts from an empty workspace.
+On photographs of the built-in object in its room. `sfm` and `sfm-full` change one setting at a time, on
+photographs of an ideal camera: the errors are those of structure from motion alone. `sfm-sensor` repeats the
+walk with the sensor that the scene calls for, with one kind of imperfection removed, and with one alone; with
+and without the correction of the rolling shutter. The true pose of a frame is that of its middle row.
+Every case starts from an empty workspace.
 """
 
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -21,11 +22,17 @@ from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.estimate import structure_from_motion
 from digs_warp.sfm.evaluate import pose_errors
+from digs_warp.sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from digs_warp.sim.sensor_plan import SensorPlan
 from digs_warp.study.results import Result
-from digs_warp.study.sfm_photographs import Photographs, photograph_walk
-
-MM_PER_METRE = 1000.0
-
+from digs_warp.study.sfm_photographs import (
+    IDEAL,
+    Photographs,
+    only,
+    photograph_walk,
+    planned_sensor,
+)
+from digs_warp.study.timing import Stopwatch, peak_memory
 
 SMALL = Photographs(48, 800, 450)
 FULL = Photographs(200, 1600, 900)  # the recording of the paper, at its training size
@@ -47,22 +54,34 @@ CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("not enlarged", {"double_size": False}),
     ("global mapper", {"mapper": "global"}),
 )
-# Of the large recording; small photographs are not reduced.
+# For the large recording; small photographs are not reduced.
 FULL_CHOICES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("default", {}),
     ("features at 1600 px", {"feature_size": 1600}),
 )
 
+STAGES = ("features", "pairs", "match", "map")
+
+WALK = Photographs(60, 960, 540)
+# What is removed from the sensor, or left alone.
+PARTS = (
+    ("rolling shutter", frozenset({ROLLING_SHUTTER.name})),
+    ("blur", frozenset({IMAGE_BLUR.name})),
+    ("noise and exposure", frozenset(effect.name for effect in PIXEL_EFFECTS)),
+)
+# Units of what a case costs, which does not depend on the sensor.
+COSTS = ("[s]", "[MB]")
+
 
 def bench_sfm() -> list[Result]:
-    """Return times [s], memory [MB] and errors of all choices on a small recording."""
+    """Return the results of all choices on a small recording."""
     with tempfile.TemporaryDirectory() as folder:
         frames = photograph_walk(SMALL.session(), Path(folder))
         return measure(frames, _cases(CHOICES), {"images": str(SMALL)})
 
 
 def bench_sfm_full() -> list[Result]:
-    """Return the same for a recording of the paper's size, reduced for the features and not reduced."""
+    """Return the results for a recording of the paper's size, with full-size and with reduced features."""
     frames = photograph_walk(FULL.session(), KEPT / str(FULL).replace(" ", "-"))
     return measure(frames, _cases(FULL_CHOICES), {"images": str(FULL)})
 
@@ -71,65 +90,65 @@ def _cases(choices: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, Sfm
     return [(name, replace(DEFAULT, **change)) for name, change in choices]
 
 
+def bench_sfm_sensor(photographs: Photographs = WALK) -> list[Result]:
+    """Return the quality with the default settings for every sensor."""
+    session = photographs.session()
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        for number, (name, sensor) in enumerate(sensors(planned_sensor(session))):
+            frames = photograph_walk(session, Path(folder) / str(number), sensor)
+            readout_time = sensor.shutter(session.rig).readout_time
+            cases = [(name, replace(DEFAULT, readout_time=readout_time))]
+            if readout_time > 0:
+                cases.append((f"{name}, not corrected", DEFAULT))
+            for result in measure(frames, cases, {"images": str(photographs)}):
+                quality = {n: v for n, v in result.values.items() if not n.endswith(COSTS)}
+                results.append(replace(result, values=quality))
+    return results
+
+
+def sensors(planned: SensorPlan) -> list[tuple[str, SensorPlan]]:
+    """Return the sensors to compare by name; parts that the plan does not have are left out."""
+    on = frozenset(planned.effects_on)
+    parts = [(name, effects & on) for name, effects in PARTS if effects & on]
+    without = [(f"without {name}", only(planned, on - effects)) for name, effects in parts]
+    alone = [(f"{name} alone", only(planned, effects)) for name, effects in parts]
+    return [("ideal camera", IDEAL), ("planned sensor", planned), *without, *alone]
+
+
 def measure(
-    frames: Sequence[Frame], cases: Sequence[tuple[str, SfmConfig]], settings: dict[str, Any]
+    frames: Sequence[Frame], cases: Sequence[tuple[str, SfmConfig]], labels: dict[str, Any]
 ) -> list[Result]:
-    """Run every case on the photographs; ``settings`` join those of every result."""
-    shared = settings | {"threads": default_threads()}
-    results: list[Result] = []
+    """Run every case on the photographs; ``labels`` are added to those of every result."""
+    results = []
     with tempfile.TemporaryDirectory() as folder, progress(len(cases), "Measuring", "case") as bar:
         for number, (name, config) in enumerate(cases):
-            numbers = run_case(frames, config, Path(folder) / f"workspace{number}")
-            results += [
-                Result(key, value, unit, {"choice": name} | shared)
-                for (key, unit), value in numbers.items()
-            ]
+            values = run_case(frames, config, Path(folder) / f"workspace{number}")
+            shared = labels | {"threads": default_threads()}
+            results.append(Result({"choice": name} | shared, values))
             bar.update()
     return results
 
 
-def run_case(
-    frames: Sequence[Frame], config: SfmConfig, workspace: Path
-) -> dict[tuple[str, str], float]:
-    """Return the numbers of one case by (name, unit); of a failed one only its time."""
-    forget_peak_memory()
-    start, cpu = time.perf_counter(), time.process_time()
+def run_case(frames: Sequence[Frame], config: SfmConfig, workspace: Path) -> dict[str, float]:
+    """Return the numbers of one case; of a failed one only its time."""
+    watch = Stopwatch()
     try:
-        result = structure_from_motion(frames, config, workspace)
+        with peak_memory() as memory, watch:
+            result = structure_from_motion(frames, config, workspace)
     except DigsError:
-        return {("total", "s"): time.perf_counter() - start, ("registered", "images"): 0.0}
-    total, cpu = time.perf_counter() - start, time.process_time() - cpu
+        return {"total [s]": watch.seconds, "registered [images]": 0}
     errors = pose_errors(result.model, frames)
     quality = asdict(result.quality)
-    return {
-        ("features", "s"): result.seconds["features"],
-        ("pairs", "s"): result.seconds["pairs"],
-        ("match", "s"): result.seconds["match"],
-        ("map", "s"): result.seconds["map"],
-        ("total", "s"): total,
-        ("all cores", "s"): cpu,
-        ("peak", "MB"): peak_memory_mb(),
-        ("registered", "images"): quality["registered"],
-        ("points", "points"): quality["points"],
-        ("reprojection", "px"): quality["reprojection_error_px"],
-        ("center median", "mm"): MM_PER_METRE * float(np.median(errors.centers_m)),
-        ("center worst", "mm"): MM_PER_METRE * float(errors.centers_m.max()),
-        ("rotation median", "deg"): float(np.median(errors.rotations_deg)),
+    stages = {f"{stage} [s]": result.seconds[stage] for stage in STAGES}
+    return stages | {
+        "total [s]": watch.seconds,
+        "all cores [s]": watch.cpu_seconds,
+        "peak [MB]": memory.peak / 2**20,
+        "registered [images]": quality["registered"],
+        "points": quality["points"],
+        "reprojection [px]": quality["reprojection_error_px"],
+        "center median [mm]": 1e3 * float(np.median(errors.centers_m)),
+        "center worst [mm]": 1e3 * float(errors.centers_m.max()),
+        "rotation median [deg]": float(np.median(errors.rotations_deg)),
     }
-
-
-def peak_memory_mb() -> float:
-    """Return the most memory [MB] this process has held since `forget_peak_memory`; 0 where unknown."""
-    status = Path("/proc/self/status")
-    if not status.is_file():
-        return 0.0
-    line = next(li for li in status.read_text().splitlines() if li.startswith("VmHWM"))
-    return float(line.split()[1]) / 1024
-
-
-def forget_peak_memory() -> None:
-    """Start counting `peak_memory_mb` anew, where the system allows it."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5")  # Linux: the peak starts again from here
-    except OSError:
-        pass  # the peak then counts from the start of the process

@@ -1,11 +1,11 @@
-"""`digs-warp bench sim`: what each tier and effect of the depth sensor costs, and what it is worth.
+"""`digs-warp bench sim`: time and realism of each tier and effect of the simulated depth sensor.
 
-Frames of four sample meshes (or the built-in object, where the sample data is missing) are sensed by every
-tier. The matcher is the yardstick: it compares real images, and knows nothing of effects. For each effect
-the benchmark tells its time alone, what it changes, and whether that brings the planned tier nearer to the
-matcher; for each cause, what share of the frame it takes from either. A real pair with true disparity is a
-check on both. Perfect figures are impossible: a profile with a post-filter has flying pixels, and a camera
-that removes saturated areas has holes there; the matcher has neither.
+Every tier senses frames of four sample meshes, or of the built-in object where there is no sample data. The
+matcher is the yardstick: it compares the two images and knows nothing of effects. The tables show, for each
+effect, its time alone, what it changes, and whether that brings the planned tier closer to the matcher; for
+each cause, the share of the frame that it takes. A real pair with true disparity checks both. The gap cannot
+vanish: a profile with a post-filter has flying pixels, and a camera that removes saturated areas has holes
+there; the matcher has neither.
 """
 
 import time
@@ -31,9 +31,10 @@ from digs_warp.sim.sensor.tiers import Tier, sense, sense_effects
 from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
-from digs_warp.study.sample_data import sample_data
+from digs_warp.study.scenes import sample_data
 
 MESHES = ("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box")
 ENVIRONMENT = "st_fagans_interior"
@@ -45,7 +46,9 @@ FRAMES = 7  # of the walk; the third one is taken: from half above
 ROUNDS = 5
 TIERS: tuple[Tier, ...] = ("truth", "law", "planned", "matcher")
 
-# Scores that are told, and how the table calls them.
+TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
+
+# Scores in the tables and their headings; SHARES are those that the charts show.
 COLUMNS = {
     "fill": "fill",
     "bad_1": "bad-1",
@@ -53,6 +56,7 @@ COLUMNS = {
     "edge_bad_1": "edge bad-1",
     "occluded_holes": "occluded holes",
 }
+SHARES = ("fill", "bad-1", "edge bad-1", "occluded holes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,11 +141,9 @@ def _tier_results(case: Case) -> Iterator[Result]:
     megapixels = truth.depth.size / 1e6
     for tier in TIERS:
         wall, cpu = _timed(lambda tier=tier: case.sense(tier))
-        settings = {"scene": case.name, "sensor": tier}
-        yield Result("time [ms/MP]", wall / megapixels, "ms/MP", settings)
-        yield Result("CPU [ms/MP]", cpu / megapixels, "ms/MP", settings)
-        for name, value in _columns(score(case.sense(tier), truth)).items():
-            yield Result(name, value, "px" if "px" in name else "share", settings)
+        values = {TIME: wall / megapixels, "CPU [ms/MP]": cpu / megapixels}
+        values |= _columns(score(case.sense(tier), truth))
+        yield Result({"scene": case.name, "sensor": tier}, values, "tiers")
 
 
 def _effect_results(cases: Sequence[Case]) -> list[Result]:
@@ -157,7 +159,7 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
             alone, _ = _timed(
                 lambda case=case, effect=effect: sense_effects(case.fresh(), [effect])
             )
-            row = {"alone [ms/MP]": alone / (truth.depth.size / 1e6)}
+            row = {ALONE: alone / (truth.depth.size / 1e6)}
             for name in list(COLUMNS.values())[:3]:
                 row[f"changes {name}"] = planned[name] - rest[name]
             for name in COLUMNS.values():
@@ -165,9 +167,12 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
                 row[f"nearer: {name}"] = gap_without - abs(planned[name] - matched[name])
             measured.setdefault(effect, []).append(row)
     return [
-        Result(name, float(np.mean([row[name] for row in rows])), "mean", {"effect": effect})
+        Result(
+            {"effect": effect},
+            {name: float(np.mean([row[name] for row in rows])) for name in rows[0]},
+            "effects",
+        )
         for effect, rows in measured.items()
-        for name in rows[0]
     ]
 
 
@@ -188,11 +193,55 @@ def _cause_results(cases: Sequence[Case]) -> list[Result]:
                 row.setdefault(f"{tier}: missing", []).append(float((failed & missing).mean()))
                 row.setdefault(f"{tier}: wrong", []).append(float((failed & ~missing).mean()))
     return [
-        Result(name, float(np.mean(values)), "share", {"cause": cause.name.lower()})
+        Result(
+            {"cause": cause.name.lower()},
+            {name: float(np.mean(values)) for name, values in row.items()},
+            "causes",
+        )
         for cause, row in shares.items()
         if cause != Cause.OK and any(map(any, row.values()))
-        for name, values in row.items()
     ]
+
+
+def sim_charts(results: Sequence[Result]) -> list[Chart]:
+    """Return the tiers by time and distance to the matcher, and the effects by time and gain."""
+    return [_tier_chart(results), _effect_chart(results)]
+
+
+def _tier_chart(results: Sequence[Result]) -> Chart:
+    tiers = [r for r in results if r.table == "tiers"]
+    yardstick = {r.labels["scene"]: r.values for r in tiers if r.labels["sensor"] == "matcher"}
+    curves = []
+    for tier in TIERS:
+        rows = [
+            (r.values, yardstick[r.labels["scene"]]) for r in tiers if r.labels["sensor"] == tier
+        ]
+        gaps = [float(np.mean([abs(a[n] - b[n]) for n in SHARES])) for a, b in rows]
+        curves.append(Curve(tier, [values[TIME] for values, _ in rows], gaps, line=False))
+    return Chart(
+        "sim_tiers",
+        "Tiers: one point per scene",
+        curves,
+        "time of the sensor [ms per megapixel]",
+        "mean gap to the matcher in fill, bad-1,\nbad-1 at edges, holes where hidden",
+        log_x=True,
+    )
+
+
+def _effect_chart(results: Sequence[Result]) -> Chart:
+    effects = sorted(
+        (r for r in results if r.table == "effects"), key=lambda r: r.values[ALONE], reverse=True
+    )
+    gains = [",  ".join(f"{n} {r.values[f'nearer: {n}']:+.3f}" for n in SHARES) for r in effects]
+    times, rows = [r.values[ALONE] for r in effects], [r.labels["effect"] for r in effects]
+    return Chart(
+        "sim_effects",
+        "Effects: time, and the gap to the matcher that each closes",
+        [Curve("time alone", times, range(len(rows)), line=False, notes=gains)],
+        "time alone [ms per megapixel]",
+        "",
+        rows=rows,
+    )
 
 
 def _columns(scores: Scores) -> dict[str, float]:

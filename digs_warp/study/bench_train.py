@@ -1,12 +1,11 @@
 """`digs-warp bench train`: what a training step costs, stage by stage, at three image sizes.
 
-The built-in object is recorded from a few views (not timed), initialized from its depth, and trained for
-some steps; then the stages of the last step run again one after the other, as in a step, so that each finds
-the caches as the one before left them. Medians: the sum of the stages is comparable to a step.
+The built-in object is recorded from a few views (not timed), initialized from its depth, and trained for some
+steps. Then the stages of the last step run again in the order of a step, so that each finds the caches as in
+a step. Times are medians, so that the sum of the stages is comparable to a step.
 """
 
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.study.results import Result
+from digs_warp.study.timing import best_ms
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -32,13 +32,13 @@ SUMS = "gather and project back"
 
 
 def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Result]:
-    """Return the time [ms] of a whole step and of each of its stages (medians).
+    """Return the median time of a whole step and of each of its stages.
 
     "outside raster" is the share of the stages that is spent outside the two passes of the rasterizer;
-    "outside raster with sums" counts the sums of its gradients, and the projection back that is fused with
-    them, to the backward pass.
+    "outside raster with sums" also counts the sums of its gradients, and the projection back that is fused
+    with them, as rasterizer.
     """
-    results: list[Result] = []
+    results = []
     with progress(len(sizes), "Measuring", "size") as bar, tempfile.TemporaryDirectory() as folder:
         for width, height, voxel_size in sizes:
             capture = _record(width, height, Path(folder) / f"{width}x{height}")
@@ -47,17 +47,16 @@ def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Resul
             stages = _stages(trainer)
             whole = sum(stages.values())
             raster = stages["forward"] + stages["backward"]
-            summed = raster + stages[SUMS]
-            settings = {
+            labels = {
                 "image": f"{width}x{height}",
                 "splats": len(trainer.gaussians),
                 "pairs": trainer.renderer.binner.total_pairs,
                 "threads": default_threads(),
             }
-            times = {"step": step} | stages
-            results += [Result(name, value, "ms", settings) for name, value in times.items()]
-            for name, inside in (("outside raster", raster), ("outside raster with sums", summed)):
-                results.append(Result(name, 100.0 * (1.0 - inside / whole), "%", settings))
+            values = {f"{name} [ms]": time for name, time in ({"step": step} | stages).items()}
+            values["outside raster [%]"] = 100 * (1 - raster / whole)
+            values["outside raster with sums [%]"] = 100 * (1 - (raster + stages[SUMS]) / whole)
+            results.append(Result(labels, values))
             bar.update()
     return results
 
@@ -87,7 +86,7 @@ def _prepare(capture: Capture, voxel_size: float) -> Trainer:
 
 def _median_step(trainer: Trainer) -> float:
     """Return the median time of a step [ms]."""
-    return float(np.median([_time(trainer.step) for _ in range(STEPS)]))
+    return float(np.median([best_ms(trainer.step, 1) for _ in range(STEPS)]))
 
 
 def _stages(trainer: Trainer) -> dict[str, float]:
@@ -96,12 +95,5 @@ def _stages(trainer: Trainer) -> dict[str, float]:
     stages["loss"] = trainer.compare_again
     stages["adam"] = trainer.optimizer.update
     order = ("project", "bin", "forward", "loss", "backward", SUMS, "adam")
-    rounds = [[_time(stages[name]) for name in order] for _ in range(STEPS)]
+    rounds = [[best_ms(stages[name], 1) for name in order] for _ in range(STEPS)]
     return dict(zip(order, np.median(rounds, axis=0).tolist(), strict=True))
-
-
-def _time(function: Callable[[], object]) -> float:
-    """Return how long a call takes [ms]."""
-    start = time.perf_counter()
-    function()
-    return 1e3 * (time.perf_counter() - start)

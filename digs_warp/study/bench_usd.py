@@ -1,10 +1,10 @@
 """`digs-warp bench usd`: USD scenes of a million splats, and what each precision costs and loses.
 
-Speed: random splats with spherical harmonics of degree 3, written to a new ``.usdc`` file, read back to raw
-Gaussians, and validated with our rules and those of OpenUSD; best of several, the file is in the page cache.
-Beside it, as the floor of this machine, what NumPy takes to save and load as many bytes as they are. Memory
-is the peak beyond what a fresh process held before, such as the Gaussians to be written; mapped files count.
-Loss: a smaller scene is written, read and rendered; its pictures against those of the original.
+Speed: random splats of degree 3 are written to a new file, read back to Gaussians, and validated with our
+rules and those of OpenUSD; the best of several rounds, with the file in the page cache. "np.save" and
+"np.load" are the floor of this machine: NumPy's time for as many bytes. Memory is the peak growth of a fresh
+process, mapped files included. PSNR: a smaller scene is written, read, rendered, and compared with what
+was written.
 """
 
 import importlib.util
@@ -21,9 +21,8 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import look_at
 from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
-from digs_warp.study.bench_raster import best_time
-from digs_warp.study.memory import peak_growth
 from digs_warp.study.results import Result
+from digs_warp.study.timing import best_ms, peak_memory
 from digs_warp.usd.convert import Precision
 from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.validate import validate
@@ -53,14 +52,10 @@ def bench_usd(splats: int = SPLATS, pictured: int = PICTURED_SPLATS) -> list[Res
             psnr = _psnr(pictures, _views_of(_stored(small, Path(folder), precision)))
             for suffix in ("usdc", "usdz"):
                 path = Path(folder) / f"scene.{suffix}"
-                case = {
-                    "precision": precision,
-                    "format": suffix,
-                    "splats": splats,
-                    "degree": DEGREE,
-                }
-                results += _measure(large, path, precision, case)
-                results.append(Result("PSNR", psnr, "dB", case))
+                labels = {"precision": precision, "format": suffix}
+                labels |= {"splats": splats, "degree": DEGREE}
+                values = _measure(large, path, precision) | {"PSNR [dB]": psnr}
+                results.append(Result(labels, values))
                 path.unlink()
                 bar.update()
     return results
@@ -73,62 +68,58 @@ def _stored(gaussians: Gaussians, folder: Path, precision: Precision) -> Gaussia
     return read_gaussians(path)
 
 
-def _measure(
-    gaussians: Gaussians, path: Path, precision: Precision, case: dict[str, object]
-) -> list[Result]:
+def _measure(gaussians: Gaussians, path: Path, precision: Precision) -> dict[str, float]:
+    """Return times, peak memory and size of one file."""
     options = WriteOptions(precision=precision)
 
     def write() -> None:
         write_gaussians(path, gaussians, options=options)
 
     # A new file each time: replacing one also costs the deletion of the old.
-    seconds = {"write": best_time(write, REPEATS, lambda: path.unlink(missing_ok=True))}
-    seconds["read"] = best_time(lambda: read_gaussians(path), REPEATS)
-    seconds |= _floor(path.with_name("floor.npy"), path.stat().st_size)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as fresh:
-        peaks = fresh.submit(_peaks, len(gaussians), path, precision).result()
+    times = {"write": best_ms(write, REPEATS, lambda: path.unlink(missing_ok=True))}
+    size = path.stat().st_size
+    times |= _floor(path.with_name("floor.npy"), size)
+    times["read"] = best_ms(lambda: read_gaussians(path), REPEATS)
     # NVIDIA's rule, where installed, takes seconds in Python loops and would hide ours.
     if importlib.util.find_spec("usd_validation_nvidia") is None:
-        seconds["validate"] = best_time(lambda: validate(path), REPEATS)
-    size = path.stat().st_size
+        times["validate"] = best_ms(lambda: validate(path), REPEATS)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as fresh:
+        peaks = fresh.submit(_peaks, len(gaussians), path, precision).result()
     halves = {"float": (), "mixed": ("others",), "half": ("position", "others")}[precision]
     per_splat = sum(b // 2 if name in halves else b for name, b in _FLOAT_BYTES.items())
-    return [
-        *(Result(name, value / 1e3, "s", case) for name, value in seconds.items()),
-        *(
-            Result(name, value / 1e6, "MB", case)
-            for name, value in peaks.items()
-            if value is not None
-        ),
-        Result("size", size / 1e6, "MB", case),
-        Result("beyond arrays", size - per_splat * len(gaussians), "bytes", case),
-    ]
+    return {
+        **{f"{name} [s]": value / 1e3 for name, value in times.items()},
+        **{f"{name} [MB]": value / 1e6 for name, value in peaks.items()},
+        "size [MB]": size / 1e6,
+        "beyond arrays [B]": size - per_splat * len(gaussians),
+    }
 
 
-def _peaks(splats: int, path: Path, precision: Precision) -> dict[str, int | None]:
+def _peaks(splats: int, path: Path, precision: Precision) -> dict[str, int]:
     """Return the peak growth while writing a new file and reading it [bytes].
 
-    To be asked of a fresh process: one that has written before uses memory again that it never gave back.
+    Call it in a fresh process: one that has written before reuses memory that it never gave back.
     """
     options = WriteOptions(precision=precision)
     write_gaussians(path, random_splats(10), options=options)  # the libraries are loaded by now
     read_gaussians(path)
     path.unlink()
     gaussians = random_splats(splats)
-    return {
-        "write memory": peak_growth(lambda: write_gaussians(path, gaussians, options=options)),
-        "read memory": peak_growth(lambda: read_gaussians(path)),
-    }
+    with peak_memory() as writing:
+        write_gaussians(path, gaussians, options=options)
+    with peak_memory() as reading:
+        read_gaussians(path)
+    return {"write memory": writing.growth, "read memory": reading.growth}
 
 
 def _floor(path: Path, size: int) -> dict[str, float]:
     """Return how long NumPy takes to save and load ``size`` bytes [ms]."""
     content = np.ones(size, dtype=np.uint8)
     seconds = {
-        "np.save": best_time(
+        "np.save": best_ms(
             lambda: np.save(path, content), REPEATS, lambda: path.unlink(missing_ok=True)
         ),
-        "np.load": best_time(lambda: np.load(path), REPEATS),
+        "np.load": best_ms(lambda: np.load(path), REPEATS),
     }
     path.unlink()
     return seconds

@@ -1,146 +1,166 @@
-"""The benchmarks that ``digs-warp bench NAME`` knows."""
+"""The benchmarks of ``digs-warp bench NAME``; imports none of them, because the command line reads this."""
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from digs_warp.study.results import Result, format_table, format_wide_table
+from digs_warp.checks import DigsError
+
+if TYPE_CHECKING:
+    from digs_warp.study.charts import Chart
+    from digs_warp.study.results import Result
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A named measurement; functions are given as "module:function".
+    """A named measurement; functions are given as "module:function" below `digs_warp.study`.
 
     Attributes:
         name: as the command line takes it.
-        function: takes nothing and returns a list of `Result`.
         summary: one line for the help.
-        wide: whether its table has one column per name of a result.
-        plot_function: takes the results and returns a picture as PNG bytes; empty: there is none.
+        function: takes nothing and returns a list of `Result`.
+        page: file in docs/ that shows its tables (`scripts/pages.py`).
+        chart_function: takes the results and returns charts; empty: there are none.
     """
 
     name: str
-    function: str
     summary: str
-    wide: bool = False
-    plot_function: str = ""
+    function: str
+    page: str
+    chart_function: str = ""
 
-    def run(self) -> list[Result]:
+    def run(self) -> "list[Result]":
         """Import the module and measure."""
         return _load(self.function)()
 
-    def table(self, results: list[Result]) -> str:
-        """Return the results as text."""
-        return format_wide_table(results) if self.wide else format_table(results)
-
-    def plot(self, results: list[Result]) -> bytes:
-        """Return the results as a PNG file; only where there is a ``plot_function``."""
-        return _load(self.plot_function)(results)
+    def charts(self, results: "Sequence[Result]") -> "Sequence[Chart]":
+        """Return what the results look like."""
+        return _load(self.chart_function)(results) if self.chart_function else []
 
 
-def _load(name: str) -> Callable[..., Any]:
+def _load(name: str) -> Any:
     module, _, function = name.partition(":")
-    return getattr(importlib.import_module(module), function)
+    return getattr(importlib.import_module(f"digs_warp.study.{module}"), function)
+
+
+def find_benchmark(name: str) -> Benchmark:
+    """Return the benchmark of that name.
+
+    Raises:
+        DigsError: there is none.
+    """
+    for benchmark in BENCHMARKS:
+        if benchmark.name == name:
+            return benchmark
+    known = ", ".join(benchmark.name for benchmark in BENCHMARKS)
+    raise DigsError(f"bench '{name}': no such benchmark; expected one of: {known}")
 
 
 BENCHMARKS = (
     Benchmark(
         "raster",
-        "digs_warp.study.bench_raster:bench_raster",
-        "the splat rasterizer: plain against vectorized, 1 and 2 threads, forward and backward",
+        "the splat rasterizer: plain and vectorized kernels, 1 and 2 threads, forward and backward",
+        "bench_raster:bench_raster",
+        "performance.md",
     ),
     Benchmark(
         "scaling",
-        "digs_warp.study.bench_scaling:bench_scaling",
-        "how the time of a view grows with pixels, splats, overlap and threads, memory, compilation",
-        plot_function="digs_warp.study.plot_scaling:plot_scaling",
+        "how the time of a view grows with pixels, splats, overlap and threads; memory; compilation",
+        "bench_scaling:bench_scaling",
+        "performance.md",
+        chart_function="bench_scaling:scaling_charts",
     ),
     Benchmark(
         "render",
-        "digs_warp.study.bench_render:bench_render",
-        "the frame rate of a film of the built-in object at three image sizes, 1 thread and all",
+        "frame rate of a film of the built-in object at three image sizes, with 1 thread and with all",
+        "bench_trained:bench_render",
+        "render.md",
     ),
     Benchmark(
         "train",
-        "digs_warp.study.bench_train:bench_train",
         "a training step, stage by stage, at three image sizes",
+        "bench_train:bench_train",
+        "training.md",
     ),
     Benchmark(
         "convergence",
-        "digs_warp.study.bench_convergence:bench_convergence",
-        "quality of held-out views along training seconds: a dense start's settings against those of 3DGS",
-        plot_function="digs_warp.study.plot_convergence:plot_convergence",
+        "quality of held-out views over training time: settings for a dense start against those of 3DGS",
+        "bench_quality:bench_convergence",
+        "training.md",
+        chart_function="bench_quality:convergence_charts",
     ),
     Benchmark(
         "paper-length",
-        "digs_warp.study.bench_paper_length:bench_paper_length",
         "training runs of 100, 1000 and 12,000 steps at 1600x900: seconds and quality",
+        "bench_quality:bench_paper_length",
+        "studies.md",
     ),
     Benchmark(
         "options",
-        "digs_warp.study.bench_options:bench_options",
-        "what each option of the training costs in time and brings in quality",
-        wide=True,
+        "the time that each training option costs and the quality that it gains",
+        "bench_quality:bench_options",
+        "training.md",
     ),
     Benchmark(
         "sfm",
-        "digs_warp.study.bench_sfm:bench_sfm",
-        "structure from motion: seconds, memory and pose errors of each choice (pairs, features, mapper)",
-        wide=True,
+        "structure from motion: seconds, memory and pose errors by pairing, features and mapper",
+        "bench_sfm:bench_sfm",
+        "sfm.md",
     ),
     Benchmark(
         "sfm-full",
-        "digs_warp.study.bench_sfm:bench_sfm_full",
         "structure from motion on 200 images of 1600x900",
-        wide=True,
+        "bench_sfm:bench_sfm_full",
+        "sfm.md",
     ),
     Benchmark(
         "sfm-sensor",
-        "digs_warp.study.bench_sfm_sensor:bench_sfm_sensor",
-        "which imperfection of the camera costs structure from motion its exactness",
-        wide=True,
+        "which imperfections of the camera make structure from motion less accurate",
+        "bench_sfm:bench_sfm_sensor",
+        "sfm.md",
     ),
     Benchmark(
         "masks",
-        "digs_warp.study.bench_masks:bench_masks",
-        "object masks without a network against the true ones",
-        wide=True,
+        "object masks without a network, compared with the true ones",
+        "bench_masks:bench_masks",
+        "masks.md",
     ),
     Benchmark(
         "init",
-        "digs_warp.study.bench_init:bench_init",
-        "from 200 depth maps of 2208x1242 to points: seconds, memory, distance to the true surface",
+        "200 depth maps of 2208x1242 to points: seconds, memory, distance to the true surface",
+        "bench_init:bench_init",
+        "initialization.md",
     ),
     Benchmark(
         "init-noise",
-        "digs_warp.study.init_strategies:init_strategies",
-        "all initializations at rising sensor noise and with calibration errors, against true surfaces",
-        wide=True,
+        "all initializations under rising sensor noise and calibration errors, against true surfaces",
+        "bench_init_noise:bench_init_noise",
+        "initialization.md",
     ),
     Benchmark(
         "usd",
-        "digs_warp.study.bench_usd:bench_usd",
         "USD scenes of a million splats: write, read, validate; what each precision saves and loses",
-        wide=True,
+        "bench_usd:bench_usd",
+        "usd.md",
     ),
     Benchmark(
         "mesh",
-        "digs_warp.study.bench_mesh:bench_mesh",
         "the mesh of the built-in object at four voxel sizes: seconds, triangles, distance to the truth",
-        wide=True,
+        "bench_trained:bench_mesh",
+        "mesh.md",
     ),
     Benchmark(
         "splat-files",
-        "digs_warp.study.bench_splat_files:bench_splat_files",
-        "PLY, SPZ, .splat, USD: bytes, seconds to write and read, and what is lost to the eye",
-        wide=True,
+        "PLY, SPZ, .splat, USD: bytes, seconds to write and read, visible loss",
+        "bench_trained:bench_splat_files",
+        "interchange.md",
     ),
     Benchmark(
         "sim",
-        "digs_warp.study.bench_sim:bench_sim",
         "the simulated depth sensor: time and scores of every tier and effect, against real matching",
-        wide=True,
-        plot_function="digs_warp.study.plot_sim:plot_sim",
+        "bench_sim:bench_sim",
+        "sensor-cost.md",
+        chart_function="bench_sim:sim_charts",
     ),
 )

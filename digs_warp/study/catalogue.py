@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from digs_warp.study.engine.case import Case
-    from digs_warp.study.engine.page import Section
+    from digs_warp.study.page import Section
 
 
 @dataclass(frozen=True)

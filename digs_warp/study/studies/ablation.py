@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
-from digs_warp.study.studies.scenes import objects
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import objects
+from digs_warp.study.table import Table
 
 Value = Callable[[Record], float | None]
 

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from digs_warp.splat.config import TILE_SIZE
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, Spread
+from digs_warp.study.page import Section
+from digs_warp.study.table import Table
 
 
 def finish_sections(usual: Sequence[Record]) -> list[Section]:

@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import objects
 from digs_warp.study.studies import paper
-from digs_warp.study.studies.scenes import objects
+from digs_warp.study.table import Table
 
 STRATEGIES = ("default", "depth", "highdepth", "fusion", "random")
 ITERATIONS = (100, 300, 500, 1000, 3000, 7000, 12000)

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, Spread, at_iteration, group_by, spread
-from digs_warp.study.studies.scenes import objects
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import objects
+from digs_warp.study.table import Table
 
 # The largest first: it tells whether an effect matters at all.
 STRENGTHS = (4.0, 1.0, 2.0)

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record
-from digs_warp.study.studies.scenes import objects
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import objects
+from digs_warp.study.table import Table
 
 BASE: dict[str, Any] = {"frames": 32, "width": 480, "voxel": 0.005}
 # One varies at a time; widths [px] at 16:9, voxels [m] set the number of splats.

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, group_by, spread
-from digs_warp.study.studies.scenes import objects
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import objects
+from digs_warp.study.table import Table
 
 ERRORS = (0.0, 1.0, 2.0, 4.0)
 STRATEGIES = ("highdepth", "fusion", "default")

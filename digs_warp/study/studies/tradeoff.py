@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table
 from digs_warp.study.engine.records import Record, Spread, group_by, pareto_front
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import objects
 from digs_warp.study.studies.finishes import finish_sections
-from digs_warp.study.studies.scenes import objects
+from digs_warp.study.table import Table
 
 # The point that every knob starts from.
 RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples_per_pixel": 4}

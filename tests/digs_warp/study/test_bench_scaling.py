@@ -15,9 +15,10 @@ from digs_warp.study.bench_scaling import (
     count_memory,
     fit_laws,
     measure,
-    results_of,
+    result_of,
+    scaling_charts,
 )
-from digs_warp.study.plot_scaling import plot_scaling
+from digs_warp.study.charts import side_by_side
 
 SMALL = replace(BASE, width=64, height=48, splats=40)
 
@@ -53,24 +54,25 @@ def test_the_fit_finds_a_law() -> None:
         per_splat = 1e-6 * (200.0 * splats + 30.0 * pairs)
         case = Case("splats", splats, SMALL)
         points.append(Point(case, raster, per_splat, pixels, splats, pairs, evaluated))
-    found = {(r.name, r.settings.get("per")): r.value for r in fit_laws(points)}
-    assert found["raster law", "pixels"] == pytest.approx(3.0)
-    assert found["raster law", "pairs"] == pytest.approx(50.0)
-    assert found["raster law", "evaluated"] == pytest.approx(0.5)
-    assert found["per splat law", "splats"] == pytest.approx(200.0)
-    assert found["per splat law", "pairs"] == pytest.approx(30.0)
-    assert found["raster law error", None] == pytest.approx(0.0, abs=1e-6)
+    raster, per_splat = (r.values for r in fit_laws(points))
+    assert raster["per pixels [ns]"] == pytest.approx(3.0)
+    assert raster["per pairs [ns]"] == pytest.approx(50.0)
+    assert raster["per evaluated [ns]"] == pytest.approx(0.5)
+    assert per_splat["per splats [ns]"] == pytest.approx(200.0)
+    assert per_splat["per pairs [ns]"] == pytest.approx(30.0)
+    assert raster["largest [%]"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_case_is_measured_and_drawn() -> None:
     points = [measure(Case("splats", n, replace(SMALL, splats=n)), repeats=1) for n in (10, 40)]
     assert all(p.raster > 0 and p.per_splat > 0 and p.evaluated > p.pairs for p in points)
-    results = [result for point in points for result in results_of(point)]
-    assert plot_scaling([*results, *fit_laws(points)]).startswith(b"\x89PNG")
+    results = [result_of(point) for point in points]
+    assert side_by_side(scaling_charts([*results, *fit_laws(points)])).startswith(b"\x89PNG")
 
 
 def test_memory_is_that_of_the_parameters_and_their_followers() -> None:
-    memory = {r.settings["part"]: r.value for r in count_memory(2000)}
+    found = [r for r in count_memory(2000) if "bytes per splat" in r.values]
+    memory = {r.labels["part"]: r.values["bytes per splat"] for r in found}
     assert memory["parameters, degree 3"] == 59 * 4
     assert memory["gradients"] == 59 * 4
     assert memory["moments of Adam"] == 2 * 59 * 4

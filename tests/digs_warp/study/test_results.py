@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from digs_warp.study.benchmarks import BENCHMARKS
-from digs_warp.study.results import Result, format_number, format_table, write_json_lines
+from digs_warp.study.results import Result, format_number, format_tables, write_json_lines
 
 RESULTS = [
-    Result("forward", 12.345678, "ms", {"splats": 1000, "threads": 1}),
-    Result("backward", 1234.5, "ms", {"splats": 1000, "threads": 2}),
+    Result({"splats": 1000, "stage": "forward"}, {"time [ms]": 12.345678, "passes": 3}),
+    Result({"splats": 1000, "stage": "backward"}, {"time [ms]": 1234.5}),
 ]
 
 
@@ -19,29 +19,27 @@ def test_json_lines_hold_exactly_the_results(tmp_path: Path) -> None:
     write_json_lines(RESULTS, tmp_path / "results.jsonl")
     lines = (tmp_path / "results.jsonl").read_text().splitlines()
     assert [Result(**json.loads(line)) for line in lines] == RESULTS
-    assert list(json.loads(lines[0])) == ["name", "value", "unit", "settings"]
+    assert list(json.loads(lines[0])) == ["labels", "values", "table"]
 
 
 def test_the_table_names_shared_settings_once_and_aligns_its_columns() -> None:
-    lines = format_table(RESULTS).splitlines()
+    lines = format_tables(RESULTS).splitlines()
     assert lines[0] == "splats: 1000"
     header, rule, *rows = lines[2:]
-    assert header.split() == ["name", "threads", "value", "unit"]
+    assert header.split() == ["stage", "time", "[ms]", "passes"]
     assert set(rule) == {"-", " "}
-    assert [row.split() for row in rows] == [
-        ["forward", "1", "12.35", "ms"],
-        ["backward", "2", "1,234", "ms"],
-    ]
-    assert len({row.index("ms") for row in rows}) == 1
+    assert [row.split() for row in rows] == [["forward", "12.35", "3"], ["backward", "1,234"]]
+    assert rows[0].index("12.35") + 5 == rows[1].index("1,234") + 5
 
 
 def test_no_results_make_no_table() -> None:
-    assert format_table([]) == "no results"
+    assert format_tables([]) == "no results"
 
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0, "0"), (0.12345, "0.123"), (1.23456, "1.235"), (99.999, "100.00"), (123456.0, "123,456")],
+    [(0.0, "0"), (0.12345, "0.123"), (1.23456, "1.235"), (99.999, "100.00"), (123456.0, "123,456")]
+    + [(12, "12"), (7_500_000, "7,500,000")],
 )
 def test_numbers_keep_about_four_digits(value: float, text: str) -> None:
     assert format_number(value) == text
@@ -49,5 +47,12 @@ def test_numbers_keep_about_four_digits(value: float, text: str) -> None:
 
 @pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda benchmark: benchmark.name)
 def test_every_benchmark_names_a_function_that_exists(benchmark) -> None:
-    module, _, name = benchmark.function.partition(":")
-    assert callable(getattr(importlib.import_module(module), name))
+    for function in filter(None, (benchmark.function, benchmark.chart_function)):
+        module, _, name = function.partition(":")
+        assert callable(getattr(importlib.import_module(f"digs_warp.study.{module}"), name))
+
+
+@pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda benchmark: benchmark.name)
+def test_every_benchmark_has_a_place_in_its_page(benchmark) -> None:
+    page = (Path(__file__).resolve().parents[3] / "docs" / benchmark.page).read_text()
+    assert f"<!-- {benchmark.name}" in page

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.study.catalogue import STUDIES, Study
-from digs_warp.study.engine.page import write_pages
+from digs_warp.study.page import write_pages
 from reference.study_records import record_of
 
 BY_NAME = {study.name: study for study in STUDIES}

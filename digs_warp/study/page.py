@@ -1,8 +1,6 @@
 """The report of a study: Markdown with tables and pictures, CSV files, and one self-contained HTML page."""
 
 import base64
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -11,34 +9,11 @@ from pathlib import Path
 from digs_warp.record.files import write_atomically
 from digs_warp.report import markup
 from digs_warp.report.style import CSS
-from digs_warp.study.engine.charts import Chart
+from digs_warp.study.charts import Chart
+from digs_warp.study.table import Table
 
 MARKDOWN = "report.md"
 PAGE = "report.html"
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under headings; the first column labels the row.
-
-    Attributes:
-        name: of its CSV file, without suffix.
-    """
-
-    name: str
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def csv(self) -> bytes:
-        """Return the table as CSV."""
-        file = io.StringIO()
-        csv.writer(file, lineterminator="\n").writerows([self.headings, *self.rows])
-        return file.getvalue().encode()
-
-    def markdown(self) -> str:
-        """Return the table as Markdown."""
-        lines = [list(self.headings), ["---"] * len(self.headings), *self.rows]
-        return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines)
 
 
 @dataclass(frozen=True)
@@ -94,7 +69,3 @@ def _html_section(section: Section) -> str:
 def _picture(chart: Chart) -> str:
     uri = "data:image/png;base64," + base64.b64encode(chart.png()).decode()
     return f'<img src="{uri}" alt="{escape(chart.title)}">'
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")

@@ -1,9 +1,9 @@
 """`digs-warp bench init-noise`: every strategy at every strength of sensor noise, against the true surface.
 
-Poses come from a model of structure from motion made of the truth, in a unit of its own; its scale is
-recovered from the noisy depth, so an error of the scale shows in the distances, too. Two errors of
-calibration follow: a baseline that is 5 % too large, which the scale absorbs, and disparities that are
-0.2 px too large, which no scale can absorb; their distances tell how far the points move.
+Poses come from a structure-from-motion model that is made from the truth, in an arbitrary unit. Its scale is
+recovered from the noisy depth, so a wrong scale shows in the distances as well. Then two calibration errors:
+a baseline that is 5 % too large, which the scale absorbs, and disparities that are 0.2 px too large, which no
+scale can absorb.
 """
 
 import tempfile
@@ -24,7 +24,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
 from digs_warp.study.results import Result
-from digs_warp.study.sample_data import sample_data
+from digs_warp.study.scenes import sample_data
 from digs_warp.study.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,
@@ -74,7 +74,7 @@ def scaled(capture: Capture, sfm: SfmModel, true_scale: float) -> ScaledCapture:
     return ScaledCapture(with_cameras(frames, metric), metric, found, found / true_scale)
 
 
-def init_strategies(
+def bench_init_noise(
     data: Path | None = None, meshes: Sequence[str] = MESHES, frames: int = FRAMES
 ) -> list[Result]:
     """Return points, distances [mm] and scale error of all strategies at all strengths.
@@ -135,11 +135,14 @@ def _all_strategies(
         found = initialize(seen.frames, InitConfig(strategy=strategy), seen.sfm)
         # The true metre: what the scale got wrong stays wrong relative to the object's size.
         score = case.score(found.points.points_world * np.float32(seen.true_per_metre))
-        settings = {"object": case.name, "sensor": sensor, "strategy": strategy}
-        yield Result("points", len(found.points), "points", settings)
-        yield Result("Chamfer [mm]", 1e3 * score.chamfer, "mm", settings)
-        yield Result("to surface [mm]", 1e3 * score.accuracy, "mm", settings)
-        yield Result("median [mm]", 1e3 * score.accuracy_median, "mm", settings)
-        yield Result("from surface [mm]", 1e3 * score.completeness, "mm", settings)
-        yield Result("F-score 5 mm", score.f_score, "share", settings)
-        yield Result("scale error", seen.true_per_metre - 1.0, "share", settings)
+        labels = {"object": case.name, "sensor": sensor, "strategy": strategy}
+        values = {
+            "points": len(found.points),
+            "Chamfer [mm]": 1e3 * score.chamfer,
+            "to surface [mm]": 1e3 * score.accuracy,
+            "median [mm]": 1e3 * score.accuracy_median,
+            "from surface [mm]": 1e3 * score.completeness,
+            "F-score 5 mm": score.f_score,
+            "scale error": seen.true_per_metre - 1.0,
+        }
+        yield Result(labels, values)

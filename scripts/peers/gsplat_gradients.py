@@ -1,7 +1,7 @@
 """Compare our views and gradients with gsplat's PyTorch functions, on the CPU, in one run; print two tables.
 
     pip install torch==2.13.0 && pip install --no-deps gsplat jaxtyping wadler_lindig rich
-    python scripts/compare_gsplat.py
+    python scripts/peers/gsplat_gradients.py
 
 Of gsplat's PyTorch reference, the projection and the spherical harmonics run on a CPU; its pixels need CUDA
 (the lists of pixels per splat and nerfacc's scans have no other version). So the first table takes projection
@@ -12,8 +12,6 @@ both: projection and colours, forward and backward.
 
 import argparse
 import sys
-import time
-from collections.abc import Callable
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
@@ -24,9 +22,11 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.splat.config import DEFAULT_OPTIONS
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
-from digs_warp.study.results import Result, format_table
+from digs_warp.study.results import Result, format_tables
+from digs_warp.study.timing import best_ms
 
 NEAR = 0.2
+ROUNDS = 7
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 
 
@@ -130,8 +130,8 @@ def compare_gradients(splats: int, seeds: int) -> list[Result]:
         for name, (ours, theirs) in pairs.items():
             error = float(np.abs(ours - theirs).max() / np.abs(theirs).max())
             worst[name] = max(worst[name], error)
-    case = {"splats": splats, "scenes": seeds}
-    return [Result(name, value, "of the largest", case) for name, value in worst.items()]
+    values = {f"{name} [of the largest]": value for name, value in worst.items()}
+    return [Result({"splats": splats, "scenes": seeds}, values)]
 
 
 def compare_times(splats: int) -> list[Result]:
@@ -156,33 +156,15 @@ def compare_times(splats: int) -> list[Result]:
     def backward() -> None:
         total[0].backward()
 
-    def nothing() -> None:
-        pass
-
     results = []
     for stage, ours, theirs, before in (
-        ("forward", stages["project"], forward, nothing),
+        ("forward", stages["project"], forward, None),
         ("backward", stages["gather and project back"], backward, forward),
     ):
-        case = {"splats": splats, "stage": stage}
-        mine, other = best_ms(ours, nothing), best_ms(theirs, before)
-        results += [
-            Result("digs-warp", mine, "ms", case),
-            Result("gsplat, PyTorch", other, "ms", case),
-            Result("ratio", other / mine, "x", case),
-        ]
+        mine, other = best_ms(ours, ROUNDS), best_ms(theirs, ROUNDS, before)
+        values = {"digs-warp [ms]": mine, "gsplat, PyTorch [ms]": other, "ratio": other / mine}
+        results.append(Result({"splats": splats, "stage": stage}, values))
     return results
-
-
-def best_ms(job: Callable[[], object], before: Callable[[], object], rounds: int = 7) -> float:
-    """Return the shortest of several times of ``job`` [ms]; ``before`` is run each time, not timed."""
-    times = []
-    for _ in range(rounds):
-        before()
-        start = time.perf_counter()
-        job()
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times)
 
 
 def main() -> None:
@@ -191,8 +173,8 @@ def main() -> None:
     parser.add_argument("--splats", type=int, default=100_000, help="of the timed scene")
     arguments = parser.parse_args()
     tables = [
-        format_table(compare_gradients(200, 10)),
-        format_table(compare_times(arguments.splats)),
+        format_tables(compare_gradients(200, 10)),
+        format_tables(compare_times(arguments.splats)),
     ]
     sys.stdout.write("\n\n".join(tables) + "\n")
 

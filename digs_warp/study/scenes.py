@@ -1,9 +1,9 @@
-"""The objects that studies record: the built-in one, and meshes of the sample data where they lie."""
+"""The objects that studies record: the built-in one, and meshes of the sample data where it is present."""
 
+import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
-
-from digs_warp.study.sample_data import sample_data
 
 BUILT_IN = "built-in vase"
 
@@ -14,6 +14,11 @@ SAMPLE_OBJECTS = (
 )
 # Rich in texture: structure from motion needs the surround.
 ENVIRONMENT = "forest_slope"
+
+
+def sample_data() -> Path:
+    """Return the folder of the sample data: DIGS_WARP_SAMPLE_DATA, or ../shared/data."""
+    return Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
 
 
 def objects(count: int, first: Sequence[str] = ()) -> dict[str, dict[str, Any]]:

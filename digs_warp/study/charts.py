@@ -1,4 +1,4 @@
-"""Charts of a study: the same drawing as PNG and SVG files, and inside a page."""
+"""Charts of benchmarks and studies: the same drawing as PNG and SVG files, and inside a page."""
 
 import io
 from collections.abc import Sequence
@@ -17,8 +17,9 @@ class Curve:
         label: for the legend.
         x, y: its points.
         spread: half width of a band around it; empty: none.
-        line: draw the line; False: only the points.
+        line, marker: draw the line, the points; at least one of them.
         notes: a word at each point; empty: none.
+        color: its number in COLORS; None: the next one.
     """
 
     label: str
@@ -26,7 +27,9 @@ class Curve:
     y: Sequence[float]
     spread: Sequence[float] = ()
     line: bool = True
+    marker: bool = True
     notes: Sequence[str] = ()
+    color: int | None = None
 
 
 @dataclass(frozen=True)
@@ -51,39 +54,29 @@ class Chart:
 
     def png(self) -> bytes:
         """Return the picture as PNG."""
-        return self._render("png")
+        return side_by_side([self])
 
     def svg(self) -> bytes:
         """Return the picture as SVG; the same values give the same bytes."""
-        return self._render("svg")
+        return side_by_side([self], "svg")
 
-    def _render(self, form: str) -> bytes:
-        import matplotlib
-        from matplotlib.figure import Figure
-
-        with matplotlib.rc_context({"svg.hashsalt": "digs-warp", "svg.fonttype": "none"}):
-            figure = Figure(figsize=(7.2, 4.4), layout="constrained")
-            self._draw(figure.subplots())
-            file = io.BytesIO()
-            metadata = {"Date": None} if form == "svg" else None
-            figure.savefig(file, format=form, dpi=120, metadata=metadata)
-        return file.getvalue()
-
-    def _draw(self, axes: Any) -> None:
+    def draw(self, axes: Any) -> None:
+        """Draw into the axes of a figure."""
         for number, curve in enumerate(self.curves):
-            color = COLORS[number % len(COLORS)]
-            style = "-o" if curve.line else "o"
+            color = COLORS[(number if curve.color is None else curve.color) % len(COLORS)]
+            style = "-" * curve.line + "o" * curve.marker
             axes.plot(curve.x, curve.y, style, label=curve.label, color=color, markersize=4)
             if curve.spread:
                 low = [y - s for y, s in zip(curve.y, curve.spread, strict=True)]
                 high = [y + s for y, s in zip(curve.y, curve.spread, strict=True)]
                 axes.fill_between(curve.x, low, high, color=color, alpha=0.15, linewidth=0)
             for x, y, note in zip(curve.x, curve.y, curve.notes, strict=False):
-                # To the upper left, where nothing else is: notes stand at points that nothing surpasses.
-                place = {"xytext": (-6, 3), "textcoords": "offset points", "ha": "right"}
-                axes.annotate(note, (x, y), fontsize=7, **place)
+                # In rows to the right; else to the upper left, which is free at points that nothing beats.
+                place = ((6, -2), "left") if self.rows else ((-6, 3), "right")
+                offset = {"xytext": place[0], "textcoords": "offset points", "ha": place[1]}
+                axes.annotate(note, (x, y), fontsize=7, **offset)
         if any(curve.notes for curve in self.curves):
-            axes.margins(x=0.18)
+            axes.margins(x=1.2 if self.rows else 0.18)
         axes.set_title(self.title)
         axes.set_xlabel(self.x_label)
         axes.set_ylabel(self.y_label)
@@ -107,3 +100,20 @@ class Chart:
                 axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
                 axis.set_major_formatter("{x:g}")
                 axis.set_minor_formatter(NullFormatter())
+
+
+def side_by_side(charts: Sequence[Chart], form: str = "png") -> bytes:
+    """Return charts as one picture, "png" or "svg"."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context({"svg.hashsalt": "digs-warp", "svg.fonttype": "none"}):
+        figure = Figure(figsize=(7.2 * len(charts), 4.4), layout="constrained")
+        for chart, axes in zip(
+            charts, figure.subplots(1, len(charts), squeeze=False)[0], strict=True
+        ):
+            chart.draw(axes)
+        file = io.BytesIO()
+        metadata = {"Date": None} if form == "svg" else None
+        figure.savefig(file, format=form, dpi=120, metadata=metadata)
+    return file.getvalue()

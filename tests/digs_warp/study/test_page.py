@@ -5,8 +5,9 @@ import re
 from pathlib import Path
 
 from digs_warp.data.images import read_image
-from digs_warp.study.engine.charts import Chart, Curve
-from digs_warp.study.engine.page import Section, Table, write_pages
+from digs_warp.study.charts import Chart, Curve
+from digs_warp.study.page import Section, write_pages
+from digs_warp.study.table import Table
 
 
 def sections() -> list[Section]:

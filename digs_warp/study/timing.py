@@ -1,0 +1,76 @@
+"""How long a piece of work takes, and how much memory."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_STATUS = Path("/proc/self/status")
+_CLEAR_REFS = Path("/proc/self/clear_refs")
+
+
+class Stopwatch:
+    """Seconds and CPU seconds of all threads spent in a ``with`` block."""
+
+    seconds = 0.0
+    cpu_seconds = 0.0
+
+    def __enter__(self) -> "Stopwatch":
+        self._start, self._cpu_start = time.perf_counter(), time.process_time()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.seconds = time.perf_counter() - self._start
+        self.cpu_seconds = time.process_time() - self._cpu_start
+
+
+def best_ms(
+    function: Callable[[], object],
+    repeats: int,
+    before: Callable[[], object] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> float:
+    """Return the shortest of ``repeats`` calls [ms]; ``before`` runs ahead of each and does not count."""
+    seconds = []
+    for _ in range(repeats):
+        if before is not None:
+            before()
+        start = clock()
+        function()
+        seconds.append(clock() - start)
+    return 1e3 * min(seconds)
+
+
+def clock_for(threads: int) -> Callable[[], float]:
+    """Return the CPU clock for one thread, which other programs disturb less, else the wall clock."""
+    return time.process_time if threads == 1 else time.perf_counter
+
+
+class PeakMemory:
+    """The memory that the process holds: at the start of a block, and the most within it [bytes]."""
+
+    start = 0
+    peak = 0
+
+    @property
+    def growth(self) -> int:
+        """How much more it was at the peak."""
+        return max(0, self.peak - self.start)
+
+
+@contextmanager
+def peak_memory() -> Iterator[PeakMemory]:
+    """Measure the resident memory of a block, mapped files included; zeros where the system has no /proc."""
+    found = PeakMemory()
+    try:
+        _CLEAR_REFS.write_text("5")  # from here on the peak counts anew
+        found.start = _bytes("VmRSS")
+    except OSError:
+        yield found
+        return
+    yield found
+    found.peak = _bytes("VmHWM")
+
+
+def _bytes(name: str) -> int:
+    return 1024 * int(_STATUS.read_text().split(f"{name}:")[1].split()[0])
