@@ -1,5 +1,6 @@
 """Checks at the door: every message names what was found, what was expected and what to do next."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -68,3 +69,13 @@ def check_positive(name: str, value: float) -> float:
     if not (np.isfinite(value) and value > 0):
         raise DigsError(f"{name}: {value!r}, expected a finite number above 0")
     return value
+
+
+def check_within(
+    name: str, value: float | None, low: float, high: float = math.inf
+) -> float | None:
+    """Return ``value``, or raise when it is not finite or not in ``low`` .. ``high``; None passes."""
+    if value is None or (math.isfinite(value) and low <= value <= high):
+        return value
+    wanted = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
+    raise DigsError(f"{name}: {value!r}, expected {wanted}")

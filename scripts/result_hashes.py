@@ -31,6 +31,8 @@ RUNS: dict[str, str] = {
         "--density mcmc --max-splats 4000 --iterations 120 --background white"
     ),
 }
+# Holds the settings by name: a renamed setting is no other result.
+SETTINGS_ATTRIBUTE = ":inputs"
 COMMAND = "import sys; from digs_warp.cli import main; sys.exit(main())"
 
 
@@ -74,6 +76,8 @@ def hash_of_scene(path: Path) -> str:
     stage = Usd.Stage.Open(str(path))
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
+            if attribute.GetName().endswith(SETTINGS_ATTRIBUTE):
+                continue
             times = attribute.GetTimeSamples() or [Usd.TimeCode.Default()]
             for time in times:
                 value = attribute.Get(time)

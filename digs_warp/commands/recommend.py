@@ -1,24 +1,26 @@
 """`digs-warp recommend`: the settings that a measured study found best within a time."""
 
-import math
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
-from digs_warp.record.durations import seconds_of
+from digs_warp.record.durations import DURATION
 
 # The results behind docs/study: in a clone of the repository, not in an installed package.
 PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "study" / "tradeoff"
+
+# Settings whose flag is not the last part of their name.
+FLAGS = {"train.density.strategy": "density"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recommend:
     """Pick settings for a time, from what 'digs-warp study run tradeoff' measured."""
 
-    time_budget: str
+    time_budget: Annotated[float, DURATION]
     """Time for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
 
     study: Path | None = None
@@ -41,12 +43,11 @@ class Recommend:
                 f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
                 f"{folder}{'' if self.study else published}"
             )
-        budget = seconds_of(self.time_budget, "--time-budget")
         records = [r for r in Store(folder).records.values() if "error" not in r]
-        best = best_within(records, budget)
+        best = best_within(records, self.time_budget)
         if best is None:
             raise DigsError(
-                f"recommend: no case in '{folder}' takes {self.time_budget} or less; allow more time, or "
+                f"recommend: no case in '{folder}' takes {self.time_budget:g} s or less; allow more time, or "
                 "measure smaller recordings"
             )
         machines = sorted({record["machine"] for record in records})
@@ -59,7 +60,7 @@ class Recommend:
                 "command": shlex.join(
                     ["digs-warp", "run", "--out", "out/best", *flags(best.settings)]
                 ),
-                "left over": "" if math.isinf(budget) else f"{budget - best.seconds.mean:.0f} s",
+                "left over": f"{self.time_budget - best.seconds.mean:.0f} s",
             }
         )
 
@@ -73,6 +74,6 @@ def flags(settings: dict[str, Any]) -> list[str]:
     """Return settings of recording and reconstruction as flags of `digs-warp run`; scene and seed apart."""
     words: list[str] = []
     for name, value in settings.items():
-        flag = name.rpartition(".")[2].replace("_", "-")
+        flag = FLAGS.get(name) or name.rpartition(".")[2].replace("_", "-")
         words += [f"--{flag}", f"{value:g}" if isinstance(value, float) else str(value)]
     return words

@@ -8,7 +8,7 @@ import tyro
 from digs_warp.init.config import DENSE_STRATEGIES, InitConfig
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Density, DensityStrategy, TrainConfig
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruct import ReconstructConfig
@@ -39,14 +39,21 @@ class _SegmentOptions(SegmentConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
+class _DensityOptions(Density):
+    """How the number of Gaussians changes during a run."""
+
+    strategy: Annotated[Literal["auto", DensityStrategy], tyro.conf.arg(name="density")] = "auto"  # pyright: ignore
+    """How the number of Gaussians changes. auto: fixed after a start from depth, adaptive after a sparse or
+    random one; fixed: not at all; adaptive: clone, split, prune and reset as in 3DGS; absgrad: the same with
+    absolute gradients, fewer Gaussians for the same quality; mcmc: up to --max-splats by noise and by
+    moving idle ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class _TrainOptions(TrainConfig):
     """How the Gaussians are optimized."""
 
-    density: Literal["auto", "fixed", "default", "absgrad", "mcmc"] = "auto"  # pyright: ignore[reportIncompatibleVariableOverride]
-    """How the number of Gaussians changes. auto: fixed after a start from depth, default after a sparse or
-    random one; fixed: not at all; default: clone, split, prune and reset of 3DGS; absgrad: the same with
-    absolute gradients, fewer Gaussians for the same quality; mcmc: up to --max-splats by noise and by
-    moving idle ones."""
+    density: _DensityOptions = field(default_factory=_DensityOptions)
 
     seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
 
@@ -72,9 +79,10 @@ class ReconstructionOptions:
         """Return the settings; ``seed`` serves all stages."""
         from digs_warp.pipeline.reconstruct import ReconstructConfig
 
-        density = self.training.density
-        if density == "auto":
-            density = "fixed" if self.initialization.strategy in DENSE_STRATEGIES else "default"
+        strategy = self.training.density.strategy
+        if strategy == "auto":
+            strategy = "fixed" if self.initialization.strategy in DENSE_STRATEGIES else "adaptive"
+        density = _plain(self.training.density, Density, strategy=strategy)
         return ReconstructConfig(
             sfm=_plain(self.poses, SfmConfig, sfm_seed=seed),
             segment=_plain(self.masks, SegmentConfig, mask_seed=seed),

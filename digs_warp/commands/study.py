@@ -8,7 +8,7 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
-from digs_warp.record.durations import seconds_of
+from digs_warp.record.durations import DURATION
 from digs_warp.study.catalogue import STUDIES, Study
 
 Name = Annotated[
@@ -37,7 +37,7 @@ class RunStudy:
 
     name: Name
 
-    time_budget: str | None = None
+    time_budget: Annotated[float | None, DURATION] = None
     """Start no case that would likely end later than this, for example 60s, 20min or 2h. The most important
     cases come first. Default: no limit."""
 
@@ -58,7 +58,6 @@ class RunStudy:
 
     def __post_init__(self) -> None:
         find_study(self.name)
-        seconds_of(self.time_budget or "", "--time-budget")
         for name in ("objects", "seeds", "iterations", "workers"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -79,7 +78,7 @@ class RunStudy:
             folder,
             measure=run_case,
             workers=self.workers,
-            budget=seconds_of(self.time_budget or "", "--time-budget"),
+            budget=self.time_budget,
         )
         return f"{outcome}\nreport: {write_report(study, folder)}"
 

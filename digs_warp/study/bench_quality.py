@@ -8,7 +8,7 @@ rates, one per length.
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from digs_warp.record.progress import progress
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import sample_data
-from digs_warp.train.config import REFERENCE_RATES, TrainConfig
+from digs_warp.train.config import REFERENCE_RATES, Density, Rates, Stop, TrainConfig
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -60,9 +60,9 @@ OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("--coverage-weight 0.1", {"coverage_weight": 0.1}),
     ("--depth-weight 0.02", {"depth_weight": 0.02}),
     ("--dssim-weight 0", {"dssim_weight": 0.0}),
-    ("--density default", {"density": "default"}),
-    ("--density absgrad", {"density": "absgrad"}),
-    ("--density mcmc", {"density": "mcmc"}),
+    ("--density adaptive", {"density": Density(strategy="adaptive", max_splats=MAX_SPLATS)}),
+    ("--density absgrad", {"density": Density(strategy="absgrad", max_splats=MAX_SPLATS)}),
+    ("--density mcmc", {"density": Density(strategy="mcmc", max_splats=MAX_SPLATS)}),
 )
 
 CONVERGENCE_SIZE = SceneSize(960, 540, frames=32, voxel_size=0.003)
@@ -83,7 +83,7 @@ def bench_options(
     results = []
     with _recorded(size) as scene, progress(len(OPTIONS), "Training", "option") as bar:
         for name, values in OPTIONS:
-            config = TrainConfig(iterations=iterations, max_splats=MAX_SPLATS, **values)
+            config = TrainConfig(stop=Stop(iterations=iterations), **values)
             (end,) = scene.train(config)
             labels = {"image": size.image, "start": len(scene.points), "iterations": iterations}
             labels |= {"threads": default_threads(), "option": name}
@@ -101,17 +101,8 @@ def bench_convergence(
     size: SceneSize = CONVERGENCE_SIZE, iterations: int = CONVERGENCE_ITERATIONS
 ) -> list[Result]:
     """Return seconds and PSNR of the held-out views along a run: our settings, then those of 3DGS."""
-    dense = TrainConfig(iterations=iterations)
-    r = REFERENCE_RATES
-    reference = replace(
-        dense,
-        means_rate=r.means,
-        scales_rate=r.scales,
-        quats_rate=r.quats,
-        opacities_rate=r.opacities,
-        colors_rate=r.colors,
-        half_size_until=0.0,
-    )
+    dense = TrainConfig(stop=Stop(iterations=iterations))
+    reference = replace(dense, rates=Rates(**asdict(REFERENCE_RATES)), half_size_until=0.0)
     init = InitConfig()
     runs: tuple[tuple[str, TrainConfig, Mapping[str, float]], ...] = (
         (DENSE, dense, {"opacity": init.seed_opacity, "width": init.seed_width}),
@@ -170,7 +161,7 @@ def bench_paper_length(
     results = []
     with _recorded(size, mesh) as scene, progress(sum(lengths), "Training", "step") as bar:
         for count in lengths:
-            (end,) = scene.train(TrainConfig(iterations=count), after_step=bar.update)
+            (end,) = scene.train(TrainConfig(stop=Stop(iterations=count)), after_step=bar.update)
             labels = {
                 "iterations": f"{count:,}",
                 "object": mesh.stem if mesh else "built-in vase",
@@ -223,13 +214,13 @@ class _Scene:
         views = open_views(self.frames, config)
         trainer = Trainer(seeds, views, config)
         milestones = []
-        for step in range(config.iterations + 1):
-            if step in measure_at or step == config.iterations:
+        for step in range(config.stop.iterations + 1):
+            if step in measure_at or step == config.stop.iterations:
                 images = render_views(trainer.gaussians, self.test_views)
                 psnr = np.mean([score.psnr for score in score_views(images, self.test_views)])
                 splats = len(trainer.gaussians)
                 milestones.append(Milestone(step, trainer.seconds, float(psnr), splats))
-            if step < config.iterations:
+            if step < config.stop.iterations:
                 trainer.step()
                 after_step()
         views.close()

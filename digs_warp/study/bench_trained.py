@@ -30,7 +30,7 @@ from digs_warp.study.results import Result
 from digs_warp.study.timing import Stopwatch
 from digs_warp.surface.extract import Scene, extract_surface
 from digs_warp.surface.true_surface import read_true_surface
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 
@@ -78,7 +78,7 @@ def trained_object() -> TrainedObject:
         frames=TRAINING_FRAMES, width=640, height=360, samples_per_pixel=1, tier="law"
     )
     init = InitConfig()
-    train = TrainConfig(iterations=TRAINING_STEPS, sh_degree=SH_DEGREE)
+    train = TrainConfig(stop=Stop(iterations=TRAINING_STEPS), sh_degree=SH_DEGREE)
     with tempfile.TemporaryDirectory() as folder:
         capture = simulate(recording, Path(folder) / "capture")
         surface = read_true_surface(capture.folder)

@@ -25,7 +25,7 @@ def may_halve(config: TrainConfig) -> bool:
     """Whether a run may ask for views at half the size."""
     if config.half_size_until is not None:
         return config.half_size_until > 0
-    return config.density == "fixed"
+    return config.density.strategy == "fixed"
 
 
 def half_size_steps(config: TrainConfig, start: Gaussians, cameras: Sequence[Camera]) -> int:
@@ -37,10 +37,12 @@ def half_size_steps(config: TrainConfig, start: Gaussians, cameras: Sequence[Cam
         cameras: the cameras of the whole views, at least one.
     """
     if config.half_size_until is not None:
-        return int(config.half_size_until * config.iterations)
+        return int(config.half_size_until * config.stop.iterations)
     wide = typical_width_px(start, cameras) / 2 >= MIN_WIDTH_PX
     return (
-        min(int(DENSE_SHARE * config.iterations), DENSE_STEPS) if may_halve(config) and wide else 0
+        min(int(DENSE_SHARE * config.stop.iterations), DENSE_STEPS)
+        if may_halve(config) and wide
+        else 0
     )
 
 

@@ -137,19 +137,19 @@ class Adam:
 
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colours."""
-        rates = self.config.rates
-        share = self.config.rates_end**self._progress
+        rates = self.config.learning_rates
+        share = self.config.rates.end**self._progress
         means = self.means_rate() * self.extent
         falling = [share * rate for rate in (rates.scales, rates.quats, rates.colors)]
         return [means, falling[0], falling[1], rates.opacities, falling[2]]
 
     def means_rate(self) -> float:
         """Return the present rate of the centres, in units of the scene's extent."""
-        return self.config.rates.means * FINAL_MEANS_SHARE**self._progress
+        return self.config.learning_rates.means * FINAL_MEANS_SHARE**self._progress
 
     @property
     def _progress(self) -> float:
-        return min(1.0, self.step / max(1, self.config.iterations))
+        return min(1.0, self.step / max(1, self.config.stop.iterations))
 
     def update(self) -> None:
         """Take one step along the present gradients."""

@@ -79,11 +79,10 @@ def train_gaussians(
 
 def _run_steps(trainer: Trainer, course: Course, checkpoint: Path) -> str:
     """Take the steps that are left; return what ended the run."""
-    config = trainer.config
     saved = time.monotonic()
     with (
         deferred_interrupt() as interruption,
-        progress(config.iterations, "Training", initial=trainer.optimizer.step) as bar,
+        progress(trainer.config.stop.iterations, "Training", initial=trainer.optimizer.step) as bar,
     ):
         if trainer.optimizer.step == 0:
             bar.set_postfix_str(course.record(measure=True), refresh=False)
@@ -105,23 +104,25 @@ def _run_steps(trainer: Trainer, course: Course, checkpoint: Path) -> str:
 
 def _measures(trainer: Trainer) -> bool:
     """Whether held-out views are measured after the step just taken."""
-    config, step = trainer.config, trainer.optimizer.step
-    last = step == config.iterations or trainer.seconds >= config.time_budget_seconds
-    return (
-        last or step in config.evaluate_at or (config.target_psnr > 0 and step % TARGET_EVERY == 0)
-    )
+    stop, step = trainer.config.stop, trainer.optimizer.step
+    last = step == stop.iterations or _is_out_of_time(trainer)
+    for_target = stop.target_psnr is not None and step % TARGET_EVERY == 0
+    return last or for_target or step in trainer.config.evaluate_at
 
 
 def _reason_to_stop(trainer: Trainer, course: Course) -> str:
     """Return why the run is over; empty while it is not."""
-    config = trainer.config
-    if trainer.optimizer.step >= config.iterations:
+    stop = trainer.config.stop
+    if trainer.optimizer.step >= stop.iterations:
         return "iterations"
-    if 0 < config.target_psnr <= course.psnr:
+    if stop.target_psnr is not None and course.psnr >= stop.target_psnr:
         return "target psnr"
-    if trainer.seconds >= config.time_budget_seconds:
-        return "time budget"
-    return ""
+    return "time budget" if _is_out_of_time(trainer) else ""
+
+
+def _is_out_of_time(trainer: Trainer) -> bool:
+    budget = trainer.config.stop.time_budget
+    return budget is not None and trainer.seconds >= budget
 
 
 def _without_transparent(gaussians: Gaussians) -> Gaussians:

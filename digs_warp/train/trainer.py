@@ -115,7 +115,7 @@ class Trainer:
         return {
             "gaussians at the start": self._start_count,
             "colour coefficients": self.gaussians.sh.shape[1],
-            "density control": self.config.density,
+            "density control": self.config.density.strategy,
             "views": self.views.names,
         }
 
@@ -138,7 +138,7 @@ class Trainer:
         gradients = self.renderer.gradients
         self.optimizer = Adam(self.gaussians, gradients, self.config, self._extent)
         self.optimizer.step = step
-        opacity_weight, scale_weight = self.config.regularizer_weights()
+        opacity_weight, scale_weight = self.config.regularizer_weights
         self._regularizer = None
         if opacity_weight > 0 or scale_weight > 0:
             self._regularizer = Regularizer(
@@ -181,7 +181,7 @@ class Trainer:
         return np.full(3, 1.0 if self.config.background == "white" else 0.0)
 
     def _sh_degree(self) -> int:
-        wait = max(1.0, SH_WARM_UP_SHARE * self.config.iterations)
+        wait = max(1.0, SH_WARM_UP_SHARE * self.config.stop.iterations)
         return min(self.config.sh_degree, int(self.optimizer.step / wait))
 
 

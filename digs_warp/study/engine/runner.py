@@ -1,5 +1,6 @@
 """Runs the cases of a study: resumable, in worker processes, within a time budget."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -41,7 +42,7 @@ def run_cases(
     *,
     measure: Measure,
     workers: int = 1,
-    budget: float = float("inf"),
+    budget: float | None = None,
 ) -> Outcome:
     """Measure every case that ``folder`` has no result of yet, in order, each in a process of its own.
 
@@ -52,7 +53,7 @@ def run_cases(
         folder: of the study; results are added to its results.jsonl.
         measure: what a case does; a function of a module, because another process calls it.
         workers: cases at the same time. They share the cores: compare times only with 1.
-        budget: seconds; no case is begun that would probably end later.
+        budget: seconds; no case is begun that would probably end later. None: no limit.
 
     Raises:
         DigsError: two cases with the same key.
@@ -73,7 +74,7 @@ class _Run:
     """The state of one call of `run_cases`."""
 
     def __init__(
-        self, store: Store, folder: Path, measure: Measure, workers: int, budget: float
+        self, store: Store, folder: Path, measure: Measure, workers: int, budget: float | None
     ) -> None:
         self.store = store
         self.done = 0
@@ -82,7 +83,7 @@ class _Run:
         self._measure = measure
         self._workers = workers
         self._threads = max(1, default_threads() // workers)
-        self._end = time.monotonic() + budget
+        self._end = math.inf if budget is None else time.monotonic() + budget
         self._seconds = 0.0
         self._effort = 0.0
 

@@ -76,7 +76,7 @@ def _case(
     return Case(
         labels={"object": name, "masks": masks, "variant": variant, "seed": seed},
         recording={**scene, **RECORDING, "seed": seed},
-        reconstruction={"sfm.poses": "sfm", "train.iterations": iterations}
+        reconstruction={"sfm.poses": "sfm", "train.stop.iterations": iterations}
         | (MASKS[masks] | PAPER | VARIANTS[variant] | seeds),
     )
 

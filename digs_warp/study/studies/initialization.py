@@ -24,7 +24,7 @@ RECONSTRUCTION: dict[str, Any] = {
     "sfm.poses": "sfm",
     "sfm.double_size": True,
     "init.voxel_unit": "object",
-    "train.density": "default",
+    "train.density.strategy": "adaptive",
 }
 
 # The paper trains 12,000 steps. These many times the usual ones, on the first object; they come last, where
@@ -58,7 +58,7 @@ def _case(
         labels={"object": name, "strategy": strategy, "iterations": iterations, "seed": seed},
         recording={**scene, **RECORDING, "seed": seed},
         reconstruction=RECONSTRUCTION
-        | {"init.strategy": strategy, "train.iterations": iterations, "train.seed": seed},
+        | {"init.strategy": strategy, "train.stop.iterations": iterations, "train.seed": seed},
         effort=effort,
     )
 

@@ -55,7 +55,7 @@ def _case(
         | {"strength": strength, "effects": "all" if effect == ALL else effect},
         reconstruction={
             "init.strategy": strategy,
-            "train.iterations": iterations,
+            "train.stop.iterations": iterations,
             "train.seed": seed,
         },
     )

@@ -105,7 +105,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 200) -> list
                 **{"sfm.poses": "sfm", "sfm.pairing": "sequential"},
                 **{"init.voxel_size": sizes["voxel"], "train.seed": seed},
                 # No step on smaller images: the law counts pixels.
-                **{"train.iterations": iterations, "train.half_size_until": 0.0},
+                **{"train.stop.iterations": iterations, "train.half_size_until": 0.0},
             },
             threads=threads,
         )
@@ -162,7 +162,7 @@ def load_of(record: Record) -> Load:
     recording, results = record["recording"], record["results"]
     return Load(
         *("measured", recording["frames"], recording["width"], recording["height"]),
-        *(results["gaussians"], record["reconstruction"]["train.iterations"]),
+        *(results["gaussians"], record["reconstruction"]["train.stop.iterations"]),
     )
 
 

@@ -22,7 +22,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> lis
             reconstruction={
                 **{"segment.masks": "degraded", "segment.mask_error": error},
                 **{"segment.mask_seed": seed, "init.strategy": strategy},
-                **{"train.iterations": iterations, "train.seed": seed},
+                **{"train.stop.iterations": iterations, "train.seed": seed},
             },
         )
         for seed in range(seeds)

@@ -14,18 +14,22 @@ from digs_warp.study.table import Table
 
 # The point that every knob starts from.
 RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples_per_pixel": 4}
-RECONSTRUCTION: dict[str, Any] = {"train.iterations": 500}
+RECONSTRUCTION: dict[str, Any] = {"train.stop.iterations": 500}
 USUAL = "usual"
 
 # Knob -> (part of the chain, setting, values); a size changes both sides of the image. Those whose price is
 # asked for most come first.
 KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
-    "iterations": ("reconstruction", "train.iterations", (100, 250, 1000, 2000)),
+    "iterations": ("reconstruction", "train.stop.iterations", (100, 250, 1000, 2000)),
     "frames": ("recording", "frames", (16, 24, 60)),
     "image width": ("recording", "width", (320, 640, 960)),
     "voxel size [mm]": ("reconstruction", "init.voxel_size", (16, 8, 2)),
     "initialization": ("reconstruction", "init.strategy", ("depth", "fusion", "default", "random")),
-    "density control": ("reconstruction", "train.density", ("default", "absgrad", "mcmc")),
+    "density control": (
+        "reconstruction",
+        "train.density.strategy",
+        ("adaptive", "absgrad", "mcmc"),
+    ),
     "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
     "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
     "SH degree": ("reconstruction", "train.sh_degree", (0, 2, 3)),
@@ -60,7 +64,7 @@ BUYS = {
 
 def cases(objects_count: int = 2, seeds: int = 1, iterations: int = 500) -> list[Case]:
     """Return the usual settings, then one knob turned at a time; one object after the other."""
-    usual = RECONSTRUCTION | {"train.iterations": iterations}
+    usual = RECONSTRUCTION | {"train.stop.iterations": iterations}
     turned = [(knob, value) for knob, (_, _, values) in KNOBS.items() for value in values]
     return [
         _case(name, recording, knob, value, seed, usual)

@@ -20,9 +20,9 @@ def bytes_per_splat(sh_degree: int) -> int:
     return 4 * _COPIES * floats + _LIST_BYTES
 
 
-def splat_cap(max_splats: int, memory_budget: float, sh_degree: int) -> int:
-    """Return the smaller of a cap and of what fits into ``memory_budget`` [MiB]; 0 means no budget."""
-    if memory_budget == 0:
+def splat_cap(max_splats: int, memory_budget: float | None, sh_degree: int) -> int:
+    """Return the smaller of a cap and of what fits into ``memory_budget`` [MiB]; None: no budget."""
+    if memory_budget is None:
         return max_splats
     return min(max_splats, int(memory_budget * _MEGABYTE) // bytes_per_splat(sh_degree))
 

@@ -77,7 +77,7 @@ class Adaptive:
         self._config = config
         self._extent = extent
         self._max_splats = max_splats
-        self._schedule = adaptive.Schedule(config.iterations)
+        self._schedule = adaptive.Schedule(config.stop.iterations)
         self._start_sums(count)
 
     def after_update(
@@ -135,7 +135,7 @@ class MonteCarlo:
         self._config = config
         self._extent = extent
         self._max_splats = max_splats
-        self._schedule = adaptive.Schedule(config.iterations, RELOCATE_UNTIL_SHARE)
+        self._schedule = adaptive.Schedule(config.stop.iterations, RELOCATE_UNTIL_SHARE)
 
     def after_update(
         self, gaussians: DeviceGaussians, step: int, means_rate: float
@@ -178,10 +178,11 @@ def density_control(
     Raises:
         DigsError: there are more than the cap allows.
     """
-    cap = splat_cap(config.max_splats, config.splat_memory, sh_degree)
-    if config.density == "fixed":
+    density = config.density
+    if density.strategy == "fixed":
         return Fixed()
+    cap = splat_cap(density.max_splats, density.splat_memory, sh_degree)
     check_start(count, cap)
-    if config.density == "mcmc":
+    if density.strategy == "mcmc":
         return MonteCarlo(config, extent, cap)
-    return Adaptive(count, config, extent, cap, absolute=config.density == "absgrad")
+    return Adaptive(count, config, extent, cap, absolute=density.strategy == "absgrad")

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from digs_warp import cli
-from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.run import Run
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 
 
 def test_info_describes_a_capture(capture_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,7 +115,7 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     assert isinstance(command, Run)
     assert command.recording.seed == 5
     config = command.reconstruct_config(command.recording.seed)
-    assert config.train == TrainConfig(iterations=7, seed=5)
+    assert config.train == TrainConfig(stop=Stop(iterations=7), seed=5)
     assert config.sfm == SfmConfig(poses="capture", sfm_seed=5)
     assert config.segment == SegmentConfig(mask_seed=5)
 
@@ -124,7 +124,7 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
     ("flags", "density"),
     [
         ([], "fixed"),
-        (["--strategy", "random"], "default"),
+        (["--strategy", "random"], "adaptive"),
         (["--strategy", "random", "--density", "mcmc"], "mcmc"),
         (["--density", "absgrad"], "absgrad"),
     ],
@@ -132,4 +132,24 @@ def test_one_seed_serves_all_stages_of_a_run() -> None:
 def test_density_control_follows_the_start(flags: list[str], density: str) -> None:
     command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
     assert isinstance(command, Reconstruct)
-    assert command.reconstruct_config(0).train.density == density
+    assert command.reconstruct_config(0).train.density.strategy == density
+
+
+def test_a_time_budget_is_read_as_seconds() -> None:
+    flags = ["--time-budget", "1.5m"]
+    command = cli.parse(["reconstruct", "capture", "--out", "x", *flags])
+    assert isinstance(command, Reconstruct)
+    assert command.reconstruct_config(0).train.stop == Stop(time_budget=90.0)
+    unlimited = cli.parse(["reconstruct", "capture", "--out", "x"])
+    assert isinstance(unlimited, Reconstruct)
+    assert unlimited.reconstruct_config(0).train.stop.time_budget is None
+
+
+@pytest.mark.parametrize("text", ["0s", "soon", "5 days", "1e9s", "nan"])
+def test_what_is_no_time_is_refused_with_its_flag(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["reconstruct", "capture", "--out", "x", "--time-budget", text]
+    assert main(arguments) == EXIT_WRONG_USAGE
+    message = " ".join(capsys.readouterr().err.replace("\u2502", " ").split())
+    assert f"--time-budget: '{text}', expected a time such as 60s, 20min or 2h" in message

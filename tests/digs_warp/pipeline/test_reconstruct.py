@@ -16,13 +16,13 @@ from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import write_tiny_capture
 
 CONFIG = ReconstructConfig(
     init=InitConfig(voxel_size=0.012),
-    train=TrainConfig(iterations=60, sh_degree=0, evaluate_at=(30,)),
+    train=TrainConfig(stop=Stop(iterations=60), sh_degree=0, evaluate_at=(30,)),
 )
 
 
@@ -96,7 +96,7 @@ def test_an_interrupted_run_resumes_to_the_same_bits(
 
 
 def test_resuming_with_other_settings_is_refused(capture: Capture, result: Path) -> None:
-    other = replace(CONFIG, train=replace(CONFIG.train, iterations=70))
+    other = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=70)))
     with pytest.raises(DigsError, match="other settings"):
         reconstruct(capture, other, result, resume=True)
 
@@ -107,7 +107,7 @@ def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Pa
     for frame in spoiled.frames[::8]:
         write_image(frame.path(Layer.IMAGE), np.zeros((54, 72, 3), np.uint8))
         write_image(frame.path(Layer.DEPTH), np.full((54, 72), 0.5, np.float32))
-    short = replace(CONFIG, train=replace(CONFIG.train, iterations=5))
+    short = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=5)))
     a = reconstruct(spoiled, short, tmp_path / "a")
     b = reconstruct(capture, short, tmp_path / "b")
     np.testing.assert_array_equal(a.means, b.means)

@@ -23,7 +23,7 @@ from digs_warp.sim.sensor.tiers import depth_of, sense_effects
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.train import evaluate
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 
@@ -32,7 +32,7 @@ NAMES = tuple(effect.name for effect in EFFECTS)
 WORST = dict.fromkeys(NAMES, 1.0) | {"flying-pixels": 7.0}
 FRAMES, STEPS = 8, 30
 INIT = InitConfig(voxel_size=0.015)
-TRAIN = TrainConfig(iterations=STEPS, sh_degree=0)
+TRAIN = TrainConfig(stop=Stop(iterations=STEPS), sh_degree=0)
 
 
 @dataclass(frozen=True)

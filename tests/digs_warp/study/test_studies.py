@@ -8,6 +8,8 @@ import pytest
 
 from digs_warp import cli
 from digs_warp.cli import main
+from digs_warp.commands.recommend import flags
+from digs_warp.commands.run import Run
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study
@@ -27,7 +29,7 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
         with_settings(SimulateConfig(), case.recording)
         config = with_settings(ReconstructConfig(), case.reconstruction)
         if case.labels.get("knob") != "iterations" and case.effort == 1:
-            assert config.train.iterations == 300
+            assert config.train.stop.iterations == 300
 
 
 def test_settings_are_recommended_within_a_time(
@@ -86,7 +88,7 @@ def test_a_study_is_measured_resumed_and_drawn(
                 {"object": "vase", "mask error": error, "strategy": "highdepth", "seed": 0},
                 {"frames": 6, "width": 96, "height": 54, "samples_per_pixel": 1, "tier": "law"},
                 {"segment.masks": "degraded", "segment.mask_error": error}
-                | {"init.voxel_size": 0.02, "train.iterations": iterations, "test_every": 3},
+                | {"init.voxel_size": 0.02, "train.stop.iterations": iterations, "test_every": 3},
             )
             for error in (0.0, 2.0)
         ]
@@ -156,3 +158,14 @@ def test_unknown_studies_and_numbers_are_refused(arguments: list[str]) -> None:
 def test_a_report_of_nothing_says_what_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["study", "report", "tradeoff", "--out", "/nonexistent"]) == 1
     assert "digs-warp study run tradeoff" in capsys.readouterr().err
+
+
+def test_every_setting_that_a_study_turns_has_a_flag() -> None:
+    from digs_warp.study.studies.tradeoff import KNOBS
+
+    turned = {name: values[0] for _, name, values in KNOBS.values()}
+    command = cli.parse(["run", "--out", "x", *flags(turned)])
+    assert isinstance(command, Run)
+    config = command.reconstruct_config(0)
+    assert config.train.density.strategy == "adaptive"
+    assert config.init.strategy == "depth"

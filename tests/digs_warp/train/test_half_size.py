@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.geometry import look_at
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Density, Stop, TrainConfig
 from digs_warp.train.half_size import DENSE_STEPS, MIN_WIDTH_PX, half_size_steps, typical_width_px
 from reference.tiny_capture import ball
 
@@ -28,13 +28,13 @@ def test_the_width_on_the_image() -> None:
 def test_gaussians_narrower_than_the_pixels_see_whole_images_only(width: float, steps: int) -> None:
     scale = 2 * width / 200  # [m]; halved, a metre is 100 px
     gaussians = replace(ball(), log_scales=np.full((1500, 3), np.log(scale)))
-    assert half_size_steps(TrainConfig(iterations=100), gaussians, CAMERAS) == steps
-    long = TrainConfig(iterations=5000)
+    assert half_size_steps(TrainConfig(stop=Stop(iterations=100)), gaussians, CAMERAS) == steps
+    long = TrainConfig(stop=Stop(iterations=5000))
     assert half_size_steps(long, gaussians, CAMERAS) == (DENSE_STEPS if steps else 0)
-    asked = TrainConfig(iterations=100, half_size_until=0.3)
+    asked = TrainConfig(stop=Stop(iterations=100), half_size_until=0.3)
     assert half_size_steps(asked, gaussians, CAMERAS) == 30
 
 
 def test_growing_populations_start_at_full_size() -> None:
     gaussians = replace(ball(), log_scales=np.zeros((1500, 3)))
-    assert half_size_steps(TrainConfig(density="mcmc"), gaussians, CAMERAS) == 0
+    assert half_size_steps(TrainConfig(density=Density(strategy="mcmc")), gaussians, CAMERAS) == 0

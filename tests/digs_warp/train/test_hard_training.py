@@ -9,7 +9,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry import look_at
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Density, DensityStrategy, Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, view_index
 from digs_warp.train.views import View, half_size, halved, packed_view
@@ -49,7 +49,7 @@ def painted(number: int, width: int = 40, height: int = 30, color: int | None = 
 
 def train(views: list[View], config: TrainConfig, seeds: Gaussians | None = None) -> Trainer:
     trainer = Trainer(ball(200) if seeds is None else seeds, store(views), config)
-    for _ in range(config.iterations):
+    for _ in range(config.stop.iterations):
         trainer.step()
     return trainer
 
@@ -63,15 +63,15 @@ def assert_finite(gaussians: Gaussians) -> None:
 @pytest.mark.parametrize("background", ["random", "white", "black"])
 def test_images_of_one_colour(color: int, background: str) -> None:
     """SSIM of constants: no variance, and for black no mean either."""
-    config = TrainConfig(iterations=25, background=background)  # pyright: ignore[reportArgumentType]
+    config = TrainConfig(stop=Stop(iterations=25), background=background)  # pyright: ignore[reportArgumentType]
     trainer = train([painted(n, color=color) for n in range(3)], config)
     assert_finite(trainer.gaussians.to_numpy())
     assert np.isfinite(trainer.loss_value())
 
 
 def test_one_view() -> None:
-    config = TrainConfig(iterations=30, background="white", colors_rate=0.05)
-    start = train([painted(1)], replace(config, iterations=1))
+    config = TrainConfig(stop=Stop(iterations=30), background="white", rates=Rates(colors=0.05))
+    start = train([painted(1)], replace(config, stop=Stop(iterations=1)))
     first = start.loss_value()
     assert train([painted(1)], config).loss_value() < 0.8 * first
 
@@ -83,7 +83,7 @@ def test_views_without_foreground_push_everything_away() -> None:
         )
         for n in range(2)
     ]
-    trainer = train(empty, TrainConfig(iterations=80))
+    trainer = train(empty, TrainConfig(stop=Stop(iterations=80)))
     gaussians = trainer.gaussians.to_numpy()
     assert_finite(gaussians)
     assert np.median(gaussians.opacities) < 0.5 * np.median(ball(200).opacities)
@@ -93,7 +93,7 @@ def test_views_of_several_sizes() -> None:
     """A smaller view is compared as if it were alone: nothing of a larger one reaches it."""
     sizes = [(40, 30), (64, 48), (17, 33), (40, 30), (1, 1), (90, 7)]
     mixed = [painted(n, *size) for n, size in enumerate(sizes)]
-    config = TrainConfig(iterations=1)
+    config = TrainConfig(stop=Stop(iterations=1))
     trainer = Trainer(ball(200), store(mixed), config)
     for step in (*range(len(mixed)), *range(len(mixed))):
         trainer.optimizer.step = step
@@ -186,8 +186,12 @@ def test_training_at_half_the_size_serves_the_whole() -> None:
             *half_size(image, disc(64, 48)),
         )
         views.append(replace(view, half=small))
-    config = TrainConfig(iterations=40, half_size_until=0.5, colors_rate=0.05, background="white")
-    untrained = train(views, replace(config, iterations=1, half_size_until=0.0)).loss_value()
+    config = TrainConfig(
+        stop=Stop(iterations=40), half_size_until=0.5, rates=Rates(colors=0.05), background="white"
+    )
+    untrained = train(
+        views, replace(config, stop=Stop(iterations=1), half_size_until=0.0)
+    ).loss_value()
     trainer = Trainer(ball(200), store(views), config)
     seen = []
     for _ in range(40):
@@ -220,14 +224,16 @@ def degenerate() -> Gaussians:
     return Gaussians(means, log_scales, quats, logits, sh)
 
 
-@pytest.mark.parametrize("density", ["fixed", "default", "mcmc"])
+@pytest.mark.parametrize("density", ["fixed", "adaptive", "mcmc"])
 def test_ten_thousand_steps_with_degenerate_gaussians(
-    density: str, monkeypatch: pytest.MonkeyPatch
+    density: DensityStrategy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not one value becomes NaN or infinite; steps raise if one does."""
     monkeypatch.setenv("DIGS_WARP_THREADS", "1")  # such tiny images gain nothing from more
     views = [painted(n, 12, 9) for n in range(4)]
     steps = 10_000 if density == "fixed" else 600
-    config = TrainConfig(iterations=steps, density=density, max_splats=400)  # pyright: ignore[reportArgumentType]
+    config = TrainConfig(
+        stop=Stop(iterations=steps), density=Density(strategy=density, max_splats=400)
+    )
     trainer = train(views, config, degenerate())
     assert_finite(trainer.gaussians.to_numpy())

@@ -5,7 +5,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Density, Rates, Stop, TrainConfig
 from digs_warp.train.optimizer import Adam
 from reference.adam_twin import adam_twin
 from reference.splat_scenes import random_gaussians
@@ -18,7 +18,7 @@ def test_five_steps_equal_the_twin() -> None:
     start = random_gaussians(1500, seed=0, degree=2)
     gaussians = DeviceGaussians.from_numpy(start)
     gradients = gaussians.zeros_like()
-    adam = Adam(gaussians, gradients, TrainConfig(iterations=10), extent=2.0)
+    adam = Adam(gaussians, gradients, TrainConfig(stop=Stop(iterations=10)), extent=2.0)
     rng = np.random.default_rng(0)
     given: list[list[np.ndarray]] = []
     rates = []
@@ -41,7 +41,7 @@ def test_five_steps_equal_the_twin() -> None:
 
 def test_rates_of_the_reference() -> None:
     gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
-    config = TrainConfig(iterations=100, density="default")
+    config = TrainConfig(stop=Stop(iterations=100), density=Density(strategy="adaptive"))
     adam = Adam(gaussians, gaussians.zeros_like(), config, extent=2.0)
     means, scales, quats, opacities, colors = adam.rates()
     assert means == pytest.approx(3.2e-4)
@@ -52,7 +52,7 @@ def test_rates_of_the_reference() -> None:
 
 def test_rates_of_a_dense_start_fall_to_a_share() -> None:
     gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
-    config = TrainConfig(iterations=100, rates_end=0.25, colors_rate=0.04)
+    config = TrainConfig(stop=Stop(iterations=100), rates=Rates(colors=0.04, end=0.25))
     adam = Adam(gaussians, gaussians.zeros_like(), config, extent=1.0)
     start = adam.rates()
     assert start[4] == 0.04
@@ -73,21 +73,28 @@ def test_no_gradient_moves_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "message"),
+    ("settings", "wrong", "message"),
     [
-        ({"iterations": -1}, "iterations"),
-        ({"sh_degree": 4}, "sh-degree"),
-        ({"dssim_weight": 1.5}, "dssim-weight"),
-        ({"means_rate": float("nan")}, "means-rate"),
-        ({"rates_end": 0.0}, "rates-end"),
-        ({"half_size_until": 1.1}, "half-size-until"),
-        ({"coverage_weight": -0.1}, "coverage-weight"),
-        ({"scale_weight": -2.0}, "scale-weight"),
-        ({"max_splats": 0}, "max-splats"),
-        ({"image_memory": 0.0}, "image-memory"),
-        ({"mask_role": "ignore", "coverage_weight": 0.1}, "mask-role ignore"),
+        (Stop, {"iterations": -1}, "--iterations: -1, expected 0 or more"),
+        (Stop, {"time_budget": 0.0}, "--time-budget"),
+        (Stop, {"target_psnr": 0.0}, "--target-psnr"),
+        (Rates, {"means": float("nan")}, "--means-rate"),
+        (Rates, {"end": 0.0}, "--rates-end"),
+        (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 or more"),
+        (Density, {"splat_memory": -1.0}, "--splat-memory"),
+        (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
+        (TrainConfig, {"dssim_weight": 1.5}, "--dssim-weight: 1.5, expected 0 to 1"),
+        (TrainConfig, {"half_size_until": 1.1}, "--half-size-until: 1.1, expected 0 to 1"),
+        (TrainConfig, {"coverage_weight": -0.1}, "--coverage-weight"),
+        (TrainConfig, {"depth_weight": float("nan")}, "--depth-weight"),
+        (TrainConfig, {"opacity_weight": -1.0}, "--opacity-weight"),
+        (TrainConfig, {"scale_weight": -2.0}, "--scale-weight: -2.0, expected 0 or more"),
+        (TrainConfig, {"image_memory": 0.0}, "--image-memory"),
+        (TrainConfig, {"mask_role": "ignore", "coverage_weight": 0.1}, "--mask-role ignore"),
     ],
 )
-def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str) -> None:
+def test_settings_out_of_range_are_refused_by_their_flag(
+    settings: type, wrong: dict[str, float], message: str
+) -> None:
     with pytest.raises(DigsError, match=message):
-        TrainConfig(**wrong)  # pyright: ignore[reportArgumentType]
+        settings(**wrong)

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.train.density import adaptive
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -47,11 +47,13 @@ def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
     return trainer
 
 
-@pytest.mark.parametrize("density", ["fixed", "default", "absgrad", "mcmc"])
+@pytest.mark.parametrize("density", ["fixed", "adaptive", "absgrad", "mcmc"])
 def test_a_resumed_run_continues_bit_for_bit(
-    capture: Capture, tmp_path: Path, density: str
+    capture: Capture, tmp_path: Path, density: DensityStrategy
 ) -> None:
-    config = TrainConfig(iterations=STEPS, density=density, max_splats=900)  # pyright: ignore[reportArgumentType]
+    config = TrainConfig(
+        stop=Stop(iterations=STEPS), density=Density(strategy=density, max_splats=900)
+    )
     whole = trained(capture, config, STEPS)
     half = trained(capture, config, 15)
     path = tmp_path / "checkpoint.npz"
@@ -77,9 +79,11 @@ def test_a_resumed_run_continues_bit_for_bit(
     assert len(whole.gaussians) <= 900
 
 
-@pytest.mark.parametrize("density", ["default", "mcmc"])
-def test_the_cap_is_kept_in_every_step(capture: Capture, density: str) -> None:
-    config = TrainConfig(iterations=STEPS, density=density, max_splats=310)  # pyright: ignore[reportArgumentType]
+@pytest.mark.parametrize("density", ["adaptive", "mcmc"])
+def test_the_cap_is_kept_in_every_step(capture: Capture, density: DensityStrategy) -> None:
+    config = TrainConfig(
+        stop=Stop(iterations=STEPS), density=Density(strategy=density, max_splats=310)
+    )
     trainer = trained(capture, config, 0)
     for _ in range(STEPS):
         trainer.step()
@@ -88,7 +92,7 @@ def test_the_cap_is_kept_in_every_step(capture: Capture, density: str) -> None:
 
 @pytest.mark.parametrize("budget", [{"max_splats": 200}, {"splat_memory": 0.1}])
 def test_a_start_beyond_the_budget_is_refused(capture: Capture, budget: dict) -> None:
-    config = TrainConfig(density="default", **budget)
+    config = TrainConfig(density=Density(strategy="adaptive", **budget))
     with pytest.raises(DigsError, match=r"starts with 300 Gaussians.*voxel-size"):
         trained(capture, config, 0)
 
@@ -96,7 +100,7 @@ def test_a_start_beyond_the_budget_is_refused(capture: Capture, budget: dict) ->
 def test_a_state_that_is_not_finite_does_not_replace_a_good_one(
     capture: Capture, tmp_path: Path
 ) -> None:
-    trainer = trained(capture, TrainConfig(iterations=5), 2)
+    trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 2)
     path = tmp_path / "checkpoint.npz"
     assert save_checkpoint(path, trainer)
     good = path.read_bytes()
@@ -109,12 +113,15 @@ def test_a_state_that_is_not_finite_does_not_replace_a_good_one(
 
 @pytest.mark.parametrize(
     ("other", "what"),
-    [({"density": "mcmc"}, "density control"), ({"sh_degree": 1}, "colour coefficients")],
+    [
+        ({"density": Density(strategy="mcmc")}, "density control"),
+        ({"sh_degree": 1}, "colour coefficients"),
+    ],
 )
 def test_a_checkpoint_of_other_settings_is_refused(
     capture: Capture, tmp_path: Path, other: dict, what: str
 ) -> None:
-    config = TrainConfig(iterations=5)
+    config = TrainConfig(stop=Stop(iterations=5))
     path = tmp_path / "checkpoint.npz"
     save_checkpoint(path, trained(capture, config, 1))
     seeds = start()

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.train.checkpoint import load_checkpoint, save_checkpoint
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views, view_index
 from digs_warp.train.views import scene_extent
@@ -41,7 +41,7 @@ def assert_same(a: Trainer, b: Trainer) -> None:
 
 
 def test_the_loss_falls(capture: Capture) -> None:
-    config = TrainConfig(iterations=150, sh_degree=0, colors_rate=0.05)
+    config = TrainConfig(stop=Stop(iterations=150), sh_degree=0, rates=Rates(colors=0.05))
     trainer = trained(capture, config, 1)
     first = trainer.loss_value()
     for _ in range(149):
@@ -50,7 +50,7 @@ def test_the_loss_falls(capture: Capture) -> None:
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(capture: Capture) -> None:
-    config = TrainConfig(iterations=20)
+    config = TrainConfig(stop=Stop(iterations=20))
     a, b = trained(capture, config, 12), trained(capture, config, 12)
     assert_same(a, b)
     c = trained(capture, replace(config, seed=1), 12)
@@ -58,7 +58,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(capture: Ca
 
 
 def test_a_resumed_run_continues_bit_for_bit(capture: Capture, tmp_path: Path) -> None:
-    config = TrainConfig(iterations=20)
+    config = TrainConfig(stop=Stop(iterations=20))
     whole = trained(capture, config, 20)
     half = trained(capture, config, 9)
     save_checkpoint(tmp_path / "checkpoint.npz", half)
@@ -70,16 +70,16 @@ def test_a_resumed_run_continues_bit_for_bit(capture: Capture, tmp_path: Path) -
 
 
 def test_a_checkpoint_of_other_gaussians_is_refused(capture: Capture, tmp_path: Path) -> None:
-    trainer = trained(capture, TrainConfig(iterations=5), 1)
+    trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 1)
     save_checkpoint(tmp_path / "checkpoint.npz", trainer)
-    config = TrainConfig(iterations=5)
+    config = TrainConfig(stop=Stop(iterations=5))
     other = Trainer(ball(count=10), open_views(capture.frames, config), config)
     with pytest.raises(DigsError, match=r"checkpoint\.npz.*another run"):
         load_checkpoint(tmp_path / "checkpoint.npz", other)
 
 
 def test_a_truncated_checkpoint_is_refused(capture: Capture, tmp_path: Path) -> None:
-    trainer = trained(capture, TrainConfig(iterations=5), 1)
+    trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 1)
     path = tmp_path / "checkpoint.npz"
     save_checkpoint(path, trainer)
     path.write_bytes(path.read_bytes()[:1000])
@@ -94,7 +94,7 @@ def test_the_background_supervises_the_outside(capture: Capture) -> None:
     both = [np.concatenate([getattr(ball(), n), getattr(stray, n)]) for n in FIELDS]
     left = {}
     for background in ("white", "random"):
-        config = TrainConfig(iterations=120, sh_degree=0, background=background)
+        config = TrainConfig(stop=Stop(iterations=120), sh_degree=0, background=background)
         trainer = Trainer(Gaussians(*both), open_views(capture.frames, config), config)
         for _ in range(120):
             trainer.step()
@@ -109,7 +109,7 @@ def test_every_view_is_seen_once_an_epoch() -> None:
 
 def test_a_loss_that_is_not_finite_stops_the_run(capture: Capture) -> None:
     """The message says which parameter, which Gaussian, which view and which iteration."""
-    trainer = trained(capture, TrainConfig(iterations=5), 1)
+    trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 1)
     spoiled = trainer.gaussians.sh.numpy()
     spoiled[7] = np.nan
     trainer.gaussians.sh.assign(spoiled)

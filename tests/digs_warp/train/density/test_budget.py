@@ -50,7 +50,7 @@ def allocated(trainer: Trainer) -> int:
 
 
 def test_the_smaller_of_cap_and_memory_counts() -> None:
-    assert splat_cap(1000, 0.0, 1) == 1000
+    assert splat_cap(1000, None, 1) == 1000
     assert splat_cap(10**9, 64.0, 1) == 64 * 2**20 // bytes_per_splat(1)
     assert splat_cap(1000, 64.0, 1) == 1000
 

@@ -7,7 +7,7 @@ import pytest
 
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Density, TrainConfig
 from digs_warp.train.density.control import MonteCarlo
 from digs_warp.train.density.relocation import (
     DEAD_OPACITY,
@@ -113,7 +113,7 @@ def test_the_noise_is_that_of_the_paper() -> None:
     before = population(np.array([0.004, 0.01, 0.03, 0.5, 0.02]))
     before = replace(before, quats=before.quats * np.array([1, 1, 0, 1, 3])[:, None])
     device = DeviceGaussians.from_numpy(before)
-    config = TrainConfig(density="mcmc", seed=4)
+    config = TrainConfig(density=Density(strategy="mcmc"), seed=4)
     extent, rate = 1.7, 1.3e-4
     assert MonteCarlo(config, extent, 10).after_update(device, 7, rate) is None
     draws = np.random.default_rng([4, EXPLORE, 7]).standard_normal((5, 3), dtype=np.float32)
