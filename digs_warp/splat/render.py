@@ -1,13 +1,14 @@
-"""One picture of Gaussians: NumPy values in, NumPy values out."""
+"""One picture of Gaussians: NumPy values in, NumPy values out; and its gradients the same way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.checks import check_shape
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.checks import DigsError, check_finite, check_shape
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -17,8 +18,29 @@ __all__ = ["RenderOutput", "SplatRenderer", "near_plane", "render"]
 
 
 @dataclass(frozen=True, eq=False)
+class RenderGradients:
+    """dL/d(input) of a rendered view, float32.
+
+    Attributes:
+        means: shape (n, 3), and so on: the shapes of `digs_warp.data.gaussians.Gaussians`.
+        log_scales: shape (n, 3).
+        quats: shape (n, 4).
+        opacity_logits: shape (n,).
+        sh: shape (n, K, 3).
+        camera: gradient of the camera; None unless the view was rendered with ``camera_gradient``.
+    """
+
+    means: np.ndarray
+    log_scales: np.ndarray
+    quats: np.ndarray
+    opacity_logits: np.ndarray
+    sh: np.ndarray
+    camera: CameraGradient | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class RenderOutput:
-    """One rendered view.
+    """One rendered view. It keeps the renderer's buffers, for `backward`, as long as it lives.
 
     Attributes:
         image: sRGB, shape (height, width, 3), float32, not clipped above.
@@ -31,9 +53,63 @@ class RenderOutput:
 
     image: np.ndarray
     alpha: np.ndarray
-    depth: np.ndarray | None = None
-    median_depth: np.ndarray | None = None
-    normals: np.ndarray | None = None
+    depth: np.ndarray | None
+    median_depth: np.ndarray | None
+    normals: np.ndarray | None
+    _renderer: SplatRenderer = field(repr=False)
+    _camera_gradient: bool = field(repr=False)
+
+    def backward(
+        self,
+        *,
+        adj_image: np.ndarray | None = None,
+        adj_alpha: np.ndarray | None = None,
+        adj_depth: np.ndarray | None = None,
+        adj_normals: np.ndarray | None = None,
+    ) -> RenderGradients:
+        """Return the gradients of a loss L with respect to the Gaussians and, if asked for, the camera.
+
+        Args:
+            adj_image: dL/d(image), shape (height, width, 3). Default: 0, as for the others.
+            adj_alpha: dL/d(alpha), shape (height, width).
+            adj_depth: dL/d(depth), shape (height, width); ignored where there is no depth.
+            adj_normals: dL/d(normals), shape (height, width, 3).
+
+        Raises:
+            DigsError: a gradient of another shape, not finite, or of an output that was not rendered.
+        """
+        renderer = self._renderer
+        if adj_alpha is not None:
+            adj_alpha = -np.asarray(adj_alpha)  # alpha is 1 - transmittance
+        if adj_depth is not None and self.depth is not None:
+            adj_depth = np.where(np.isnan(self.depth), 0.0, adj_depth)
+        for name, output, planes, adjoint in (
+            ("image", self.image, renderer.adj_image, adj_image),
+            ("alpha", self.alpha, renderer.adj_transmittance, adj_alpha),
+            ("depth", self.depth, renderer.adj_depth, adj_depth),
+            ("normals", self.normals, renderer.adj_normals, adj_normals),
+        ):
+            _assign_adjoint(f"adj_{name}", output, planes, adjoint)
+        renderer.backward()
+        gradients = renderer.gradients.to_numpy()
+        return RenderGradients(
+            **{name: getattr(gradients, name) for name in FIELDS},
+            camera=renderer.camera_gradient() if self._camera_gradient else None,
+        )
+
+
+def _assign_adjoint(
+    name: str, output: np.ndarray | None, planes: ImagePlanes, adjoint: np.ndarray | None
+) -> None:
+    if output is None:
+        if adjoint is not None:
+            raise DigsError(
+                f"{name}: the view has no such output; render it with RasterOptions(outputs=...)"
+            )
+    elif adjoint is None:
+        planes.data.zero_()
+    else:
+        planes.assign(check_finite(name, check_shape(name, np.asarray(adjoint), output.shape)))
 
 
 def render(
@@ -44,8 +120,12 @@ def render(
     near: float | None = None,
     options: RasterOptions = DEFAULT_OPTIONS,
     device: str = "cpu",
+    camera_gradient: bool = False,
 ) -> RenderOutput:
     """Render one view; allocates its buffers, so use `SplatRenderer` for many.
+
+        view = render(gaussians, camera)
+        gradients = view.backward(adj_image=2 * (view.image - target))
 
     Args:
         gaussians: what to draw.
@@ -54,13 +134,20 @@ def render(
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         options: how splats are drawn, and whether depth and normals are wanted.
         device: Warp device.
+        camera_gradient: whether `RenderOutput.backward` also gives the gradient of the camera.
+
+    Raises:
+        DigsError: values that are not finite, or a background of another size.
     """
     if near is None:
         center = gaussians.means.mean(axis=0) if len(gaussians) else np.zeros(3)
         near = near_plane(camera, center, options.near_share)
     k = camera.intrinsics
     renderer = SplatRenderer(
-        DeviceGaussians.from_numpy(gaussians, device), k.width, k.height, options=options
+        DeviceGaussians.from_numpy(gaussians, device),
+        *(k.width, k.height),
+        options=options,
+        camera_gradient=camera_gradient,
     )
     behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
     if behind.ndim == 3:
@@ -73,4 +160,5 @@ def render(
         depths = np.where(renderer.depth.to_numpy() > 0, renderer.depth.to_numpy(), np.nan)
         depth, median = depths[..., 0], depths[..., 1]
     normals = renderer.normals.to_numpy() if options.has_normals else None
-    return RenderOutput(renderer.image.to_numpy(), alpha, depth, median, normals)
+    image = renderer.image.to_numpy()
+    return RenderOutput(image, alpha, depth, median, normals, renderer, camera_gradient)

@@ -1,0 +1,104 @@
+"""Gradients of one rendered view as NumPy arrays: those of the float64 twin, whatever the outputs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.render import RenderGradients, render
+from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
+from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
+
+ALL = RasterOptions(outputs="normals")
+SCENE = random_gaussians(12, seed=4)
+VIEW = camera(33, 27)
+TOLERANCE = 2e-3  # of the largest gradient of a parameter: float32 kernels against float64
+
+
+def check_same(found: RenderGradients, wanted: object, tolerance: float) -> None:
+    for name in FIELDS:
+        expected = getattr(wanted, name)
+        assert getattr(found, name).shape == getattr(SCENE, name).shape
+        limit = tolerance * np.abs(expected).max()
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=0, atol=limit, err_msg=name)
+
+
+def test_adjoints_of_all_outputs_give_the_gradients_of_the_twin() -> None:
+    parameters = Parameters.of(SCENE)
+    twin = render_twin(parameters, VIEW, NEAR, BACKGROUND, ALL)
+    clear = ~twin.ambiguous
+    rng = np.random.default_rng(0)
+    image, normals = (rng.normal(size=(27, 33, 3)) * clear[..., None] for _ in range(2))
+    alpha, depth = (rng.normal(size=(27, 33)) * clear for _ in range(2))
+    adjoints = Adjoints(image, -alpha, depth, normals)
+    wanted = twin_gradients(parameters, VIEW, twin, BACKGROUND, adjoints, ALL)
+    view = render(SCENE, VIEW, near=NEAR, background=BACKGROUND, options=ALL, camera_gradient=True)
+    found = view.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth, adj_normals=normals)
+    check_same(found, wanted.parameters, TOLERANCE)
+    assert found.camera is not None
+    assert np.linalg.norm(found.camera.rotation) > 0
+    again = view.backward(adj_image=image, adj_alpha=alpha, adj_depth=depth, adj_normals=normals)
+    check_same(again, found, 0.0)
+
+
+def test_an_image_behind_gives_the_gradients_of_a_colour_behind() -> None:
+    """The image shows through the Gaussians, so their opacity is told about it."""
+    rng = np.random.default_rng(1)
+    adjoint = rng.normal(size=(27, 33, 3))
+    image = np.broadcast_to(np.array(BACKGROUND, np.float32), (27, 33, 3))
+    by_color, by_image = (
+        render(SCENE, VIEW, near=NEAR, background=behind).backward(adj_image=adjoint)
+        for behind in (BACKGROUND, image)
+    )
+    check_same(by_image, by_color, 1e-5)
+
+
+def test_outputs_without_an_adjoint_count_nothing() -> None:
+    view = render(SCENE, VIEW, near=NEAR, options=ALL)
+    adjoint = np.ones((27, 33))
+    alone = view.backward(adj_alpha=adjoint)
+    beside = view.backward(
+        adj_image=np.zeros((27, 33, 3)),
+        adj_alpha=adjoint,
+        adj_depth=np.zeros((27, 33)),
+        adj_normals=np.zeros((27, 33, 3)),
+    )
+    check_same(alone, beside, 0.0)
+    assert alone.camera is None
+    nothing = view.backward()
+    assert not any(getattr(nothing, name).any() for name in FIELDS)
+
+
+def test_pixels_without_depth_have_no_gradient() -> None:
+    far = Gaussians(*(getattr(SCENE, name)[:1] for name in FIELDS))
+    view = render(far, VIEW, near=NEAR, options=RasterOptions(outputs="depth"))
+    assert view.depth is not None and np.isnan(view.depth).any()
+    adjoint = np.where(np.isnan(view.depth), np.nan, 1.0)
+    gradients = view.backward(adj_depth=adjoint)
+    assert np.isfinite(gradients.means).all() and gradients.means.any()
+
+
+def test_steps_against_the_gradient_reach_the_target() -> None:
+    target = render(SCENE, VIEW, near=NEAR).image
+    gaussians = replace(SCENE, sh=SCENE.sh * np.float32(0.5))
+    losses = []
+    for _ in range(40):
+        view = render(gaussians, VIEW, near=NEAR)
+        error = view.image - target
+        losses.append(float((error**2).sum()))
+        gradient = view.backward(adj_image=2 * error).sh
+        gaussians = replace(gaussians, sh=gaussians.sh - np.float32(0.02) * gradient)
+    assert losses[-1] < 0.05 * losses[0]
+
+
+def test_wrong_adjoints_are_named() -> None:
+    view = render(SCENE, VIEW, near=NEAR)
+    with pytest.raises(DigsError, match=r"adj_image: shape \(5, 5, 3\)"):
+        view.backward(adj_image=np.zeros((5, 5, 3)))
+    with pytest.raises(DigsError, match=r"adj_alpha: .*NaN"):
+        view.backward(adj_alpha=np.full((27, 33), np.nan))
+    with pytest.raises(DigsError, match=r"adj_depth: the view has no such output.*outputs"):
+        view.backward(adj_depth=np.zeros((27, 33)))
