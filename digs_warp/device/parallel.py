@@ -94,6 +94,17 @@ def run_together(launches: Sequence[ParallelLaunch]) -> None:
         other.result()
 
 
+def packed(struct: Any, **fields: Any) -> Any:
+    """Return an instance of a `wp.struct` for a launch; it keeps the arrays in it alive.
+
+    A launch copies the struct when it is recorded: record again after replacing an array in it.
+    """
+    instance = struct()
+    for name, value in fields.items():
+        setattr(instance, name, value)
+    return instance
+
+
 def launch_parallel(
     kernel: Any, dim: int, inputs: list[Any], device: str = "cpu", threads: int = 0
 ) -> None:

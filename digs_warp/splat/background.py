@@ -12,6 +12,7 @@ import warp as wp
 
 from digs_warp.splat.config import TILE_SIZE
 from digs_warp.splat.footprint import ViewParams, Window
+from digs_warp.splat.records import Planes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -45,22 +46,17 @@ def tiles_with_background(boxes: Sequence[Window] | None, columns: int, rows: in
 def add_background_kernel(
     first: int,
     views: wp.array[ViewParams],
-    pitch: int,
-    plane: int,
-    origin: int,
-    transmittance: wp.array[float],
-    background: wp.array[float],  # 3 padded planes in the layout of the image
-    # outputs
-    image: wp.array[float],
+    background: wp.array[float],  # 3 padded planes in the layout of the view
+    drawn: Planes,
 ):
     """Add what shines through to one row of the drawn tiles: image += T background."""
     y = first + wp.tid()
     if y < views[0].first_row * _TILE or y >= wp.min(views[0].end_row * _TILE, views[0].height):
         return
-    start = origin + y * pitch
+    start = drawn.origin + y * drawn.pitch
     for x in range(
         views[0].first_column * _TILE, wp.min(views[0].end_column * _TILE, views[0].width)
     ):
         for channel in range(3):
-            p = start + channel * plane + x
-            image[p] = image[p] + transmittance[start + x] * background[p]
+            p = start + channel * drawn.plane + x
+            drawn.image[p] = drawn.image[p] + drawn.transmittance[start + x] * background[p]

@@ -1,23 +1,15 @@
-"""Gaussians as Warp arrays: what the kernels read and write; and which raster kernels suit a device."""
+"""Gaussians as Warp arrays: what the kernels read and write."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_finite
 from digs_warp.data.gaussians import FIELDS, Gaussians
-
-# "vectorized": a thread per tile (`digs_warp.splat.rasterize`); "cooperative": a block of threads per tile
-# (`digs_warp.splat.rasterize_cooperative`); "plain": a thread per pixel, alone
-# (`digs_warp.splat.rasterize_reference`).
-RasterKernels = Literal["vectorized", "cooperative", "plain"]
-
-
-def raster_kernels(device: str) -> RasterKernels:
-    """Return which kernels draw on a Warp device."""
-    return "vectorized" if device == "cpu" else "cooperative"
+from digs_warp.device.parallel import packed
+from digs_warp.splat.records import GaussianArrays
 
 
 @dataclass
@@ -42,6 +34,10 @@ class DeviceGaussians:
     def device(self) -> str:
         """The Warp device they live on."""
         return str(self.means.device)
+
+    def for_kernels(self) -> Any:
+        """Return the arrays as kernels take them, `GaussianArrays`."""
+        return packed(GaussianArrays, **vars(self))
 
     @staticmethod
     def from_numpy(

@@ -36,6 +36,8 @@ from digs_warp.splat.records import (
     SPLAT_TAU,
     SPLAT_U,
     SPLAT_V,
+    GaussianArrays,
+    Splats,
 )
 from digs_warp.splat.shade import sh_color
 
@@ -165,47 +167,40 @@ def put_color(
     mean: wp.vec3,
     coefficients: wp.array2d[wp.vec3],
     degree: int,
-    splats: wp.array2d[float],
+    records: wp.array2d[float],
 ):
     """Write the colour of a splat as this camera sees it."""
     direction = wp.vec3(0.0, 0.0, 0.0)
     if degree > 0:
         direction = wp.normalize(mean - cam.center_world)
     color = sh_color(coefficients, g, degree, direction)
-    splats[g, SPLAT_RED] = wp.max(color[0], 0.0)
-    splats[g, SPLAT_GREEN] = wp.max(color[1], 0.0)
-    splats[g, SPLAT_BLUE] = wp.max(color[2], 0.0)
+    records[g, SPLAT_RED] = wp.max(color[0], 0.0)
+    records[g, SPLAT_GREEN] = wp.max(color[1], 0.0)
+    records[g, SPLAT_BLUE] = wp.max(color[2], 0.0)
 
 
 @wp.kernel
 def project_kernel(
     first: int,
-    views: wp.array[ViewParams],  # [1]
-    means: wp.array[wp.vec3],  # [n] world
-    log_scales: wp.array[wp.vec3],  # [n]
-    quats: wp.array[wp.vec4],  # [n] xyzw, raw
-    opacity_logits: wp.array[float],  # [n]
-    coefficients: wp.array2d[wp.vec3],  # [n, K]
-    degree: int,
-    # outputs
-    splats: wp.array2d[float],  # [n, SPLAT_FIELDS]
-    depths: wp.array[float],  # [n] planar depth [m]
-    first_tile_rows: wp.array[int],  # [n]
-    row_counts: wp.array[int],  # [n] tile rows that the splat touches, 0 if it is not drawn
-    normals: wp.array[wp.vec3],  # [n] in the camera, facing it; empty: not wanted
+    gaussians: GaussianArrays,
+    degree: int,  # bands of the colour
+    splats: Splats,  # read: the view; written: all else
 ):
     """Project a Gaussian; one that is not drawn gets ``row_counts`` 0 and nothing else."""
     g = first + wp.tid()
-    row_counts[g] = 0
-    depths[g] = 0.0
-    cam = views[0]
-    p = projection_of(cam, means[g], log_scales[g], quats[g], opacity_logits[g])
-    if p.drawn == 0 or not color_is_finite(coefficients, g, degree):
+    splats.row_counts[g] = 0
+    splats.depths[g] = 0.0
+    cam = splats.views[0]
+    mean = gaussians.means[g]
+    log_scale = gaussians.log_scales[g]
+    quat = gaussians.quats[g]
+    p = projection_of(cam, mean, log_scale, quat, gaussians.opacity_logits[g])
+    if p.drawn == 0 or not color_is_finite(gaussians.sh, g, degree):
         return
-    put_record(p, splats[g], 0, 1)
-    put_color(cam, g, means[g], coefficients, degree, splats)
-    depths[g] = p.z
-    first_tile_rows[g] = p.top_row
-    row_counts[g] = p.bottom_row - p.top_row + 1
-    if normals.shape[0] > 0:
-        normals[g] = facing_normal(footprint_of(cam, means[g], log_scales[g], quats[g]))
+    put_record(p, splats.records[g], 0, 1)
+    put_color(cam, g, mean, gaussians.sh, degree, splats.records)
+    splats.depths[g] = p.z
+    splats.first_tile_rows[g] = p.top_row
+    splats.row_counts[g] = p.bottom_row - p.top_row + 1
+    if splats.normals.shape[0] > 0:
+        splats.normals[g] = facing_normal(footprint_of(cam, mean, log_scale, quat))

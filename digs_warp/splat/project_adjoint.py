@@ -10,11 +10,12 @@ axial(K) = (K21 - K12, K02 - K20, K10 - K01). The colour sees the camera's centr
 
 import warp as wp
 
-from digs_warp.splat.footprint import ViewParams, facing_sign, footprint_of, shortest_axis
-from digs_warp.splat.records import SPLAT_A, SPLAT_B, SPLAT_C
+from digs_warp.splat.footprint import facing_sign, footprint_of, shortest_axis
+from digs_warp.splat.records import GaussianArrays, PairGradients, Splats, StatisticsArrays
 from digs_warp.splat.shape_gradient import (
     add_statistics,
     color_gradient,
+    conic_of,
     gather,
     put_zeros,
     radius_of,
@@ -32,60 +33,41 @@ _CAMERA_FIELDS = wp.constant(CAMERA_FIELDS)
 @wp.kernel
 def project_backward_kernel(
     first: int,
-    views: wp.array[ViewParams],
-    means: wp.array[wp.vec3],
-    log_scales: wp.array[wp.vec3],
-    quats: wp.array[wp.vec4],
-    opacity_logits: wp.array[float],
-    coefficients: wp.array2d[wp.vec3],
+    gaussians: GaussianArrays,
     degree: int,
-    splats: wp.array2d[float],
-    pair_starts: wp.array[int],  # [n + 1] pairs of splat g: pair_starts[g] .. pair_starts[g + 1]
-    pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
-    depth_field: int,  # columns of the layout
-    normal_field: int,
-    absolute_field: int,
+    splats: Splats,
+    pairs: PairGradients,
     # outputs
-    adj_means: wp.array[wp.vec3],
-    adj_log_scales: wp.array[wp.vec3],
-    adj_quats: wp.array[wp.vec4],
-    adj_opacity_logits: wp.array[float],
-    adj_coefficients: wp.array2d[wp.vec3],
+    adjoint: GaussianArrays,
     camera_shares: wp.array2d[float],  # [n, CAMERA_FIELDS]; empty: not wanted
-    gradient_sums: wp.array[float],  # [n] of `SplatStatistics`; empty: not wanted
-    absolute_sums: wp.array[float],  # [n]; empty: not wanted
-    counts: wp.array[float],  # [n]
-    max_radii: wp.array[float],  # [n]
+    statistics: StatisticsArrays,
 ):
     """Sum a splat's gradient over its tiles in a fixed order and pull it back to the parameters."""
     g = first + wp.tid()
-    begin = pair_starts[g]
-    end = pair_starts[g + 1]
-    if begin == end:
-        put_zeros(g, adj_means, adj_log_scales, adj_quats, adj_opacity_logits, adj_coefficients)
+    if pairs.starts[g] == pairs.starts[g + 1]:
+        put_zeros(g, adjoint)
         if camera_shares.shape[0] > 0:
             for field in range(_CAMERA_FIELDS):
                 camera_shares[g, field] = 0.0
         return
 
-    d = gather(begin, end, pair_gradients, depth_field, normal_field, absolute_field)
-    cam = views[0]
-    f = footprint_of(cam, means[g], log_scales[g], quats[g])
+    d = gather(g, pairs)
+    cam = splats.views[0]
+    quat = gaussians.quats[g]
+    f = footprint_of(cam, gaussians.means[g], gaussians.log_scales[g], quat)
     d_normal_axes = wp.mat33()
-    if normal_field >= 0:
+    if pairs.normal >= 0:
         axis = shortest_axis(f)
         sign = facing_sign(f, axis)
         for row in range(3):
             d_normal_axes[row, axis] = sign * d.normal[row]
-    conic = wp.vec3(splats[g, SPLAT_A], splats[g, SPLAT_B], splats[g, SPLAT_C])
-    s = shape_gradient(cam, f, quats[g], opacity_logits[g], conic, d, d_normal_axes)
-    d_offset = color_gradient(
-        cam, g, means[g], coefficients, degree, splats, d.color, adj_coefficients
-    )
-    adj_means[g] = wp.transpose(cam.rotation) * s.point + d_offset
-    adj_log_scales[g] = s.log_scale
-    adj_quats[g] = s.quat
-    adj_opacity_logits[g] = s.opacity_logit
+    conic = conic_of(splats.records, g)
+    s = shape_gradient(cam, f, quat, gaussians.opacity_logits[g], conic, d, d_normal_axes)
+    d_offset = color_gradient(cam, g, gaussians, degree, splats.records, d.color, adjoint.sh)
+    adjoint.means[g] = wp.transpose(cam.rotation) * s.point + d_offset
+    adjoint.log_scales[g] = s.log_scale
+    adjoint.quats[g] = s.quat
+    adjoint.opacity_logits[g] = s.opacity_logit
 
     if camera_shares.shape[0] > 0:
         turn = s.axes * wp.transpose(f.axes)
@@ -111,17 +93,6 @@ def project_backward_kernel(
         camera_shares[g, 8] = d_cx
         camera_shares[g, 9] = d_cy
 
-    if counts.shape[0] > 0:
-        add_statistics(
-            cam,
-            g,
-            d.u,
-            d.v,
-            d.absolute_u,
-            d.absolute_v,
-            radius_of(f, cam.dilation),
-            gradient_sums,
-            absolute_sums,
-            counts,
-            max_radii,
-        )
+    if statistics.counts.shape[0] > 0:
+        radius = radius_of(f, cam.dilation)
+        add_statistics(cam, g, d.u, d.v, d.absolute_u, d.absolute_v, radius, statistics)

@@ -8,7 +8,7 @@ the colour go splat by splat: their loops have other lengths.
 
 import warp as wp
 
-from digs_warp.splat.footprint import ViewParams, footprint_of
+from digs_warp.splat.footprint import footprint_of
 from digs_warp.splat.group import (
     GROUP_PARAMETERS,
     GROUP_SIZE,
@@ -17,11 +17,12 @@ from digs_warp.splat.group import (
     put_vec3,
     vec3_at,
 )
-from digs_warp.splat.records import SPLAT_A
+from digs_warp.splat.records import GaussianArrays, PairGradients, Splats, StatisticsArrays
 from digs_warp.splat.shape_gradient import (
     SplatGradient,
     add_statistics,
     color_gradient,
+    conic_of,
     gather,
     put_zeros,
     radius_of,
@@ -56,47 +57,36 @@ _MEMORY = (GROUP_PARAMETERS + 16) * GROUP_SIZE
 @wp.kernel
 def project_backward_group_kernel(
     first: int,
-    views: wp.array[ViewParams],
-    means: wp.array[wp.vec3],
-    log_scales: wp.array[wp.vec3],
-    quats: wp.array[wp.vec4],
-    opacity_logits: wp.array[float],
-    coefficients: wp.array2d[wp.vec3],
+    gaussians: GaussianArrays,
     degree: int,
-    splats: wp.array2d[float],
-    pair_starts: wp.array[int],
-    pair_gradients: wp.array2d[float],
-    depth_field: int,
-    absolute_field: int,
+    splats: Splats,
+    pairs: PairGradients,
     # outputs
-    adj_means: wp.array[wp.vec3],
-    adj_log_scales: wp.array[wp.vec3],
-    adj_quats: wp.array[wp.vec4],
-    adj_opacity_logits: wp.array[float],
-    adj_coefficients: wp.array2d[wp.vec3],
-    gradient_sums: wp.array[float],
-    absolute_sums: wp.array[float],
-    counts: wp.array[float],
-    max_radii: wp.array[float],
+    adjoint: GaussianArrays,
+    statistics: StatisticsArrays,
 ):
     """Pull ``GROUP_SIZE`` splats back; the arguments are those of `project_backward_kernel`.
 
     Without normals and without the gradient of the camera.
     """
     begin = (first + wp.tid()) * _GROUP
-    size = wp.min(_GROUP, means.shape[0] - begin)
-    cam = views[0]
+    size = wp.min(_GROUP, gaussians.means.shape[0] - begin)
+    cam = splats.views[0]
     memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
     # A view: of the local array itself, LLVM reads the address anew after every write.
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
         g = begin + member
-        put_parameters(means[g], log_scales[g], quats[g], opacity_logits[g], state, member)
-        conic = wp.vec3(splats[g, SPLAT_A], splats[g, SPLAT_A + 1], splats[g, SPLAT_A + 2])
-        put_vec3(conic, state, _CONIC + member)
-        d = gather(
-            pair_starts[g], pair_starts[g + 1], pair_gradients, depth_field, -1, absolute_field
+        put_parameters(
+            gaussians.means[g],
+            gaussians.log_scales[g],
+            gaussians.quats[g],
+            gaussians.opacity_logits[g],
+            state,
+            member,
         )
+        put_vec3(conic_of(splats.records, g), state, _CONIC + member)
+        d = gather(g, pairs)
         state[_D_U + member] = d.u
         state[_D_V + member] = d.v
         put_vec3(wp.vec3(d.a, d.b, d.c), state, _D_CONIC + member)
@@ -123,19 +113,19 @@ def project_backward_group_kernel(
         state[_RADIUS + i] = radius_of(f, cam.dilation)
     for out in range(size):
         g = begin + out
-        if pair_starts[g] == pair_starts[g + 1]:
-            put_zeros(g, adj_means, adj_log_scales, adj_quats, adj_opacity_logits, adj_coefficients)
+        if pairs.starts[g] == pairs.starts[g + 1]:
+            put_zeros(g, adjoint)
         else:
             d_color = vec3_at(state, _D_COLOR + out)
             d_offset = color_gradient(
-                cam, g, means[g], coefficients, degree, splats, d_color, adj_coefficients
+                cam, g, gaussians, degree, splats.records, d_color, adjoint.sh
             )
             d_center, d_log_scale, d_quat, d_logit = parameters_at(state, out)
-            adj_means[g] = d_center + d_offset
-            adj_log_scales[g] = d_log_scale
-            adj_quats[g] = d_quat
-            adj_opacity_logits[g] = d_logit
-            if counts.shape[0] > 0:
+            adjoint.means[g] = d_center + d_offset
+            adjoint.log_scales[g] = d_log_scale
+            adjoint.quats[g] = d_quat
+            adjoint.opacity_logits[g] = d_logit
+            if statistics.counts.shape[0] > 0:
                 add_statistics(
                     cam,
                     g,
@@ -144,8 +134,5 @@ def project_backward_group_kernel(
                     state[_ABSOLUTE_U + out],
                     state[_ABSOLUTE_V + out],
                     state[_RADIUS + out],
-                    gradient_sums,
-                    absolute_sums,
-                    counts,
-                    max_radii,
+                    statistics,
                 )

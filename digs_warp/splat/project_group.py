@@ -8,10 +8,10 @@ by splat.
 
 import warp as wp
 
-from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of
+from digs_warp.splat.footprint import facing_normal, footprint_of
 from digs_warp.splat.group import GROUP_PARAMETERS, GROUP_SIZE, parameters_at, put_parameters
 from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
-from digs_warp.splat.records import SPLAT_FIELDS
+from digs_warp.splat.records import SPLAT_FIELDS, GaussianArrays, Splats
 
 _flags = ["-march=native", "-ffp-contract=off"]
 # A loop with calls is not vectorized, and the projection is longer than what LLVM inlines by itself.
@@ -40,34 +40,24 @@ _MEMORY = (SPLAT_FIELDS + 4 + GROUP_PARAMETERS) * GROUP_SIZE
 @wp.kernel
 def project_group_kernel(
     first: int,
-    views: wp.array[ViewParams],
-    means: wp.array[wp.vec3],
-    log_scales: wp.array[wp.vec3],
-    quats: wp.array[wp.vec4],
-    opacity_logits: wp.array[float],
-    coefficients: wp.array2d[wp.vec3],
+    gaussians: GaussianArrays,
     degree: int,
-    # outputs
-    splats: wp.array2d[float],
-    depths: wp.array[float],
-    first_tile_rows: wp.array[int],
-    row_counts: wp.array[int],
-    normals: wp.array[wp.vec3],
+    splats: Splats,
 ):
     """Project ``GROUP_SIZE`` Gaussians; the arguments are those of `project_kernel`."""
     begin = (first + wp.tid()) * _GROUP
-    size = wp.min(_GROUP, means.shape[0] - begin)
-    cam = views[0]
+    size = wp.min(_GROUP, gaussians.means.shape[0] - begin)
+    cam = splats.views[0]
     memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
     # A view: of the local array itself, LLVM reads the address anew after every write.
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
         given = begin + member
         put_parameters(
-            means[given],
-            log_scales[given],
-            quats[given],
-            opacity_logits[given],
+            gaussians.means[given],
+            gaussians.log_scales[given],
+            gaussians.quats[given],
+            gaussians.opacity_logits[given],
             state,
             _PARAMETERS + member,
         )
@@ -83,14 +73,17 @@ def project_group_kernel(
         state[_BOTTOM + i] = float(p.bottom_row)
     for out in range(size):
         g = begin + out
-        row_counts[g] = 0
-        depths[g] = 0.0
-        if state[_DRAWN + out] != 0.0 and color_is_finite(coefficients, g, degree):
+        splats.row_counts[g] = 0
+        splats.depths[g] = 0.0
+        if state[_DRAWN + out] != 0.0 and color_is_finite(gaussians.sh, g, degree):
             for field in range(_RECORD):
-                splats[g, field] = state[field * _GROUP + out]
-            put_color(cam, g, means[g], coefficients, degree, splats)
-            depths[g] = state[_Z + out]
-            first_tile_rows[g] = int(state[_TOP + out])
-            row_counts[g] = int(state[_BOTTOM + out]) - int(state[_TOP + out]) + 1
-            if normals.shape[0] > 0:
-                normals[g] = facing_normal(footprint_of(cam, means[g], log_scales[g], quats[g]))
+                splats.records[g, field] = state[field * _GROUP + out]
+            put_color(cam, g, gaussians.means[g], gaussians.sh, degree, splats.records)
+            splats.depths[g] = state[_Z + out]
+            splats.first_tile_rows[g] = int(state[_TOP + out])
+            splats.row_counts[g] = int(state[_BOTTOM + out]) - int(state[_TOP + out]) + 1
+            if splats.normals.shape[0] > 0:
+                f = footprint_of(
+                    cam, gaussians.means[g], gaussians.log_scales[g], gaussians.quats[g]
+                )
+                splats.normals[g] = facing_normal(f)

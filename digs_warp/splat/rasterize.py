@@ -41,7 +41,6 @@ from digs_warp.device.contiguous import floats_from
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_CHORD,
     SPLAT_HALF_WIDTH,
@@ -50,6 +49,9 @@ from digs_warp.splat.records import (
     SPLAT_TAPER,
     SPLAT_U,
     SPLAT_V,
+    Planes,
+    Splats,
+    TilePairs,
 )
 from digs_warp.splat.tile import (
     ALL_BLOCKS,
@@ -127,31 +129,23 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
     @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def forward(
         first: int,
-        views: wp.array[ViewParams],  # [1]
-        pitch: int,  # floats from one image row to the next
-        plane: int,  # floats from one channel to the next
-        origin: int,  # index of pixel (0, 0)
-        splats: wp.array2d[float],  # [n, SPLAT_FIELDS]
-        depths: wp.array[float],  # [n]
-        normals: wp.array[wp.vec3],  # [n] in the camera
-        tile_starts: wp.array[int],  # [tiles + 1]
-        tile_splats: wp.array[int],  # [pairs]
+        splats: Splats,
+        pairs: TilePairs,  # written: the blocks
         background: wp.array[float],  # [3]
         filled: wp.array[
             int
-        ],  # [4] tile columns first .. end, rows first .. end: where empty tiles matter
+        ],  # [4] tile columns first .. end, rows first .. end: where empty ones matter
         # outputs
-        image: wp.array[float],  # 3 padded planes
-        transmittance: wp.array[float],  # 1 padded plane
-        depth_planes: wp.array[float],  # 2 padded planes: expected and median
-        normal_planes: wp.array[float],  # 3 padded planes
+        drawn: Planes,
         tile_ends: wp.array[int],  # [tiles] one past the last pair that any pixel drew
-        pair_blocks: wp.array[
-            int
-        ],  # [pairs] one bit for each block of the tile that the splat was drawn in
     ):
         """Composite one tile."""
         tile = first + wp.tid()
+        views = splats.views
+        records = splats.records
+        tile_splats = pairs.splats
+        plane = drawn.plane
+        pitch = drawn.pitch
         columns = views[0].columns
         tile_column = tile % columns
         tile_row = tile // columns
@@ -163,9 +157,9 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
         height = views[0].height
         tile_x = tile_column * TILE
         tile_y = tile_row * TILE
-        begin = tile_starts[tile]
-        end = tile_starts[tile + 1]
-        start = origin + tile_y * pitch + tile_x
+        begin = pairs.starts[tile]
+        end = pairs.starts[tile + 1]
+        start = drawn.origin + tile_y * pitch + tile_x
         inner_width = wp.min(TILE, width - tile_x)
         inner_height = wp.min(TILE, height - tile_y)
         if begin == end:
@@ -176,16 +170,16 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 return
             for channel in range(3):
                 at = start + channel * plane
-                fill_tile(at, inner_width, inner_height, pitch, background[channel], image)
-            fill_tile(start, inner_width, inner_height, pitch, 1.0, transmittance)
+                fill_tile(at, inner_width, inner_height, pitch, background[channel], drawn.image)
+            fill_tile(start, inner_width, inner_height, pitch, 1.0, drawn.transmittance)
             if wp.static(with_depth):
                 for of_depth in range(2):
                     at_depth = start + of_depth * plane
-                    fill_tile(at_depth, inner_width, inner_height, pitch, 0.0, depth_planes)
+                    fill_tile(at_depth, inner_width, inner_height, pitch, 0.0, drawn.depth)
             if wp.static(with_normals):
                 for of_normal in range(3):
                     at_normal = start + of_normal * plane
-                    fill_tile(at_normal, inner_width, inner_height, pitch, 0.0, normal_planes)
+                    fill_tile(at_normal, inner_width, inner_height, pitch, 0.0, drawn.normals)
             return
         memory = wp.zeros(shape=(wp.static(planes_memory(planes + 1)),), dtype=float)
         state = wp.array(
@@ -212,13 +206,13 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
             # several blocks. And which blocks come next is known before the present ones are finished.
             for ahead in range(GROUP):
                 g_ahead = tile_splats[wp.min(group_first + ahead, end - 1)]
-                state[fields + ahead] = splats[g_ahead, SPLAT_U]
-                state[fields + GROUP + ahead] = splats[g_ahead, SPLAT_V]
-                state[fields + 2 * GROUP + ahead] = splats[g_ahead, SPLAT_HALF_WIDTH]
-                state[fields + 3 * GROUP + ahead] = splats[g_ahead, SPLAT_SLOPE]
-                state[fields + 4 * GROUP + ahead] = splats[g_ahead, SPLAT_CHORD]
-                state[fields + 5 * GROUP + ahead] = splats[g_ahead, SPLAT_TAPER]
-                state[fields + 6 * GROUP + ahead] = splats[g_ahead, SPLAT_PEAK]
+                state[fields + ahead] = records[g_ahead, SPLAT_U]
+                state[fields + GROUP + ahead] = records[g_ahead, SPLAT_V]
+                state[fields + 2 * GROUP + ahead] = records[g_ahead, SPLAT_HALF_WIDTH]
+                state[fields + 3 * GROUP + ahead] = records[g_ahead, SPLAT_SLOPE]
+                state[fields + 4 * GROUP + ahead] = records[g_ahead, SPLAT_CHORD]
+                state[fields + 5 * GROUP + ahead] = records[g_ahead, SPLAT_TAPER]
+                state[fields + 6 * GROUP + ahead] = records[g_ahead, SPLAT_PEAK]
             for member in range(GROUP):
                 ellipse = Ellipse()
                 ellipse.mean_x = state[fields + member] - float(tile_x) - 0.5
@@ -231,16 +225,16 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 touched[member] = touched_blocks(ellipse)
             for k in range(group_first, group_end):
                 blocks = touched[k - group_first] & live
-                pair_blocks[k] = blocks
+                pairs.blocks[k] = blocks
                 g = tile_splats[k]
-                mean_x = splats[g, SPLAT_U] - float(tile_x) - 0.5
-                splat = tile_splat(splats, g, mean_x, tile_y)
+                mean_x = records[g, SPLAT_U] - float(tile_x) - 0.5
+                splat = tile_splat(records, g, mean_x, tile_y)
                 z = float(0.0)
                 normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
-                    z = depths[g]
+                    z = splats.depths[g]
                 if wp.static(with_normals):
-                    normal = normals[g]
+                    normal = splats.normals[g]
                 while blocks != 0:
                     at = lowest_bit(blocks)
                     blocks = blocks & (blocks - 1)
@@ -293,18 +287,18 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 count = wp.min(BLOCK_COLUMNS, inner_width - side * BLOCK_COLUMNS)
                 for channel_out in range(3):
                     here = _RED + channel_out * _PLANE + taken
-                    write_row(count, state, here, to + channel_out * plane, image)
-                write_row(count, state, _FINAL + taken, to, transmittance)
+                    write_row(count, state, here, to + channel_out * plane, drawn.image)
+                write_row(count, state, _FINAL + taken, to, drawn.transmittance)
                 if wp.static(with_depth):
                     for xd in range(count):
-                        drawn = 1.0 - state[_FINAL + taken + xd]
+                        share = 1.0 - state[_FINAL + taken + xd]
                         total = state[_DEPTH + taken + xd]
-                        depth_planes[to + xd] = wp.where(drawn > 0.0, total / drawn, 0.0)
-                        depth_planes[to + plane + xd] = state[_MEDIAN + taken + xd]
+                        drawn.depth[to + xd] = wp.where(share > 0.0, total / share, 0.0)
+                        drawn.depth[to + plane + xd] = state[_MEDIAN + taken + xd]
                 if wp.static(with_normals):
                     for xn in range(count):
-                        normal_planes[to + xn] = state[_NORMAL_X + taken + xn]
-                        normal_planes[to + plane + xn] = state[_NORMAL_Y + taken + xn]
-                        normal_planes[to + 2 * plane + xn] = state[_NORMAL_Z + taken + xn]
+                        drawn.normals[to + xn] = state[_NORMAL_X + taken + xn]
+                        drawn.normals[to + plane + xn] = state[_NORMAL_Y + taken + xn]
+                        drawn.normals[to + 2 * plane + xn] = state[_NORMAL_Z + taken + xn]
 
     return forward

@@ -9,10 +9,12 @@ import warp as wp
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_U,
     GradientLayout,
+    Planes,
+    Splats,
+    TilePairs,
 )
 from digs_warp.splat.tile import (
     BLOCK,
@@ -86,31 +88,21 @@ def backward_kernel(
     @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def backward(
         first: int,
-        views: wp.array[ViewParams],
-        pitch: int,
-        plane: int,
-        origin: int,
-        splats: wp.array2d[float],
-        depths: wp.array[float],
-        normals: wp.array[wp.vec3],
-        tile_starts: wp.array[int],
-        tile_splats: wp.array[int],
-        image: wp.array[float],
-        transmittance: wp.array[float],
-        depth_planes: wp.array[float],
-        normal_planes: wp.array[float],
+        splats: Splats,
+        pairs: TilePairs,
+        drawn: Planes,
         tile_ends: wp.array[int],
-        adj_image: wp.array[float],  # 3 padded planes, zero outside the image
-        adj_transmittance: wp.array[float],  # 1 padded plane, zero outside the image
-        adj_depth: wp.array[float],  # 1 padded plane, zero outside the image
-        adj_normals: wp.array[float],  # 3 padded planes, zero outside the image
-        pair_blocks: wp.array[int],  # [pairs] the blocks that the forward pass drew the splat in
-        tile_pairs: wp.array[int],  # [pairs] where the record of each goes
+        adjoint: Planes,
         # outputs
         pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
     ):
         """Write the gradient records of one tile; re-reads what the forward pass wrote."""
         tile = first + wp.tid()
+        views = splats.views
+        records = splats.records
+        tile_splats = pairs.splats
+        tile_pairs = pairs.records
+        plane = drawn.plane
         columns = views[0].columns
         tile_column = tile % columns
         tile_row = tile // columns
@@ -118,9 +110,9 @@ def backward_kernel(
             return
         tile_x = tile_column * TILE
         tile_y = tile_row * TILE
-        start = origin + tile_y * pitch + tile_x
-        begin = tile_starts[tile]
-        end = tile_starts[tile + 1]
+        start = drawn.origin + tile_y * drawn.pitch + tile_x
+        begin = pairs.starts[tile]
+        end = pairs.starts[tile + 1]
         if begin == end:
             return
         # Transmittance so far, then S of the module docstring, then v.
@@ -133,28 +125,32 @@ def backward_kernel(
         lanes = wp.static(planes * PLANE_FLOATS)
         ahead_u = wp.static((planes + 1) * PLANE_FLOATS - int(_ASKED))  # behind the lanes
         for yy in range(TILE):
-            base = start + yy * pitch
+            base = start + yy * drawn.pitch
             for xx in range(TILE):
                 p = base + xx
                 side = (xx >> BLOCK_SHIFT) * HALF_PIXELS
                 q = side + yy * BLOCK_COLUMNS + (xx & COLUMN_MASK)
-                adj_r = adj_image[p]
-                adj_g = adj_image[plane + p]
-                adj_b = adj_image[2 * plane + p]
-                ahead = image[p] * adj_r + image[plane + p] * adj_g + image[2 * plane + p] * adj_b
-                ahead += transmittance[p] * adj_transmittance[p]
+                adj_r = adjoint.image[p]
+                adj_g = adjoint.image[plane + p]
+                adj_b = adjoint.image[2 * plane + p]
+                ahead = (
+                    drawn.image[p] * adj_r
+                    + drawn.image[plane + p] * adj_g
+                    + drawn.image[2 * plane + p] * adj_b
+                )
+                ahead += drawn.transmittance[p] * adjoint.transmittance[p]
                 if wp.static(with_depth):
-                    through = transmittance[p]
-                    adj_sum = wp.where(through < 1.0, adj_depth[p] / (1.0 - through), 0.0)
+                    through = drawn.transmittance[p]
+                    adj_sum = wp.where(through < 1.0, adjoint.depth[p] / (1.0 - through), 0.0)
                     # T e E / (1 - T) for the transmittance, and sum w z . v = e E for the sum.
-                    ahead += depth_planes[p] * adj_sum
+                    ahead += drawn.depth[p] * adj_sum
                     state[_ADJ_DEPTH + q] = adj_sum
                 if wp.static(with_normals):
-                    adj_x = adj_normals[p]
-                    adj_y = adj_normals[plane + p]
-                    adj_z = adj_normals[2 * plane + p]
-                    ahead += normal_planes[p] * adj_x + normal_planes[plane + p] * adj_y
-                    ahead += normal_planes[2 * plane + p] * adj_z
+                    adj_x = adjoint.normals[p]
+                    adj_y = adjoint.normals[plane + p]
+                    adj_z = adjoint.normals[2 * plane + p]
+                    ahead += drawn.normals[p] * adj_x + drawn.normals[plane + p] * adj_y
+                    ahead += drawn.normals[2 * plane + p] * adj_z
                     state[_ADJ_NX + q] = adj_x
                     state[_ADJ_NY + q] = adj_y
                     state[_ADJ_NZ + q] = adj_z
@@ -170,18 +166,18 @@ def backward_kernel(
             # All records of a group are asked for at once: one that is not in the cache takes as long as
             # several blocks.
             for asked in range(group_first, group_end):
-                state[ahead_u + asked - group_first] = splats[tile_splats[asked], SPLAT_U]
+                state[ahead_u + asked - group_first] = records[tile_splats[asked], SPLAT_U]
             for k in range(group_first, group_end):
-                blocks = pair_blocks[k]
+                blocks = pairs.blocks[k]
                 g = tile_splats[k]
                 mean_x = state[ahead_u + k - group_first] - float(tile_x) - 0.5
-                splat = tile_splat(splats, g, mean_x, tile_y)
+                splat = tile_splat(records, g, mean_x, tile_y)
                 z = float(0.0)
                 normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
-                    z = depths[g]
+                    z = splats.depths[g]
                 if wp.static(with_normals):
-                    normal = normals[g]
+                    normal = splats.normals[g]
                 sum_0 = float(0.0)
                 sum_x = float(0.0)
                 sum_y = float(0.0)

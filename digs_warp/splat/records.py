@@ -1,8 +1,12 @@
-"""What a projected splat and the gradient of one (tile, splat) pair look like in memory."""
+# type: ignore
+# (device code, which Warp's stubs do not type)
+"""What the raster kernels read and write: the layout of records in memory, and structs of arrays."""
 
 from dataclasses import dataclass
 
 import warp as wp
+
+from digs_warp.splat.footprint import ViewParams
 
 # Columns of a splat's record: what a tile reads of a splat lies together.
 SPLAT_U = wp.constant(0)
@@ -56,3 +60,72 @@ class GradientLayout:
             absolute=absolute if with_absolute else -1,
             fields=absolute + 2 * with_absolute,
         )
+
+
+@wp.struct
+class Splats:
+    """The n splats of a view, as projection leaves them."""
+
+    views: wp.array[ViewParams]  # [1]
+    records: wp.array2d[float]  # [n, SPLAT_FIELDS]
+    depths: wp.array[float]  # [n] planar depth [m], 0 if it is not drawn
+    normals: wp.array[wp.vec3]  # [n] in the camera, facing it; empty: not wanted
+    first_tile_rows: wp.array[int]  # [n]
+    row_counts: wp.array[int]  # [n] tile rows that the splat touches, 0 if it is not drawn
+
+
+@wp.struct
+class TilePairs:
+    """The (tile, splat) pairs of a view, by tile, nearest splat first."""
+
+    starts: wp.array[int]  # [tiles + 1] pairs of tile t: starts[t] .. starts[t + 1]
+    splats: wp.array[int]  # [pairs]
+    records: wp.array[int]  # [pairs] where the gradient record of each goes
+    blocks: wp.array[
+        int
+    ]  # [pairs] a bit for each block of the tile that was drawn in; vector code only
+
+
+@wp.struct
+class Planes:
+    """What is drawn of a view, or the gradient of a loss in it: padded planes, zero outside of the image."""
+
+    pitch: int  # floats from one image row to the next
+    plane: int  # floats from one channel to the next
+    origin: int  # index of pixel (0, 0)
+    image: wp.array[float]  # 3 planes
+    transmittance: wp.array[float]  # 1 plane
+    depth: wp.array[float]  # 2 planes: expected and median; of the gradient only the first
+    normals: wp.array[float]  # 3 planes
+
+
+@wp.struct
+class PairGradients:
+    """Gradient records of the pairs, by splat."""
+
+    starts: wp.array[int]  # [n + 1] pairs of splat g: starts[g] .. starts[g + 1]
+    records: wp.array2d[float]  # [pairs, fields of the `GradientLayout`]
+    depth: int  # columns of the layout
+    normal: int
+    absolute: int
+
+
+@wp.struct
+class StatisticsArrays:
+    """`digs_warp.splat.statistics.SplatStatistics` for kernels; empty arrays: not wanted."""
+
+    gradient_sums: wp.array[float]  # [n]
+    absolute_sums: wp.array[float]  # [n]
+    counts: wp.array[float]  # [n]
+    max_radii: wp.array[float]  # [n]
+
+
+@wp.struct
+class GaussianArrays:
+    """`digs_warp.splat.device.DeviceGaussians` for kernels: parameters or their gradients."""
+
+    means: wp.array[wp.vec3]  # [n] world
+    log_scales: wp.array[wp.vec3]  # [n]
+    quats: wp.array[wp.vec4]  # [n] xyzw, raw
+    opacity_logits: wp.array[float]  # [n]
+    sh: wp.array2d[wp.vec3]  # [n, K]

@@ -4,6 +4,7 @@ The trainer's tier; `digs_warp.splat.render.render` takes and returns NumPy valu
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,22 +13,15 @@ import warp as wp
 from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import ParallelLaunch, default_threads
+from digs_warp.device.parallel import launch_parallel, packed
+from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
 from digs_warp.splat.background import add_background_kernel, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
-from digs_warp.splat.device import DeviceGaussians, RasterKernels, raster_kernels
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, Window, view_params
-from digs_warp.splat.group import GROUP_SIZE
-from digs_warp.splat.per_pixel import PerPixel
-from digs_warp.splat.project import project_kernel
-from digs_warp.splat.project_adjoint import project_backward_kernel
-from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
-from digs_warp.splat.project_group import project_group_kernel
-from digs_warp.splat.rasterize import forward_kernel
-from digs_warp.splat.rasterize_adjoint import backward_kernel
-from digs_warp.splat.records import GradientLayout
+from digs_warp.splat.records import GradientLayout, PairGradients, Planes, Splats, TilePairs
 from digs_warp.splat.statistics import SplatStatistics
 
 WHITE = (1.0, 1.0, 1.0)
@@ -43,7 +37,7 @@ class SplatRenderer:
         height: height of the largest view [px].
         options: how splats are drawn, and what a view gives.
         camera_gradient: whether `backward` also gives the gradient of the camera.
-        kernels: which raster kernels draw. Default: those for the device.
+        backend: which kernels draw. Default: those for the device.
         threads: CPU threads; 0 means all cores. The result does not depend on it.
 
     After `forward`, ``image``, ``transmittance``, and where ``options`` ask for them ``depth`` (channels:
@@ -60,17 +54,14 @@ class SplatRenderer:
         *,
         options: RasterOptions = DEFAULT_OPTIONS,
         camera_gradient: bool = False,
-        kernels: RasterKernels | None = None,
+        backend: RasterBackend | None = None,
         threads: int = 0,
     ) -> None:
         device = gaussians.device
         self.device = device
         self.options = options
-        self.kernels = kernels or raster_kernels(device)
-        self.vectorized = self.kernels == "vectorized"
-        self._per_pixel = PerPixel(self.kernels == "cooperative", options)
-        # The atomics of the plain kernels are plain additions on a CPU: one thread.
-        self.threads = (threads or default_threads()) if self.vectorized else 1
+        self.backend = backend or backend_for(device)
+        self.threads = self.backend.threads(threads)
 
         def planes(channels: int, wanted: bool = True) -> ImagePlanes:
             return ImagePlanes(width, height, channels if wanted else 0, device)
@@ -83,9 +74,10 @@ class SplatRenderer:
         self.adj_transmittance = planes(1)
         self.adj_depth = planes(1, options.has_depth)
         self.adj_normals = planes(3, options.has_normals)
-        self._all_planes = [self.image, self.transmittance, self.depth, self.normals]
-        self._all_planes += [self.adj_image, self.adj_transmittance]
-        self._all_planes += [self.adj_depth, self.adj_normals]
+        self._drawn = _ViewPlanes(self.image, self.transmittance, self.depth, self.normals)
+        self._adjoint = _ViewPlanes(
+            self.adj_image, self.adj_transmittance, self.adj_depth, self.adj_normals
+        )
         self._views = wp.zeros(1, dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
         self._background = wp.zeros(3, dtype=float, device=device)
         self._filled = wp.zeros(4, dtype=int, device=device)
@@ -168,31 +160,22 @@ class SplatRenderer:
         color = np.zeros(3) if isinstance(background, ImagePlanes) else background
         color = np.asarray(color, dtype=np.float32)
         self._background.assign(check_finite("background", check_shape("background", color, (3,))))
-        all_bands = round(self.gaussians.sh.shape[1] ** 0.5) - 1
-        degree = min(all_bands, self.options.max_sh_degree, 3 if sh_degree is None else sh_degree)
-        if degree != self._degree:
-            self._record_projection(degree)
-        self._project.run()
+        self._record(self._degree_of(sh_degree))
+        self._launches.project.run()
         self.binner.bin()
-        if self.binner.generation != self._generation:
-            self._record_rasterization()
-        if self.vectorized:
+        self._record(self._degree)  # its buffers may have grown
+        if self.backend.skips_empty_tiles:
             boxes = None if content is None else [self.binner.drawn_box(), content]
             filled = tiles_with_background(boxes, self.binner.columns, self.binner.rows)
             self._filled.assign(filled)
-            self._forward.run()
-        else:
-            self._forward_per_pixel()
+        self._launches.forward.run()
         if behind is not None:
             self._add_background(behind)
 
     def backward(self) -> None:
         """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""
-        if self.vectorized:
-            self._backward.run()
-        else:
-            self._backward_per_pixel()
-        self._project_backward.run()
+        self._launches.backward.run()
+        self._launches.project_backward.run()
 
     def camera_gradient(self) -> CameraGradient:
         """Return the gradient of the camera in the last `backward`; summed in a fixed order.
@@ -207,11 +190,11 @@ class SplatRenderer:
     def stages(self) -> dict[str, Callable[[], object]]:
         """Return the stages of the last view by name, each ready to run again: for profiling."""
         return {
-            "project": self._project.run,
+            "project": self._launches.project.run,
             "bin": self.binner.bin,
-            "forward": self._forward.run if self.vectorized else self._forward_per_pixel,
-            "backward": self._backward.run if self.vectorized else self._backward_per_pixel,
-            "gather and project back": self._project_backward.run,
+            "forward": self._launches.forward.run,
+            "backward": self._launches.backward.run,
+            "gather and project back": self._launches.project_backward.run,
         }
 
     @property
@@ -228,95 +211,75 @@ class SplatRenderer:
             self._views,
             self._layout.fields,
             self.threads,
-            counting=self.vectorized,
+            counting=self.backend.counting,
         )
-        stops = self.binner.tiles if self.vectorized else image.plane
-        self._stops = wp.zeros(stops, dtype=int, device=self.device)
         self._max_tiles = self.binner.tiles
+        ends = self.backend.ends(self._max_tiles, image.plane)
+        self._ends = wp.zeros(ends, dtype=int, device=self.device)
         self.binner.resize(image.width, image.height)
         self._degree = -1
         self._generation = -1
 
     def _resize(self, width: int, height: int) -> None:
-        for planes in self._all_planes:
-            planes.resize(width, height)
+        self._drawn.resize(width, height)
+        self._adjoint.resize(width, height)
         self.binner.resize(width, height)
 
-    def _record_projection(self, degree: int) -> None:
-        """Record the launches that depend on the number of colour bands."""
-        self._degree = degree
-        lists = self.binner.lists
-        outputs = [lists.splats, lists.depths, lists.first_tile_rows, lists.row_counts]
-        count = len(self.gaussians)
-        self._project = self._launch(
-            project_group_kernel if self.vectorized else project_kernel,
-            -(-count // GROUP_SIZE) if self.vectorized else count,
-            [self._views, *self.gaussians.arrays, degree, *outputs, self._normals],
-            even=True,
-        )
-        self._generation = -1
+    def _degree_of(self, wanted: int | None) -> int:
+        """Return the bands of the colour to use: as many as wanted, allowed and there."""
+        there = round(self.gaussians.sh.shape[1] ** 0.5) - 1
+        return min(there, self.options.max_sh_degree, there if wanted is None else wanted)
 
-    def _record_rasterization(self) -> None:
-        """Record the launches that hold the binner's growing buffers."""
-        self._generation = self.binner.generation
-        lists = self.binner.lists
-        layout = self._layout
-        statistics = self._statistics or SplatStatistics.zeros(0, self.device)
-        pulled = [self._views, *self.gaussians.arrays, self._degree, lists.splats]
-        pulled += [lists.pair_starts, lists.pair_gradients, layout.depth]
-        if self.vectorized and not self._camera_gradient and not self.options.has_normals:
-            self._project_backward = self._launch(
-                project_backward_group_kernel,
-                -(-len(self.gaussians) // GROUP_SIZE),
-                [*pulled, layout.absolute, *self.gradients.arrays, *statistics.arrays],
-                even=True,
-            )
-        else:
-            self._project_backward = self._launch(
-                project_backward_kernel,
-                len(self.gaussians),
-                [*pulled, layout.normal, layout.absolute]
-                + [*self.gradients.arrays, self._camera_shares.array, *statistics.arrays],
-                even=True,
-            )
-        if not self.vectorized:
+    def _record(self, degree: int) -> None:
+        """Record the launches for so many bands of the colour on the present buffers, if they are not."""
+        if (degree, self.binner.generation) == (self._degree, self._generation):
             return
-        self._forward = self._launch(
-            forward_kernel(self.options),
-            self._max_tiles,
-            [*self._raster_inputs(), self._background, self._filled, *self._raster_outputs()]
-            + [lists.pair_blocks],
+        self._degree, self._generation = degree, self.binner.generation
+        lists, layout = self.binner.lists, self._layout
+        statistics = self._statistics or SplatStatistics.zeros(0, self.device)
+        job = RasterJob(
+            device=self.device,
+            threads=self.threads,
+            options=self.options,
+            layout=layout,
+            count=len(self.gaussians),
+            tiles=self._max_tiles,
+            degree=degree,
+            gaussians=self.gaussians.for_kernels(),
+            gradients=self.gradients.for_kernels(),
+            splats=packed(
+                Splats,
+                views=self._views,
+                records=lists.splats,
+                depths=lists.depths,
+                normals=self._normals,
+                first_tile_rows=lists.first_tile_rows,
+                row_counts=lists.row_counts,
+            ),
+            pairs=packed(
+                TilePairs,
+                starts=lists.tile_starts,
+                splats=lists.tile_splats,
+                records=lists.tile_pairs,
+                blocks=lists.pair_blocks,
+            ),
+            pair_gradients=packed(
+                PairGradients,
+                starts=lists.pair_starts,
+                records=lists.pair_gradients,
+                depth=layout.depth,
+                normal=layout.normal,
+                absolute=layout.absolute,
+            ),
+            background=self._background,
+            filled=self._filled,
+            drawn=self._drawn.for_kernels(),
+            ends=self._ends,
+            adjoint=self._adjoint.for_kernels(),
+            camera_shares=self._camera_shares.array,
+            statistics=statistics.for_kernels(),
         )
-        self._backward = self._launch(
-            backward_kernel(self.options, layout.absolute >= 0),
-            self._max_tiles,
-            [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
-            + [lists.pair_blocks, lists.tile_pairs, lists.pair_gradients],
-        )
-
-    def _raster_inputs(self) -> list[Any]:
-        lists, image = self.binner.lists, self.image
-        layout = [image.pitch, image.plane, image.origin]
-        splats = [lists.splats, lists.depths, self._normals]
-        return [self._views, *layout, *splats, lists.tile_starts, lists.tile_splats]
-
-    def _raster_outputs(self) -> list[wp.array]:
-        planes = self.image, self.transmittance, self.depth, self.normals
-        return [*(p.data for p in planes), self._stops]
-
-    def _adjoints(self) -> list[wp.array]:
-        planes = self.adj_image, self.adj_transmittance, self.adj_depth, self.adj_normals
-        return [p.data for p in planes]
-
-    def _forward_per_pixel(self) -> None:
-        arguments = [*self._raster_inputs(), self._background, *self._raster_outputs()]
-        self._per_pixel.forward(self.image, self.binner.tiles, arguments)
-
-    def _backward_per_pixel(self) -> None:
-        lists = self.binner.lists
-        arguments = [*self._raster_inputs(), *self._raster_outputs(), *self._adjoints()]
-        pairs = lists.tile_pairs, lists.pair_gradients
-        self._per_pixel.backward(self.image, self.binner.tiles, arguments, pairs, self._layout)
+        self._launches = self.backend.record(job)
 
     def _add_background(self, behind: ImagePlanes) -> None:
         image = self.image
@@ -325,14 +288,25 @@ class SplatRenderer:
                 f"background of {behind.max_width}x{behind.max_height} px with {behind.channels} "
                 f"channels, renderer of {image.max_width}x{image.max_height} px and 3 channels"
             )
-        layout = [image.pitch, image.plane, image.origin]
-        self._launch(
-            add_background_kernel,
-            image.max_height,
-            [self._views, *layout, self.transmittance.data, behind.data, image.data],
-        ).run()
+        inputs = [self._views, behind.data, self._drawn.for_kernels()]
+        launch_parallel(add_background_kernel, image.max_height, inputs, self.device, self.threads)
 
-    def _launch(
-        self, kernel: Any, dim: int, inputs: list[Any], even: bool = False
-    ) -> ParallelLaunch:
-        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even)
+
+@dataclass(frozen=True, eq=False)
+class _ViewPlanes:
+    """The planes of a view, or of a gradient in it; those that are not wanted have no channels."""
+
+    image: ImagePlanes
+    transmittance: ImagePlanes
+    depth: ImagePlanes
+    normals: ImagePlanes
+
+    def resize(self, width: int, height: int) -> None:
+        """Hold a view of another size."""
+        for planes in vars(self).values():
+            planes.resize(width, height)
+
+    def for_kernels(self) -> Any:
+        """Return the planes as kernels take them, `Planes`."""
+        layout = {name: getattr(self.image, name) for name in ("pitch", "plane", "origin")}
+        return packed(Planes, **layout, **{name: p.data for name, p in vars(self).items()})

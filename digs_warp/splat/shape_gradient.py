@@ -13,7 +13,15 @@ from digs_warp.splat.config import MIN_COMPENSATION
 from digs_warp.splat.elementary import sigmoid
 from digs_warp.splat.footprint import Footprint, ViewParams, rotation_adjoint, spread_of
 from digs_warp.splat.project import compensation
-from digs_warp.splat.records import SPLAT_RED
+from digs_warp.splat.records import (
+    SPLAT_A,
+    SPLAT_B,
+    SPLAT_C,
+    SPLAT_RED,
+    GaussianArrays,
+    PairGradients,
+    StatisticsArrays,
+)
 from digs_warp.splat.shade import sh_adjoint
 
 wp.set_module_options({"enable_backward": False})
@@ -39,38 +47,35 @@ class SplatGradient:
 
 
 @wp.func
-def gather(
-    begin: int,
-    end: int,
-    pair_gradients: wp.array2d[float],
-    depth_field: int,
-    normal_field: int,
-    absolute_field: int,
-) -> SplatGradient:
-    """Sum the records of one splat in a fixed order; a field of -1 is not there."""
+def gather(g: int, pairs: PairGradients) -> SplatGradient:
+    """Sum the records of splat g in a fixed order; a column of -1 is not there."""
     d = SplatGradient()
-    for pair in range(begin, end):
-        d.u += pair_gradients[pair, 0]
-        d.v += pair_gradients[pair, 1]
-        d.a += pair_gradients[pair, 2]
-        d.b += pair_gradients[pair, 3]
-        d.c += pair_gradients[pair, 4]
-        d.opacity += pair_gradients[pair, 5]
-        d.color += wp.vec3(
-            pair_gradients[pair, 6], pair_gradients[pair, 7], pair_gradients[pair, 8]
-        )
-        if depth_field >= 0:
-            d.depth += pair_gradients[pair, depth_field]
-        if normal_field >= 0:
+    for pair in range(pairs.starts[g], pairs.starts[g + 1]):
+        d.u += pairs.records[pair, 0]
+        d.v += pairs.records[pair, 1]
+        d.a += pairs.records[pair, 2]
+        d.b += pairs.records[pair, 3]
+        d.c += pairs.records[pair, 4]
+        d.opacity += pairs.records[pair, 5]
+        d.color += wp.vec3(pairs.records[pair, 6], pairs.records[pair, 7], pairs.records[pair, 8])
+        if pairs.depth >= 0:
+            d.depth += pairs.records[pair, pairs.depth]
+        if pairs.normal >= 0:
             d.normal += wp.vec3(
-                pair_gradients[pair, normal_field],
-                pair_gradients[pair, normal_field + 1],
-                pair_gradients[pair, normal_field + 2],
+                pairs.records[pair, pairs.normal],
+                pairs.records[pair, pairs.normal + 1],
+                pairs.records[pair, pairs.normal + 2],
             )
-        if absolute_field >= 0:
-            d.absolute_u += pair_gradients[pair, absolute_field]
-            d.absolute_v += pair_gradients[pair, absolute_field + 1]
+        if pairs.absolute >= 0:
+            d.absolute_u += pairs.records[pair, pairs.absolute]
+            d.absolute_v += pairs.records[pair, pairs.absolute + 1]
     return d
+
+
+@wp.func
+def conic_of(records: wp.array2d[float], g: int) -> wp.vec3:
+    """A, B and C of a splat."""
+    return wp.vec3(records[g, SPLAT_A], records[g, SPLAT_B], records[g, SPLAT_C])
 
 
 @wp.func
@@ -173,45 +178,37 @@ def shape_gradient(
 def color_gradient(
     cam: ViewParams,
     g: int,
-    mean: wp.vec3,
-    coefficients: wp.array2d[wp.vec3],
+    gaussians: GaussianArrays,
     degree: int,
-    splats: wp.array2d[float],
+    records: wp.array2d[float],
     adj_color: wp.vec3,
     adj_coefficients: wp.array2d[wp.vec3],
 ) -> wp.vec3:
     """Write the gradient of the coefficients; return what the colour contributes to that of the centre."""
     # None where the clamp at 0 holds.
     d_color = wp.vec3(
-        wp.where(splats[g, SPLAT_RED] > 0.0, adj_color[0], 0.0),
-        wp.where(splats[g, SPLAT_RED + 1] > 0.0, adj_color[1], 0.0),
-        wp.where(splats[g, SPLAT_RED + 2] > 0.0, adj_color[2], 0.0),
+        wp.where(records[g, SPLAT_RED] > 0.0, adj_color[0], 0.0),
+        wp.where(records[g, SPLAT_RED + 1] > 0.0, adj_color[1], 0.0),
+        wp.where(records[g, SPLAT_RED + 2] > 0.0, adj_color[2], 0.0),
     )
-    offset = mean - cam.center_world
+    offset = gaussians.means[g] - cam.center_world
     distance = wp.length(offset)
     direction = offset / distance
-    d_direction = sh_adjoint(coefficients, g, degree, direction, d_color, adj_coefficients)
+    d_direction = sh_adjoint(gaussians.sh, g, degree, direction, d_color, adj_coefficients)
     for k in range((degree + 1) * (degree + 1), adj_coefficients.shape[1]):
         adj_coefficients[g, k] = wp.vec3(0.0, 0.0, 0.0)
     return (d_direction - direction * wp.dot(direction, d_direction)) / distance
 
 
 @wp.func
-def put_zeros(
-    g: int,
-    adj_means: wp.array[wp.vec3],
-    adj_log_scales: wp.array[wp.vec3],
-    adj_quats: wp.array[wp.vec4],
-    adj_opacity_logits: wp.array[float],
-    adj_coefficients: wp.array2d[wp.vec3],
-):
+def put_zeros(g: int, adjoint: GaussianArrays):
     """Write the gradient of a Gaussian that is not drawn."""
-    adj_means[g] = wp.vec3(0.0, 0.0, 0.0)
-    adj_log_scales[g] = wp.vec3(0.0, 0.0, 0.0)
-    adj_quats[g] = wp.vec4(0.0, 0.0, 0.0, 0.0)
-    adj_opacity_logits[g] = 0.0
-    for k in range(adj_coefficients.shape[1]):
-        adj_coefficients[g, k] = wp.vec3(0.0, 0.0, 0.0)
+    adjoint.means[g] = wp.vec3(0.0, 0.0, 0.0)
+    adjoint.log_scales[g] = wp.vec3(0.0, 0.0, 0.0)
+    adjoint.quats[g] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    adjoint.opacity_logits[g] = 0.0
+    for k in range(adjoint.sh.shape[1]):
+        adjoint.sh[g, k] = wp.vec3(0.0, 0.0, 0.0)
 
 
 @wp.func
@@ -223,17 +220,15 @@ def add_statistics(
     absolute_u: float,
     absolute_v: float,
     radius: float,
-    gradient_sums: wp.array[float],
-    absolute_sums: wp.array[float],
-    counts: wp.array[float],
-    max_radii: wp.array[float],
+    statistics: StatisticsArrays,
 ):
     """Add one view to `SplatStatistics`."""
     # Half the image is one unit, as in normalized device coordinates.
     half = wp.vec2(0.5 * float(cam.width), 0.5 * float(cam.height))
-    gradient_sums[g] = gradient_sums[g] + wp.length(wp.cw_mul(wp.vec2(d_u, d_v), half))
-    if absolute_sums.shape[0] > 0:
-        size = wp.length(wp.cw_mul(wp.vec2(absolute_u, absolute_v), half))
-        absolute_sums[g] = absolute_sums[g] + size
-    counts[g] = counts[g] + 1.0
-    max_radii[g] = wp.max(max_radii[g], radius)
+    size = wp.length(wp.cw_mul(wp.vec2(d_u, d_v), half))
+    statistics.gradient_sums[g] = statistics.gradient_sums[g] + size
+    if statistics.absolute_sums.shape[0] > 0:
+        absolute_size = wp.length(wp.cw_mul(wp.vec2(absolute_u, absolute_v), half))
+        statistics.absolute_sums[g] = statistics.absolute_sums[g] + absolute_size
+    statistics.counts[g] = statistics.counts[g] + 1.0
+    statistics.max_radii[g] = wp.max(statistics.max_radii[g], radius)

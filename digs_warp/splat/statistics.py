@@ -1,8 +1,12 @@
 """What density control wants to know of each Gaussian, summed over the views since the last reset."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import warp as wp
+
+from digs_warp.device.parallel import packed
+from digs_warp.splat.records import StatisticsArrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +43,11 @@ class SplatStatistics:
         """Whether absolute gradients are summed, too: the backward pass then takes longer."""
         return self.absolute_sums.shape[0] > 0
 
-    @property
-    def arrays(self) -> tuple[wp.array, wp.array, wp.array, wp.array]:
-        """All four, in the order of the fields."""
-        return self.gradient_sums, self.absolute_sums, self.counts, self.max_radii
+    def for_kernels(self) -> Any:
+        """Return the arrays as kernels take them, `StatisticsArrays`."""
+        return packed(StatisticsArrays, **vars(self))
 
     def reset(self) -> None:
         """Forget all views."""
-        for array in self.arrays:
+        for array in vars(self).values():
             array.zero_()

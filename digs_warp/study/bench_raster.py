@@ -1,4 +1,4 @@
-"""`digs-warp bench raster`: the vectorized CPU rasterizer against the plain one, all in one run.
+"""`digs-warp bench raster`: the stages of the CPU rasterizer on one thread and on more, all in one run.
 
 Two scenes of random splats that fill the image (no culling helps): "broad" with radii around 4 px at
 1600x896, and "fine" with 1 to 4 px at 1280x720. Times are the best of several launches after a warm-up, so
@@ -19,7 +19,7 @@ from digs_warp.device.parallel import default_threads
 from digs_warp.record.progress import progress
 from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.config import BLOCK_HEIGHT, BLOCK_WIDTH, TILE_SIZE
-from digs_warp.splat.device import DeviceGaussians, RasterKernels
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.records import SPLAT_HALF_HEIGHT, SPLAT_HALF_WIDTH, SPLAT_U, SPLAT_V
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.machine import worth_of_threads
@@ -81,30 +81,26 @@ SCENES = (
 
 
 def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
-    """Return the times of every stage and kernel, and how much of a core the raster kernels use."""
+    """Return the times of every stage, and how much of a core the raster kernels use."""
     threads = sorted({1, 2, default_threads()})
-    variants: list[tuple[RasterKernels, int]] = [("plain", 1)]
-    variants.extend(("vectorized", count) for count in threads)
     results = []
     matrix_rate = measure_matrix_product()
-    with progress(len(scenes) * len(variants), "Measuring", "variant") as bar:
+    with progress(len(scenes) * len(threads), "Measuring", "variant") as bar:
         for scene in scenes:
             gaussians = DeviceGaussians.from_numpy(scene.gaussians())
-            for kernel, count in variants:
-                times, renderer = _measure(scene, gaussians, kernel, count)
+            for count in threads:
+                times, renderer = _measure(scene, gaussians, count)
                 labels = {
                     "scene": scene.name,
                     "image": f"{scene.width}x{scene.height}",
                     "splats": scene.splats,
                     "pairs": renderer.binner.total_pairs,
-                    "kernel": kernel,
                     "threads": count,
                 }
                 values = {f"{stage} [ms]": time for stage, time in times.items()}
                 results.append(Result(labels, values, "stages"))
-                if kernel == "vectorized":
-                    rates = _rates(renderer, times, count, matrix_rate)
-                    results.append(Result(labels, rates, "rates"))
+                rates = _rates(renderer, times, count, matrix_rate)
+                results.append(Result(labels, rates, "rates"))
                 bar.update()
     results += [
         Result({"threads": count}, {"times the work of one": worth_of_threads(count)}, "threads")
@@ -114,19 +110,18 @@ def bench_raster(scenes: tuple[RasterScene, ...] = SCENES) -> list[Result]:
 
 
 def _measure(
-    scene: RasterScene, gaussians: DeviceGaussians, kernels: RasterKernels, threads: int
+    scene: RasterScene, gaussians: DeviceGaussians, threads: int
 ) -> tuple[dict[str, float], SplatRenderer]:
-    """Return the times [ms] of the stages of one variant, and the renderer that drew it."""
-    renderer = SplatRenderer(gaussians, scene.width, scene.height, kernels=kernels, threads=threads)
+    """Return the times [ms] of the stages, and the renderer that drew it."""
+    renderer = SplatRenderer(gaussians, scene.width, scene.height, threads=threads)
     camera = scene.camera()
     rng = np.random.default_rng(1)
     renderer.adj_image.assign(rng.normal(size=(scene.height, scene.width, 3)))
     renderer.forward(camera, near=NEAR)
     renderer.backward()
-    repeats = 7 if kernels == "vectorized" else 2  # the plain kernels take seconds
     stages = renderer.stages()
     clock = clock_for(threads)
-    times = {name: best_ms(stage, repeats, clock=clock) for name, stage in stages.items()}
+    times = {name: best_ms(stage, 7, clock=clock) for name, stage in stages.items()}
     return times, renderer
 
 

@@ -60,7 +60,7 @@ def find_benchmark(name: str) -> Benchmark:
 BENCHMARKS = (
     Benchmark(
         "raster",
-        "the splat rasterizer: plain and vectorized kernels, 1 and 2 threads, forward and backward",
+        "the splat rasterizer: its stages on 1, 2 and all threads, and their share of what a core can do",
         "bench_raster:bench_raster",
         "performance.md",
     ),

@@ -13,13 +13,13 @@ from digs_warp.splat import (
     plane_kernels,
     project,
     project_adjoint,
-    rasterize_reference,
 )
-from digs_warp.splat.device import raster_kernels
-from digs_warp.splat.rasterize_cooperative import BATCH, forward_cooperative_kernel
-from digs_warp.splat.rasterize_cooperative_adjoint import backward_cooperative_kernel
+from digs_warp.splat.backend import CooperativeBackend, backend_for
+from digs_warp.splat.cooperative import BATCH, forward_cooperative_kernel
+from digs_warp.splat.cooperative_adjoint import backward_cooperative_kernel
+from reference import plain_raster
 
-MODULES = (background, bin_kernels, plane_kernels, project, project_adjoint, rasterize_reference)
+MODULES = (background, bin_kernels, plane_kernels, project, project_adjoint, plain_raster)
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.split(".")[-1])
@@ -50,7 +50,7 @@ COOPERATIVE = {
 
 @pytest.mark.parametrize("name", COOPERATIVE)
 def test_a_block_shares_records_and_sums_without_atomics(name: str, tmp_path: Path) -> None:
-    assert raster_kernels("cuda:0") == "cooperative"
+    assert backend_for("cuda:0") == CooperativeBackend()
     code = compiled(COOPERATIVE[name]().module, tmp_path)
     # A batch of records, depths, normals and indices; 16 KB leave room for 8 blocks of 256 threads at once.
     batch = 4 * BATCH * (9 + 1 + 3 + 1)
@@ -60,4 +60,4 @@ def test_a_block_shares_records_and_sums_without_atomics(name: str, tmp_path: Pa
 
 
 def test_the_plain_kernels_add_with_atomics(tmp_path: Path) -> None:
-    assert FLOAT_ATOMICS.search(compiled(rasterize_reference, tmp_path))
+    assert FLOAT_ATOMICS.search(compiled(plain_raster, tmp_path))

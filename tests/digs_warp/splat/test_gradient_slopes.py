@@ -9,14 +9,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-import warp as wp
 
 from digs_warp.geometry import matrix_from_quat_xyzw
-from digs_warp.splat import renderer as renderer_module
+from digs_warp.splat.alpha_cut import STEP_CUT
+from digs_warp.splat.backend import VectorizedBackend
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.rasterize import forward_kernel
-from digs_warp.splat.rasterize_adjoint import backward_kernel
 from digs_warp.splat.render import SplatRenderer
 from reference.smooth_cut import CUT_WIDTH, SMOOTH_CUT
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
@@ -63,29 +61,18 @@ def gradients_of(
 @cache
 def all_gradients(cut_width: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     nothing = DeviceGaussians.from_numpy(random_gaussians(0, 0))
-    with pytest.MonkeyPatch.context() as patch:
-        if cut_width:
-            patch.setattr(renderer_module, "forward_kernel", smooth_forward_kernel)
-            patch.setattr(renderer_module, "backward_kernel", smooth_backward_kernel)
-        renderers = [
-            SplatRenderer(nothing, 12, 10, options=options, camera_gradient=True, threads=1)
-            for options in OPTIONS
-        ]
-        # Antialiasing on in every second block of four, so that it meets every degree of the harmonics.
-        scenes = [gradients_of(seed, renderers[seed // 4 % 2], cut_width) for seed in range(SEEDS)]
+    backend = VectorizedBackend(SMOOTH_CUT if cut_width else STEP_CUT)
+    renderers = [
+        SplatRenderer(nothing, 12, 10, options=options, camera_gradient=True, backend=backend)
+        for options in OPTIONS
+    ]
+    # Antialiasing on in every second block of four, so that it meets every degree of the harmonics.
+    scenes = [gradients_of(seed, renderers[seed // 4 % 2], cut_width) for seed in range(SEEDS)]
 
     def joined(name: str, which: int) -> np.ndarray:
         return np.concatenate([scene[name][which] for scene in scenes])
 
     return {name: (joined(name, 0), joined(name, 1)) for name in CLASSES}
-
-
-def smooth_forward_kernel(options: RasterOptions) -> wp.Kernel:
-    return forward_kernel(options, SMOOTH_CUT)
-
-
-def smooth_backward_kernel(options: RasterOptions, with_absolute: bool) -> wp.Kernel:
-    return backward_kernel(options, with_absolute, SMOOTH_CUT)
 
 
 @pytest.mark.parametrize("cut_width", [0.0, CUT_WIDTH], ids=["hard cut", "smooth cut"])

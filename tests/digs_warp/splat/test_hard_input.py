@@ -55,7 +55,7 @@ def check_finite_view(renderer: SplatRenderer) -> None:
     for name, array in zip(FIELDS, renderer.gradients.arrays, strict=True):
         assert np.isfinite(array.numpy()).all(), name
     assert renderer.statistics is not None
-    for array in renderer.statistics.arrays:
+    for array in vars(renderer.statistics).values():
         assert np.isfinite(array.numpy()).all()
     motion = renderer.camera_gradient()
     assert np.isfinite(np.concatenate([motion.rotation, motion.translation, motion.focal])).all()

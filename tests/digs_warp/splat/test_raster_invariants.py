@@ -9,10 +9,12 @@ import warp as wp
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.splat.backend import CooperativeBackend, RasterBackend
 from digs_warp.splat.camera_gradient import CameraGradient
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians, RasterKernels
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
+from reference.plain_raster import BACKENDS, PlainBackend, backend_name
 from reference.splat_scenes import BACKGROUND, NEAR, camera, hard_cases, random_gaussians
 from reference.splat_twin import Parameters, render_twin
 
@@ -47,9 +49,9 @@ def test_same_bits_for_any_number_of_threads(threads: int) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("kernels", ["vectorized", "cooperative"])
-def test_all_kernels_and_both_binnings_agree(kernels: RasterKernels) -> None:
-    fast, plain = rendered(MANY, kernels=kernels), rendered(MANY, kernels="plain")
+@pytest.mark.parametrize("backend", BACKENDS, ids=backend_name)
+def test_all_backends_and_both_binnings_agree(backend: RasterBackend) -> None:
+    fast, plain = rendered(MANY, backend=backend), rendered(MANY, backend=PlainBackend())
     fast_lists, plain_lists = fast.binner.lists, plain.binner.lists
     pairs = fast.binner.total_pairs
     assert pairs > 10_000
@@ -69,11 +71,11 @@ def test_all_kernels_and_both_binnings_agree(kernels: RasterKernels) -> None:
         assert np.linalg.norm(a.numpy() - b.numpy()) < 1e-5 * np.linalg.norm(b.numpy())
 
 
-@pytest.mark.parametrize("kernels", ["vectorized", "cooperative"])
-def test_every_gradient_record_is_written(kernels: RasterKernels) -> None:
+@pytest.mark.parametrize("backend", BACKENDS, ids=backend_name)
+def test_every_gradient_record_is_written(backend: RasterBackend) -> None:
     """Those behind saturated pixels, too: what an earlier view left there must not count."""
     scene = hard_cases()["saturated tiles"]
-    renderer = rendered(scene.gaussians, scene.camera, kernels=kernels)
+    renderer = rendered(scene.gaussians, scene.camera, backend=backend)
     once = [array.numpy().copy() for array in renderer.gradients.arrays]
     renderer.binner.lists.pair_gradients.fill_(np.nan)
     renderer.backward()
@@ -84,7 +86,7 @@ def test_every_gradient_record_is_written(kernels: RasterKernels) -> None:
 def test_blocks_of_threads_have_to_be_switched_on_on_a_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", False)
     with pytest.raises(ValueError, match="enable_cpu_blocks"):
-        rendered(random_gaussians(1, seed=0), kernels="cooperative")
+        rendered(random_gaussians(1, seed=0), backend=CooperativeBackend())
 
 
 def test_no_pixel_above_the_cut_is_lost_by_the_tile_lists() -> None:

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Camera
+from digs_warp.splat.backend import RasterBackend
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians, RasterKernels
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.splat.statistics import SplatStatistics
+from reference.plain_raster import ALL_BACKENDS, backend_name
 from reference.splat_scenes import BACKGROUND, SplatScene, hard_cases, random_scene
 from reference.splat_twin import (
     Adjoints,
@@ -46,7 +48,7 @@ ANTIALIASED = RasterOptions(outputs="normals", antialias=True)
 UNUSUAL = RasterOptions(
     min_alpha=0.02, max_alpha=0.9, min_transmittance=0.01, dilation=0.1, jacobian_margin=0.1
 )
-KERNELS = pytest.mark.parametrize("kernels", ["vectorized", "cooperative", "plain"])
+BACKENDS = pytest.mark.parametrize("backend", ALL_BACKENDS, ids=backend_name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +118,11 @@ def check_close(found: np.ndarray, wanted: np.ndarray, tolerance: float, name: s
 
 
 def check_against_twin(
-    scene: SplatScene, kernels: RasterKernels, options: RasterOptions = COLOR, stiff: bool = False
+    scene: SplatScene, backend: RasterBackend, options: RasterOptions = COLOR, stiff: bool = False
 ) -> None:
     expected = expected_of(scene, options)
     twin, clear = expected.twin, ~expected.twin.ambiguous
-    renderer = renderer_of(scene, expected.adjoints, options=options, kernels=kernels)
+    renderer = renderer_of(scene, expected.adjoints, options=options, backend=backend)
 
     # A decision within rounding of its threshold may go either way: few pixels, left out.
     assert twin.ambiguous.mean() <= 0.05
@@ -153,24 +155,24 @@ def check_against_twin(
     check_close(statistics.absolute_sums.numpy(), absolute, tolerance, "absolute sums")
 
 
-@KERNELS
+@BACKENDS
 @pytest.mark.parametrize("seed", range(4))
-def test_random_scenes_equal_the_twin(seed: int, kernels: RasterKernels) -> None:
-    check_against_twin(RANDOM[seed], kernels)
+def test_random_scenes_equal_the_twin(seed: int, backend: RasterBackend) -> None:
+    check_against_twin(RANDOM[seed], backend)
 
 
-@KERNELS
+@BACKENDS
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize(
     "options", [ALL, ANTIALIASED, UNUSUAL], ids=["all", "antialias", "unusual"]
 )
 def test_all_outputs_and_options_equal_the_twin(
-    options: RasterOptions, seed: int, kernels: RasterKernels
+    options: RasterOptions, seed: int, backend: RasterBackend
 ) -> None:
-    check_against_twin(RANDOM[seed], kernels, options)
+    check_against_twin(RANDOM[seed], backend, options)
 
 
-@KERNELS
+@BACKENDS
 @pytest.mark.parametrize("name", HARD)
-def test_hard_cases_equal_the_twin(name: str, kernels: RasterKernels) -> None:
-    check_against_twin(HARD[name], kernels, stiff=name in STIFF)
+def test_hard_cases_equal_the_twin(name: str, backend: RasterBackend) -> None:
+    check_against_twin(HARD[name], backend, stiff=name in STIFF)

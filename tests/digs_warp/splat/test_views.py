@@ -6,8 +6,10 @@ import pytest
 from digs_warp.camera import Camera
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.splat.device import DeviceGaussians, RasterKernels
+from digs_warp.splat.backend import RasterBackend
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer, render
+from reference.plain_raster import ALL_BACKENDS, backend_name
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
 MANY = random_gaussians(800, seed=1)
@@ -57,13 +59,13 @@ def test_planes_read_zero_outside_of_a_smaller_image() -> None:
         planes.resize(41, 9)
 
 
-@pytest.mark.parametrize("kernels", ["vectorized", "cooperative", "plain"])
-def test_a_window_shows_the_pixels_of_the_whole_view(kernels: RasterKernels) -> None:
+@pytest.mark.parametrize("backend", ALL_BACKENDS, ids=backend_name)
+def test_a_window_shows_the_pixels_of_the_whole_view(backend: RasterBackend) -> None:
     """Splitting an image changes nothing: same pixels, and gradients that add up to those of the whole."""
-    whole = pulled_back(renderer_of(kernels=kernels), VIEW)
+    whole = pulled_back(renderer_of(backend=backend), VIEW)
     image = np.full_like(whole[0], np.nan)
     sums = [np.zeros_like(a) for a in whole[1:]]
-    part = renderer_of(kernels=kernels)
+    part = renderer_of(backend=backend)
     for x0, x1 in ((0, 64), (64, 150)):
         for y0, y1 in ((0, 48), (48, 110)):
             found, *gradients = pulled_back(part, VIEW, window=(x0, y0, x1, y1))
@@ -107,12 +109,12 @@ def test_other_gaussians_take_the_place_of_the_first(count: int) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("kernels", ["vectorized", "cooperative", "plain"])
-def test_an_image_lies_behind_the_gaussians(kernels: RasterKernels) -> None:
+@pytest.mark.parametrize("backend", ALL_BACKENDS, ids=backend_name)
+def test_an_image_lies_behind_the_gaussians(backend: RasterBackend) -> None:
     behind = np.random.default_rng(5).uniform(size=(SIZE[1], SIZE[0], 3)).astype(np.float32)
     planes = ImagePlanes(*SIZE, 3)
     planes.assign(behind)
-    renderer = renderer_of(kernels=kernels)
+    renderer = renderer_of(backend=backend)
     renderer.forward(VIEW, near=NEAR, background=(0.0, 0.0, 0.0))
     alone, through = renderer.image.to_numpy(), renderer.transmittance.to_numpy()
     renderer.forward(VIEW, near=NEAR, background=planes)

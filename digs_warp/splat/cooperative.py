@@ -18,7 +18,6 @@ import warp as wp
 
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import TILE_PIXELS
-from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     COLOR_FIELDS,
     SPLAT_A,
@@ -30,6 +29,9 @@ from digs_warp.splat.records import (
     SPLAT_RED,
     SPLAT_U,
     SPLAT_V,
+    Planes,
+    Splats,
+    TilePairs,
 )
 from digs_warp.splat.tile import TILE
 
@@ -48,22 +50,29 @@ def cooperative_module_options() -> dict[str, Any]:
     return {"enable_backward": False, "block_dim": BLOCK_THREADS}
 
 
-def launch_cooperative(kernel: wp.Kernel, tiles: int, arguments: list[Any], device: str) -> None:
-    """Run a kernel of this kind over so many tiles.
+class CooperativeLaunch:
+    """A recorded launch of a kernel of this kind over ``tiles`` tiles.
 
     Raises:
         ValueError: the device is a CPU, and Warp is not told to run blocks of threads there.
     """
-    if device == "cpu" and not wp.config.enable_cpu_blocks:
-        raise ValueError("cooperative kernels need wp.config.enable_cpu_blocks = True on a CPU")
-    wp.launch_tiled(
-        kernel,
-        dim=[tiles],
-        inputs=arguments,
-        block_dim=BLOCK_THREADS,
-        device=device,
-        record_tape=False,
-    )
+
+    def __init__(self, kernel: wp.Kernel, tiles: int, inputs: list[Any], device: str) -> None:
+        if device == "cpu" and not wp.config.enable_cpu_blocks:
+            raise ValueError("cooperative kernels need wp.config.enable_cpu_blocks = True on a CPU")
+        self._inputs = inputs  # keeps the arrays alive: a recorded launch holds raw addresses
+        self._launch = wp.launch_tiled(
+            kernel,
+            dim=[tiles],
+            inputs=inputs,
+            block_dim=BLOCK_THREADS,
+            device=device,
+            record_cmd=True,
+        )
+
+    def run(self) -> None:
+        """Execute."""
+        self._launch.launch()
 
 
 @wp.func
@@ -97,7 +106,7 @@ def forward_cooperative_kernel(
 ) -> wp.Kernel:
     """Return the kernel in which a block of threads composites one tile.
 
-    To be run by `launch_cooperative`.
+    To be run by `CooperativeLaunch`.
     """
     alpha_of = cut.alpha
 
@@ -105,26 +114,21 @@ def forward_cooperative_kernel(
         name="forward_cooperative", module="unique", module_options=cooperative_module_options()
     )
     def forward(
-        views: wp.array[ViewParams],  # [1]
-        pitch: int,  # floats from one image row to the next
-        plane: int,  # floats from one channel to the next
-        origin: int,  # index of pixel (0, 0)
-        splats: wp.array2d[float],  # [n, SPLAT_FIELDS]
-        depths: wp.array[float],  # [n]
-        normals: wp.array[wp.vec3],  # [n] in the camera
-        tile_starts: wp.array[int],  # [tiles + 1]
-        tile_splats: wp.array[int],  # [pairs]
+        splats: Splats,
+        pairs: TilePairs,
         background: wp.array[float],  # [3]
         # outputs
-        image: wp.array[float],  # 3 padded planes
-        transmittance: wp.array[float],  # 1 padded plane
-        depth_planes: wp.array[float],  # 2 padded planes: expected and median
-        normal_planes: wp.array[float],  # 3 padded planes
+        drawn: Planes,
         pixel_ends: wp.array[int],  # 1 padded plane: one past the last pair that the pixel drew
     ):
         """Composite one pixel of a tile."""
         tile, lane = wp.tid()
-        view = views[0]
+        view = splats.views[0]
+        # Arrays of a struct by a name of their own: tile functions ask for their rank.
+        all_members = pairs.splats
+        all_records = splats.records
+        all_depths = splats.depths
+        all_normals = splats.normals
         tile_column = tile % view.columns
         tile_row = tile // view.columns
         if tile_row < view.first_row or tile_row >= view.end_row:
@@ -134,8 +138,8 @@ def forward_cooperative_kernel(
         x = tile_column * TILE + lane % TILE
         y = tile_row * TILE + lane // TILE
         inside = x < view.width and y < view.height
-        begin = tile_starts[tile]
-        end = tile_starts[tile + 1]
+        begin = pairs.starts[tile]
+        end = pairs.starts[tile + 1]
         t = float(1.0)
         color = wp.vec3(0.0, 0.0, 0.0)
         depth = float(0.0)
@@ -147,17 +151,21 @@ def forward_cooperative_kernel(
             first = begin + batch * BATCH
             if wp.tile_sum(wp.tile(live))[0] == 0:
                 break
-            members = wp.tile_load(tile_splats, shape=BATCH, offset=first, storage="shared")
+            members = wp.tile_load(all_members, shape=BATCH, offset=first, storage="shared")
             records = wp.tile_load_indexed(
-                splats, indices=members, shape=(BATCH, READ_FIELDS), axis=0, storage="shared"
+                all_records,
+                indices=members,
+                shape=(BATCH, READ_FIELDS),
+                axis=0,
+                storage="shared",
             )
             if wp.static(with_depth):
                 batch_depths = wp.tile_load_indexed(
-                    depths, indices=members, shape=(BATCH,), axis=0, storage="shared"
+                    all_depths, indices=members, shape=(BATCH,), axis=0, storage="shared"
                 )
             if wp.static(with_normals):
                 batch_normals = wp.tile_load_indexed(
-                    normals, indices=members, shape=(BATCH,), axis=0, storage="shared"
+                    all_normals, indices=members, shape=(BATCH,), axis=0, storage="shared"
                 )
             for k in range(wp.min(BATCH, end - first)):
                 if live != 0:
@@ -178,16 +186,16 @@ def forward_cooperative_kernel(
                             normal += weight * batch_normals[k]
                         t = after
         if inside:
-            p = origin + y * pitch + x
+            p = drawn.origin + y * drawn.pitch + x
             for channel in range(3):
-                image[p + channel * plane] = color[channel] + t * background[channel]
-            transmittance[p] = t
+                drawn.image[p + channel * drawn.plane] = color[channel] + t * background[channel]
+            drawn.transmittance[p] = t
             pixel_ends[p] = stop
             if wp.static(with_depth):
-                depth_planes[p] = wp.where(t < 1.0, depth / (1.0 - t), 0.0)
-                depth_planes[p + plane] = median
+                drawn.depth[p] = wp.where(t < 1.0, depth / (1.0 - t), 0.0)
+                drawn.depth[p + drawn.plane] = median
             if wp.static(with_normals):
                 for axis in range(3):
-                    normal_planes[p + axis * plane] = normal[axis]
+                    drawn.normals[p + axis * drawn.plane] = normal[axis]
 
     return forward

@@ -1,6 +1,6 @@
 # type: ignore
 # (device code, which Warp's stubs do not type)
-"""Gradient of the compositing of `digs_warp.splat.rasterize_cooperative`.
+"""Gradient of the compositing of `digs_warp.splat.cooperative`.
 
 The formulas stand in `digs_warp.splat.rasterize`. The threads of a block sum a splat's gradient over their
 pixels in a fixed order, and one of them writes the record of the (tile, splat) pair: no atomic additions, the
@@ -12,8 +12,7 @@ from functools import cache
 import warp as wp
 
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
-from digs_warp.splat.footprint import ViewParams
-from digs_warp.splat.rasterize_cooperative import (
+from digs_warp.splat.cooperative import (
     BATCH,
     BLOCK_THREADS,
     READ_FIELDS,
@@ -22,7 +21,16 @@ from digs_warp.splat.rasterize_cooperative import (
     offset_from_center,
     uncapped_alpha,
 )
-from digs_warp.splat.records import SPLAT_A, SPLAT_B, SPLAT_C, SPLAT_OPACITY, GradientLayout
+from digs_warp.splat.records import (
+    SPLAT_A,
+    SPLAT_B,
+    SPLAT_C,
+    SPLAT_OPACITY,
+    GradientLayout,
+    Planes,
+    Splats,
+    TilePairs,
+)
 from digs_warp.splat.tile import TILE
 
 wp.set_module_options({"enable_backward": False})
@@ -37,7 +45,7 @@ def backward_cooperative_kernel(
     """Return the kernel in which a block of threads writes the gradient records of one tile.
 
     ``with_absolute`` adds the sums of the absolute values of the gradient in u and v (AbsGS). To be run by
-    `launch_cooperative`.
+    `CooperativeLaunch`.
     """
     alpha_of, slope_of = cut.alpha, cut.slope
     layout = GradientLayout.of(with_depth, with_normals, with_absolute)
@@ -47,33 +55,26 @@ def backward_cooperative_kernel(
         name="backward_cooperative", module="unique", module_options=cooperative_module_options()
     )
     def backward(
-        views: wp.array[ViewParams],
-        pitch: int,
-        plane: int,
-        origin: int,
-        splats: wp.array2d[float],
-        depths: wp.array[float],
-        normals: wp.array[wp.vec3],
-        tile_starts: wp.array[int],
-        tile_splats: wp.array[int],
-        image: wp.array[float],
-        transmittance: wp.array[float],
-        depth_planes: wp.array[float],
-        normal_planes: wp.array[float],
+        splats: Splats,
+        pairs: TilePairs,
+        drawn: Planes,
         pixel_ends: wp.array[int],
-        adj_image: wp.array[float],  # 3 padded planes
-        adj_transmittance: wp.array[float],  # 1 padded plane
-        adj_depth: wp.array[float],  # 1 padded plane
-        adj_normals: wp.array[float],  # 3 padded planes
-        tile_pairs: wp.array[int],  # [pairs] where the record of each goes
+        adjoint: Planes,
         # outputs
         pair_gradients: wp.array2d[float],  # [pairs, fields of the layout]
     ):
         """Add the share of one pixel of a tile to the records of its pairs."""
         tile, lane = wp.tid()
-        view = views[0]
-        begin = tile_starts[tile]
-        end = tile_starts[tile + 1]
+        view = splats.views[0]
+        # Arrays of a struct by a name of their own: tile functions ask for their rank.
+        all_members = pairs.splats
+        all_records = splats.records
+        all_depths = splats.depths
+        all_normals = splats.normals
+        if tile // view.columns >= view.rows:
+            return
+        begin = pairs.starts[tile]
+        end = pairs.starts[tile + 1]
         if begin == end:
             return
         x = (tile % view.columns) * TILE + lane % TILE
@@ -84,35 +85,43 @@ def backward_cooperative_kernel(
         v_normal = wp.vec3(0.0, 0.0, 0.0)
         ahead = float(0.0)
         if x < view.width and y < view.height:
-            p = origin + y * pitch + x
+            p = drawn.origin + y * drawn.pitch + x
             pixel_end = pixel_ends[p]
-            v = wp.vec3(adj_image[p], adj_image[p + plane], adj_image[p + 2 * plane])
-            pixel = wp.vec3(image[p], image[p + plane], image[p + 2 * plane])
-            through = transmittance[p]
-            ahead = wp.dot(pixel, v) + through * adj_transmittance[p]
+            v = wp.vec3(
+                adjoint.image[p], adjoint.image[p + drawn.plane], adjoint.image[p + 2 * drawn.plane]
+            )
+            pixel = wp.vec3(
+                drawn.image[p], drawn.image[p + drawn.plane], drawn.image[p + 2 * drawn.plane]
+            )
+            through = drawn.transmittance[p]
+            ahead = wp.dot(pixel, v) + through * adjoint.transmittance[p]
             if wp.static(with_depth):
                 if through < 1.0:
-                    v_depth = adj_depth[p] / (1.0 - through)
-                ahead += depth_planes[p] * v_depth
+                    v_depth = adjoint.depth[p] / (1.0 - through)
+                ahead += drawn.depth[p] * v_depth
             if wp.static(with_normals):
                 for axis in range(3):
-                    v_normal[axis] = adj_normals[p + axis * plane]
-                    ahead += normal_planes[p + axis * plane] * v_normal[axis]
+                    v_normal[axis] = adjoint.normals[p + axis * drawn.plane]
+                    ahead += drawn.normals[p + axis * drawn.plane] * v_normal[axis]
         stop = wp.tile_max(wp.tile(pixel_end))[0]
         t = float(1.0)
         for batch in range((stop - begin + BATCH - 1) // BATCH):
             first = begin + batch * BATCH
-            members = wp.tile_load(tile_splats, shape=BATCH, offset=first, storage="shared")
+            members = wp.tile_load(all_members, shape=BATCH, offset=first, storage="shared")
             records = wp.tile_load_indexed(
-                splats, indices=members, shape=(BATCH, READ_FIELDS), axis=0, storage="shared"
+                all_records,
+                indices=members,
+                shape=(BATCH, READ_FIELDS),
+                axis=0,
+                storage="shared",
             )
             if wp.static(with_depth):
                 batch_depths = wp.tile_load_indexed(
-                    depths, indices=members, shape=(BATCH,), axis=0, storage="shared"
+                    all_depths, indices=members, shape=(BATCH,), axis=0, storage="shared"
                 )
             if wp.static(with_normals):
                 batch_normals = wp.tile_load_indexed(
-                    normals, indices=members, shape=(BATCH,), axis=0, storage="shared"
+                    all_normals, indices=members, shape=(BATCH,), axis=0, storage="shared"
                 )
             for k in range(wp.min(BATCH, stop - first)):
                 share = Record()
@@ -154,11 +163,11 @@ def backward_cooperative_kernel(
                         t = t * (1.0 - alpha)
                 total = wp.tile_sum(wp.tile(share, preserve_type=True))[0]
                 if lane == 0:
-                    to = tile_pairs[first + k]
+                    to = pairs.records[first + k]
                     for field in range(wp.static(layout.fields)):
                         pair_gradients[to, field] = total[field]
         for rest in range(stop + lane, end, _THREADS):
             for unused in range(wp.static(layout.fields)):
-                pair_gradients[tile_pairs[rest], unused] = 0.0
+                pair_gradients[pairs.records[rest], unused] = 0.0
 
     return backward

@@ -1,0 +1,210 @@
+"""The seam of the rasterizer: a backend turns the arrays of a view into launches of kernels.
+
+Two backends draw the same: `VectorizedBackend` on a CPU, a thread per tile in vector code;
+`CooperativeBackend` on CUDA, a block of threads per tile. `backend_for` chooses by the device.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import warp as wp
+
+from digs_warp.device.parallel import ParallelLaunch, default_threads
+from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
+from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.cooperative import CooperativeLaunch, forward_cooperative_kernel
+from digs_warp.splat.cooperative_adjoint import backward_cooperative_kernel
+from digs_warp.splat.group import GROUP_SIZE
+from digs_warp.splat.project import project_kernel
+from digs_warp.splat.project_adjoint import project_backward_kernel
+from digs_warp.splat.project_adjoint_group import project_backward_group_kernel
+from digs_warp.splat.project_group import project_group_kernel
+from digs_warp.splat.rasterize import forward_kernel
+from digs_warp.splat.rasterize_adjoint import backward_kernel
+from digs_warp.splat.records import GradientLayout
+
+
+@dataclass(frozen=True, eq=False)
+class RasterJob:
+    """What the kernels of a renderer read and write; structs are those of `digs_warp.splat.records`.
+
+    Attributes:
+        device: Warp device of all arrays.
+        threads: CPU threads.
+        options: how splats are drawn.
+        layout: of the gradient records.
+        count: number of Gaussians.
+        tiles: of the largest view.
+        degree: bands of the colour.
+        gaussians: parameters, `GaussianArrays`.
+        gradients: of the parameters, `GaussianArrays`.
+        splats: `Splats`.
+        pairs: `TilePairs`.
+        pair_gradients: `PairGradients`.
+        background: colour, (3,).
+        filled: tile columns first .. end and rows first .. end whose empty tiles have to be filled, (4,).
+        drawn: the view, `Planes`.
+        ends: one past the last pair that was drawn, of each tile or pixel: `RasterBackend.ends` of them.
+        adjoint: gradient of the loss in the view, `Planes`.
+        camera_shares: of the Gaussians in the gradient of the camera, (count, CAMERA_FIELDS), or none.
+        statistics: `StatisticsArrays`.
+    """
+
+    device: str
+    threads: int
+    options: RasterOptions
+    layout: GradientLayout
+    count: int
+    tiles: int
+    degree: int
+    gaussians: Any
+    gradients: Any
+    splats: Any
+    pairs: Any
+    pair_gradients: Any
+    background: wp.array
+    filled: wp.array
+    drawn: Any
+    ends: wp.array
+    adjoint: Any
+    camera_shares: wp.array
+    statistics: Any
+
+    def launch(
+        self, kernel: Any, dim: int, inputs: list[Any], even: bool = False
+    ) -> ParallelLaunch:
+        """Record a launch on all threads, see `ParallelLaunch`."""
+        return ParallelLaunch(kernel, dim, inputs, self.device, self.threads, even)
+
+
+class Launch(Protocol):
+    """A recorded launch."""
+
+    def run(self) -> None:
+        """Execute and wait."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class RasterLaunches:
+    """The kernels of a view, in the order in which they run; tiles are listed after the projection."""
+
+    project: Launch
+    forward: Launch
+    backward: Launch
+    project_backward: Launch
+
+
+class RasterBackend(Protocol):
+    """The kernels for one kind of device."""
+
+    @property
+    def counting(self) -> bool:
+        """How `digs_warp.splat.bin_tiles.TileBinner` makes the tile lists."""
+        ...
+
+    @property
+    def skips_empty_tiles(self) -> bool:
+        """Whether empty tiles outside of `RasterJob.filled` keep what they held."""
+        ...
+
+    def threads(self, wanted: int) -> int:
+        """Return how many CPU threads may run; ``wanted`` 0 means all cores."""
+        ...
+
+    def ends(self, tiles: int, pixels: int) -> int:
+        """Return the length of `RasterJob.ends`, for views of so many tiles and padded pixels."""
+        ...
+
+    def record(self, job: RasterJob) -> RasterLaunches:
+        """Record the launches on the arrays of a job."""
+        ...
+
+
+@dataclass(frozen=True)
+class VectorizedBackend:
+    """A thread per tile, and per group of Gaussians, in loops that LLVM turns into vector code."""
+
+    cut: AlphaCut = STEP_CUT
+    counting = True
+    skips_empty_tiles = True
+
+    def threads(self, wanted: int) -> int:
+        """Return ``wanted`` or all cores; results do not depend on it."""
+        return wanted or default_threads()
+
+    def ends(self, tiles: int, pixels: int) -> int:
+        """Return one for each tile."""
+        return tiles
+
+    def record(self, job: RasterJob) -> RasterLaunches:
+        """Record the launches; a rare gradient goes back Gaussian by Gaussian."""
+        groups = -(-job.count // GROUP_SIZE)
+        project = [job.gaussians, job.degree, job.splats]
+        raster = [job.splats, job.pairs, job.background, job.filled, job.drawn, job.ends]
+        adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
+        backward = backward_kernel(job.options, job.layout.absolute >= 0, self.cut)
+        if job.camera_shares.shape[0] > 0 or job.options.has_normals:
+            project_backward = project_backward_each(job)
+        else:
+            pulled = [job.pair_gradients, job.gradients, job.statistics]
+            project_backward = job.launch(
+                project_backward_group_kernel, groups, [*project, *pulled], even=True
+            )
+        return RasterLaunches(
+            job.launch(project_group_kernel, groups, project, even=True),
+            job.launch(forward_kernel(job.options, self.cut), job.tiles, raster),
+            job.launch(backward, job.tiles, [*adjoint, job.pair_gradients.records]),
+            project_backward,
+        )
+
+
+@dataclass(frozen=True)
+class CooperativeBackend:
+    """A block of threads per tile; on a CPU only for tests."""
+
+    cut: AlphaCut = STEP_CUT
+    counting = False
+    skips_empty_tiles = False
+
+    def threads(self, wanted: int) -> int:
+        """Return 1: Warp's blocks on a CPU share their memory."""
+        return 1
+
+    def ends(self, tiles: int, pixels: int) -> int:
+        """Return one for each pixel."""
+        return pixels
+
+    def record(self, job: RasterJob) -> RasterLaunches:
+        """Record the launches."""
+        has_depth, has_normals = job.options.has_depth, job.options.has_normals
+        forward = forward_cooperative_kernel(has_depth, has_normals, self.cut)
+        absolute = job.layout.absolute >= 0
+        backward = backward_cooperative_kernel(has_depth, has_normals, absolute, self.cut)
+        raster = [job.splats, job.pairs, job.background, job.drawn, job.ends]
+        adjoint = [job.splats, job.pairs, job.drawn, job.ends, job.adjoint]
+        return RasterLaunches(
+            project_each(job),
+            CooperativeLaunch(forward, job.tiles, raster, job.device),
+            CooperativeLaunch(
+                backward, job.tiles, [*adjoint, job.pair_gradients.records], job.device
+            ),
+            project_backward_each(job),
+        )
+
+
+def project_each(job: RasterJob) -> ParallelLaunch:
+    """Record the projection with one thread per Gaussian."""
+    return job.launch(project_kernel, job.count, [job.gaussians, job.degree, job.splats], even=True)
+
+
+def project_backward_each(job: RasterJob) -> ParallelLaunch:
+    """Record the gradient of the projection with one thread per Gaussian: all that it can give."""
+    read = [job.gaussians, job.degree, job.splats, job.pair_gradients]
+    written = [job.gradients, job.camera_shares, job.statistics]
+    return job.launch(project_backward_kernel, job.count, [*read, *written], even=True)
+
+
+def backend_for(device: str) -> RasterBackend:
+    """Return the backend that draws on a Warp device."""
+    return VectorizedBackend() if device == "cpu" else CooperativeBackend()
