@@ -1,11 +1,16 @@
-"""Questions to the records of a study: groups, means, spreads."""
+"""Queries on the records of a study: groups, means, tables and curves."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
 
+from digs_warp.study.charts import Curve
+from digs_warp.study.table import Table
+
 Record = Mapping[str, Any]
+Groups = Mapping[tuple[Any, ...], Sequence[Record]]
+Value = Callable[[Record], float | None]
 
 
 @dataclass(frozen=True)
@@ -38,22 +43,96 @@ def group_by(records: Iterable[Record], *labels: str) -> dict[tuple[Any, ...], l
     return groups
 
 
-def spread(records: Sequence[Record], value: Callable[[Record], float | None]) -> Spread | None:
+def spread(records: Sequence[Record], value: Value) -> Spread | None:
     """Return mean and deviation of a value over the records that have it."""
     return Spread.of(v for record in records if (v := value(record)) is not None)
 
 
-def at_iteration(record: Record, iteration: int, metric: str) -> float | None:
-    """Return a metric of the held-out views at an iteration, or None when it was not measured then."""
-    for line in record["course"]:
-        if line["iteration"] == iteration:
-            return line.get(metric)
-    return None
+def number(*path: str, factor: float = 1.0) -> Value:
+    """Return what reads a number from nested records, None where a record does not have it."""
+
+    def value(record: Record) -> float | None:
+        found: Any = record
+        for name in path:
+            found = found.get(name) if found else None
+        return None if found is None else factor * found
+
+    return value
 
 
-def seconds_to_quality(record: Record, psnr: float) -> float | None:
-    """Return the training seconds after which the held-out PSNR [dB] was first measured that high."""
-    return next((line["seconds"] for line in record["course"] if line["psnr"] >= psnr), None)
+def at_iteration(iteration: int, metric: str) -> Value:
+    """Return what reads a metric of the held-out views at an iteration, None where it was not measured."""
+
+    def value(record: Record) -> float | None:
+        lines = (line for line in record["course"] if line["iteration"] == iteration)
+        return next(lines, {}).get(metric)
+
+    return value
+
+
+# PSNR [dB] on views of a perfect camera: the same views for all recordings of an object.
+final_psnr = number("yardstick", "psnr")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers over groups of records.
+
+    Attributes:
+        heading: above it, with the unit.
+        decimals: of its values.
+        value: of a record; None where it was not measured.
+        deviation: "mean ± deviation" instead of the mean alone, which then has thousands separators.
+    """
+
+    heading: str
+    decimals: int
+    value: Value
+    deviation: bool = True
+
+    def text(self, records: Sequence[Record]) -> str:
+        """Return the cell of a group; empty where nothing was measured."""
+        found = spread(records, self.value)
+        if not found:
+            return ""
+        return found.text(self.decimals) if self.deviation else f"{found.mean:,.{self.decimals}f}"
+
+    def difference(self, records: Sequence[Record], others: Sequence[Record]) -> str:
+        """Return by how much the mean of ``records`` is larger; empty where one is not known."""
+        found, usual = spread(records, self.value), spread(others, self.value)
+        return f"{found.mean - usual.mean:+.{self.decimals}f}" if found and usual else ""
+
+
+def tabulate(name: str, labels: Sequence[str], groups: Groups, columns: Sequence[Column]) -> Table:
+    """Return a table with a row per group: its labels, then the columns."""
+    rows = [
+        [
+            *(f"{label:g}" if isinstance(label, float) else str(label) for label in key),
+            *(column.text(records) for column in columns),
+        ]
+        for key, records in groups.items()
+    ]
+    return Table(name, [*labels, *(column.heading for column in columns)], rows)
+
+
+def curve(
+    label: str, points: Mapping[float, Sequence[Record]], value: Value, band: bool = False
+) -> Curve:
+    """Return the means of a value along x; where nothing was measured there is no point.
+
+    Args:
+        label: for the legend.
+        points: records by x.
+        value: of a record.
+        band: also draw the deviation.
+    """
+    means = {x: found for x, records in points.items() if (found := spread(records, value))}
+    return Curve(
+        label,
+        list(means),
+        [found.mean for found in means.values()],
+        spread=[found.deviation for found in means.values()] if band else (),
+    )
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:

@@ -5,19 +5,24 @@ Poses are estimated, as in the paper. With spoilt masks the initialization sees 
 now and then gives it, with true ones what is left for the other filters to do.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
+from digs_warp.study.engine.records import (
+    Column,
+    Record,
+    Value,
+    at_iteration,
+    final_psnr,
+    group_by,
+    number,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.table import Table
-
-Value = Callable[[Record], float | None]
 
 # Smooth and well textured; thin legs, and parts that hide each other.
 FIRST_OBJECTS = ("ycb_mustard_bottle", "armchair")
@@ -81,51 +86,28 @@ def _case(
     )
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A column of the table.
-
-    Attributes:
-        heading: above it.
-        decimals: of its values.
-        value: of a record; None where it was not measured.
-        compared: the difference to the recipe stands beside the value.
-    """
-
-    heading: str
-    decimals: int
-    value: Value
-    compared: bool = True
+# The differences to the recipe stand beside the values of other columns.
+PLAIN = ("points", "scale error [%]")
 
 
-def _course(metric: str, iteration: int) -> Value:
-    return lambda record: at_iteration(record, iteration, metric)
-
-
-def _of_points(name: str, factor: float) -> Value:
-    return lambda record: factor * record["surface"]["points"][name] if record["surface"] else None
-
-
-def _end(record: Record) -> float | None:
-    return record["yardstick"].get("psnr")
-
-
-def _quantities(records: Sequence[Record]) -> list[Quantity]:
+def _columns(records: Sequence[Record]) -> list[Column]:
     """Return the columns; iterations that no record reached have none."""
     reached = _reached(records)
-    return [
-        Quantity("points", 0, lambda record: record["results"]["initial_points"], compared=False),
-        Quantity("Chamfer [mm]", 2, _of_points("chamfer", 1e3)),
-        Quantity("F-score at 5 mm [%]", 1, _of_points("f_score", 1e2)),
-        Quantity("scale error [%]", 3, lambda record: 100 * record["scale_error"], compared=False),
-        *(Quantity(f"PSNR after {i} [dB]", 2, _course("psnr", i)) for i in reached),
-        *(Quantity(f"SSIM after {i}", 4, _course("ssim", i)) for i in reached),
-        Quantity("PSNR, perfect camera [dB]", 2, _end),
+    points = ("surface", "points")
+    columns: list[tuple[str, int, Value]] = [
+        ("points", 0, number("results", "initial_points")),
+        ("Chamfer [mm]", 2, number(*points, "chamfer", factor=1e3)),
+        ("F-score at 5 mm [%]", 1, number(*points, "f_score", factor=1e2)),
+        ("scale error [%]", 3, number("scale_error", factor=1e2)),
+        *((f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr")) for i in reached),
+        *((f"SSIM after {i}", 4, at_iteration(i, "ssim")) for i in reached),
+        ("PSNR, perfect camera [dB]", 2, final_psnr),
     ]
+    return [Column(*column, deviation=False) for column in columns]
 
 
 def _reached(records: Sequence[Record]) -> list[int]:
-    return [i for i in ITERATIONS if any(at_iteration(r, i, "psnr") for r in records)]
+    return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr"), records))]
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -147,10 +129,10 @@ def _of_masks(masks: str, records: Sequence[Record]) -> Section:
         "PSNR and SSIM are those of held-out views, and, at the end, of a perfect camera. "
         f"{_findings(records)}"
     )
-    quantities = _quantities(records)
-    headings = ["object", "variant", *(quantity.heading for quantity in quantities)]
+    columns = _columns(records)
+    headings = ["object", "variant", *(column.heading for column in columns)]
     rows = [
-        [name, variant, *_cells(quantities, group, by_variant.get((RECIPE,), []))]
+        [name, variant, *_cells(columns, group, by_variant.get((RECIPE,), []))]
         for (name,), found in group_by(records, "object").items()
         for by_variant in [group_by(found, "variant")]
         for (variant,), group in by_variant.items()
@@ -160,14 +142,14 @@ def _of_masks(masks: str, records: Sequence[Record]) -> Section:
 
 
 def _cells(
-    quantities: Sequence[Quantity], group: Sequence[Record], recipe: Sequence[Record]
+    columns: Sequence[Column], group: Sequence[Record], recipe: Sequence[Record]
 ) -> list[str]:
     cells = []
-    for quantity in quantities:
-        value, usual = spread(group, quantity.value), spread(recipe, quantity.value)
-        text = f"{value.mean:,.{quantity.decimals}f}" if value else ""
-        if value and usual and quantity.compared and group is not recipe:
-            text += f" ({value.mean - usual.mean:+.{quantity.decimals}f})"
+    for column in columns:
+        text = column.text(group)
+        if column.heading not in PLAIN and group is not recipe:
+            difference = column.difference(group, recipe)
+            text += f" ({difference})" if difference else ""
         cells.append(text)
     return cells
 
@@ -192,8 +174,8 @@ def _findings(records: Sequence[Record]) -> str:
     """Say which variants change more than chance does, and how much chance does."""
     sentences = []
     for when, value in (
-        (f"after {ITERATIONS[0]} steps", _course("psnr", ITERATIONS[0])),
-        ("at the end", _end),
+        (f"after {ITERATIONS[0]} steps", at_iteration(ITERATIONS[0], "psnr")),
+        ("at the end", final_psnr),
     ):
         differences = _differences(records, value)
         chance = fmean(map(abs, differences.pop(AGAIN, [0.0])))
@@ -216,7 +198,7 @@ def _chart(masks: str, records: Sequence[Record]) -> Chart:
     names = [variant for variant in VARIANTS if variant in measured and variant != RECIPE]
     curves = []
     for iteration in _reached(records):
-        found = _differences(records, _course("psnr", iteration))
+        found = _differences(records, at_iteration(iteration, "psnr"))
         known = [(fmean(found[name]), row) for row, name in enumerate(names) if name in found]
         label = f"after {iteration} steps"
         curves.append(Curve(label, [x for x, _ in known], [y for _, y in known], line=False))
@@ -229,9 +211,9 @@ def _weights(records: Sequence[Record]) -> Section:
     """Compare the k-means' weights 1:3 with equal ones and with no k-means."""
     variants = {RECIPE: "1 : 3", "k-means, equal weights": "1 : 1", "no k-means": "no k-means"}
     by_case = group_by(records, "masks", "object", "variant")
-    quantities = _quantities(records)
+    columns = _columns(records)
     rows = [
-        [masks, name, title, *_cells(quantities, group, by_case.get((masks, name, RECIPE), []))]
+        [masks, name, title, *_cells(columns, group, by_case.get((masks, name, RECIPE), []))]
         for (masks, name) in group_by(records, "masks", "object")
         for variant, title in variants.items()
         if (group := by_case.get((masks, name, variant)))
@@ -241,5 +223,5 @@ def _weights(records: Sequence[Record]) -> Section:
         "they enter. Here a pixel is background where it is three times as near to the background's mean "
         "depth as to the foreground's."
     )
-    headings = ["masks", "object", "weights", *(quantity.heading for quantity in quantities)]
+    headings = ["masks", "object", "weights", *(column.heading for column in columns)]
     return Section("The weights of the k-means", text, [Table("weights", headings, rows)])

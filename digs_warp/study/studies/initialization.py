@@ -1,11 +1,21 @@
 """The paper's tables 2 to 4: five initializations, quality along the iterations, time of every stage."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, at_iteration, group_by, spread
+from digs_warp.study.engine.records import (
+    Column,
+    Record,
+    at_iteration,
+    final_psnr,
+    group_by,
+    number,
+    spread,
+    tabulate,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.studies import paper
@@ -102,7 +112,7 @@ def _lead(records: Sequence[Record]) -> Section:
 
 
 def _difference(first: Record, second: Record, iteration: int) -> float | None:
-    a, b = (at_iteration(record, iteration, "psnr") for record in (first, second))
+    a, b = map(at_iteration(iteration, "psnr"), (first, second))
     return None if a is None or b is None else a - b
 
 
@@ -111,13 +121,11 @@ def _signed(value: float | None) -> str:
 
 
 def _quality(records: Sequence[Record]) -> Section:
-    groups = {key[0]: found for key, found in group_by(records, "strategy").items()}
-    reached = _reached(records)
     tables = [
-        Table("psnr", *_compared("psnr", 2, groups, reached, paper.PSNR)),
-        Table("ssim", *_compared("ssim", 4, groups, reached, paper.SSIM)),
+        _compared("psnr", "psnr", 2, records, paper.PSNR),
+        _compared("ssim", "ssim", 4, records, paper.SSIM),
     ]
-    chart = _course_chart("psnr", "Held-out quality along the iterations", groups, reached)
+    chart = _course_chart("psnr", "Held-out quality along the iterations", records)
     text = (
         "Mean and standard deviation over objects and seeds, on held-out views on white. The paper's figures "
         "(its table 2) are from other objects, at 1600 px and over white as well: compare the order and the "
@@ -129,10 +137,8 @@ def _quality(records: Sequence[Record]) -> Section:
 
 
 def _long_runs(records: Sequence[Record]) -> Section:
-    groups = {key[0]: found for key, found in group_by(records, "strategy").items()}
-    reached = _reached(records)
-    table = Table("psnr_long", *_compared("psnr", 2, groups, reached, paper.PSNR))
-    chart = _course_chart("psnr_long", "Held-out quality along a long run", groups, reached)
+    table = _compared("psnr_long", "psnr", 2, records, paper.PSNR)
+    chart = _course_chart("psnr_long", "Held-out quality along a long run", records)
     text = (
         "As long as the paper's runs, on one object. The learning rates fall along the whole run, so its "
         "first thousand steps are not those of a short run."
@@ -141,56 +147,47 @@ def _long_runs(records: Sequence[Record]) -> Section:
 
 
 def _reached(records: Sequence[Record]) -> list[int]:
-    return [i for i in ITERATIONS if any(at_iteration(r, i, "psnr") for r in records)]
+    return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr"), records))]
 
 
 def _compared(
+    name: str,
     metric: str,
     decimals: int,
-    groups: Mapping[Any, list[Record]],
-    reached: Sequence[int],
+    records: Sequence[Record],
     published: Mapping[str, Mapping[int, float]],
-) -> tuple[list[str], list[list[str]]]:
-    """Return headings, and a row per strategy with the paper's under it."""
+) -> Table:
+    """Return a metric along the iterations: a row per strategy, and the paper's below it."""
+    reached = _reached(records)
+    columns = [Column(str(i), decimals, at_iteration(i, metric)) for i in reached]
     rows = []
-    for strategy, found in groups.items():
-        values = [spread(found, lambda r, i=i: at_iteration(r, i, metric)) for i in reached]
-        rows.append([strategy, *(v.text(decimals) if v else "" for v in values)])
+    for (strategy,), found in group_by(records, "strategy").items():
         figures = published.get(strategy, {})
+        rows.append([strategy, *(column.text(found) for column in columns)])
         row = [f"{figures[i]:.{decimals}f}" if i in figures else "" for i in reached]
         rows.append([f"{strategy}, paper", *row])
-    return [f"{metric.upper()} after", *map(str, reached)], rows
+    return Table(name, [f"{metric.upper()} after", *map(str, reached)], rows)
 
 
-def _course_chart(
-    name: str, title: str, groups: Mapping[Any, list[Record]], reached: Sequence[int]
-) -> Chart:
+def _course_chart(name: str, title: str, records: Sequence[Record]) -> Chart:
     curves = []
-    for strategy, found in groups.items():
-        values = [spread(found, lambda r, i=i: at_iteration(r, i, "psnr")) for i in reached]
-        points = [(i, v) for i, v in zip(reached, values, strict=True) if v]
-        xs, ys = [i for i, _ in points], [v.mean for _, v in points]
-        curves.append(Curve(strategy, xs, ys, spread=[v.deviation for _, v in points]))
+    for (strategy,), found in group_by(records, "strategy").items():
+        column = [(i, spread(found, at_iteration(i, "psnr"))) for i in _reached(records)]
+        known = [(i, value) for i, value in column if value]
+        means, deviations = [v.mean for _, v in known], [v.deviation for _, v in known]
+        curves.append(Curve(strategy, [i for i, _ in known], means, spread=deviations))
     return Chart(name, title, curves, "iterations", "PSNR [dB]", log_x=True)
 
 
 def _end(records: Sequence[Record]) -> Section:
-    names = {
-        "psnr": ("PSNR [dB]", 1, 2),
-        "psnr_masked": ("PSNR in the mask [dB]", 1, 2),
-        "ssim": ("SSIM", 1, 4),
-        "flip": ("FLIP", 1, 4),
-        "depth_mae": ("depth error [mm]", 1e3, 2),
-        "depth_seen": ("covered [%]", 100, 1),
-    }
-    rows = []
-    for (strategy,), found in group_by(records, "strategy").items():
-        row = [strategy]
-        for name, (_, factor, decimals) in names.items():
-            value = spread(found, lambda r, n=name, f=factor: _scaled(r["yardstick"].get(n), f))
-            row.append(value.text(decimals) if value else "")
-        rows.append(row)
-    headings = ["strategy", *(heading for heading, _, _ in names.values())]
+    columns = [
+        Column("PSNR [dB]", 2, final_psnr),
+        Column("PSNR in the mask [dB]", 2, number("yardstick", "psnr_masked")),
+        Column("SSIM", 4, number("yardstick", "ssim")),
+        Column("FLIP", 4, number("yardstick", "flip")),
+        Column("depth error [mm]", 2, number("yardstick", "depth_mae", factor=1e3)),
+        Column("covered [%]", 1, number("yardstick", "depth_seen", factor=100)),
+    ]
     text = (
         "The end of the runs, on views of a perfect camera on a walk that no recording took: sharp images "
         "and true depth. FLIP stands for the paper's LPIPS: a perceptual difference as well, 0 is none; it "
@@ -198,61 +195,47 @@ def _end(records: Sequence[Record]) -> Section:
         "absolute difference over the object's pixels that they cover by half. Poses are estimated: an error "
         "of a few mm is that of the alignment with the recording's world."
     )
-    return Section("At the end", text, [Table("end", headings, rows)])
-
-
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else factor * value
+    table = tabulate("end", ("strategy",), group_by(records, "strategy"), columns)
+    return Section("At the end", text, [table])
 
 
 def _geometry(records: Sequence[Record]) -> Section:
-    names = {"chamfer": ("Chamfer [mm]", 1e3, 1), "accuracy_median": ("median [mm]", 1e3, 1)}
-    names |= {"recall": ("coverage at 5 mm [%]", 100, 1), "spacing_ratio": ("spacing ratio", 1, 2)}
-    rows = []
-    for (strategy,), found in group_by(records, "strategy").items():
-        row = [strategy, _count(found, "initial_points"), _count(found, "gaussians")]
-        for what in ("points", "gaussians"):
-            for name, (_, factor, decimals) in names.items():
-                value = spread(
-                    found,
-                    lambda r, w=what, n=name, f=factor: _scaled(r["surface"].get(w, {}).get(n), f),
-                )
-                row.append(value.text(decimals) if value else "")
-        rows.append(row)
-    headings = ["strategy", "points", "Gaussians"]
-    for what in ("points", "centres"):
-        headings += [f"{what}: {heading}" for heading, _, _ in names.values()]
+    columns = [
+        Column("points", 0, number("results", "initial_points"), deviation=False),
+        Column("Gaussians", 0, number("results", "gaussians"), deviation=False),
+    ]
+    for heading, key in (("points", "points"), ("centres", "gaussians")):
+        of = partial(number, "surface", key)
+        columns += [
+            Column(f"{heading}: Chamfer [mm]", 1, of("chamfer", factor=1e3)),
+            Column(f"{heading}: median [mm]", 1, of("accuracy_median", factor=1e3)),
+            Column(f"{heading}: coverage at 5 mm [%]", 1, of("recall", factor=100)),
+            Column(f"{heading}: spacing ratio", 2, of("spacing_ratio")),
+        ]
     text = (
         "How far points and centres of the Gaussians lie from the true surface, which share of it has one "
         "within 5 mm, and how evenly they lie: what the paper's figure 7 shows, in numbers. Spacing ratio: "
         "upper over lower quartile of the distance to the eighth nearest point, over the surface; 1.28 is "
         "random and even, more is clustered. Parts that no camera saw count as missing."
     )
-    return Section("Geometry", text, [Table("geometry", headings, rows)])
+    table = tabulate("geometry", ("strategy",), group_by(records, "strategy"), columns)
+    return Section("Geometry", text, [table])
 
 
 def _times(records: Sequence[Record]) -> Section:
+    columns = [Column(f"{stage} [s]", 1, number("seconds", stage)) for stage in STAGES]
     rows = []
     for (strategy,), found in group_by(records, "strategy").items():
-        row = [strategy]
-        for stage in STAGES:
-            value = spread(found, lambda r, s=stage: r["seconds"].get(s))
-            row.append(value.text(1) if value else "")
-        rows.append(row)
+        rows.append([strategy, *(column.text(found) for column in columns)])
         published = [
             *(paper.PROCESSING_SECONDS, "", paper.INITIALIZATION_SECONDS[strategy]),
             f"{paper.SECONDS_TO_1000[strategy]} (1000 iterations)",
         ]
         rows.append([f"{strategy}, paper", *map(str, published)])
-    headings = ["strategy", *(f"{stage} [s]" for stage in STAGES)]
+    headings = ["strategy", *(column.heading for column in columns)]
     text = (
         "Seconds of each stage, as in the paper's table 4 (200 images of 1600 px, a GPU). Compiling kernels "
         "is not counted; structure from motion is done once for each recording. Its column also holds the "
         "paper's masks; here they are part of the recording."
     )
     return Section("Times", text, [Table("times", headings, rows)])
-
-
-def _count(records: Sequence[Record], name: str) -> str:
-    value = spread(records, lambda r: r["results"].get(name))
-    return f"{value.mean:,.0f}" if value else ""

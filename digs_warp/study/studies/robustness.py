@@ -3,9 +3,21 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from digs_warp.study.charts import Chart, Curve
+from digs_warp.study.charts import Chart
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, Spread, at_iteration, group_by, spread
+from digs_warp.study.engine.records import (
+    Column,
+    Groups,
+    Record,
+    Spread,
+    at_iteration,
+    curve,
+    final_psnr,
+    group_by,
+    number,
+    spread,
+    tabulate,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.table import Table
@@ -68,21 +80,30 @@ def sections(records: Sequence[Record]) -> list[Section]:
     return [section for section in found if any(table.rows for table in section.tables)]
 
 
-Groups = Mapping[tuple[Any, ...], list[Record]]
+COLUMNS = (
+    Column("scale error [%]", 3, number("scale_error", factor=100)),
+    Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
+    *(Column(f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr")) for i in ITERATIONS),
+    Column("PSNR at the end [dB]", 2, final_psnr),
+)
 
 
 def _strategies(groups: Groups) -> Section:
-    rows = []
-    curves = []
-    for strategy in STRATEGIES:
-        points = []
-        for effect, strength in ((NONE, 0.0), *((ALL, s) for s in sorted(STRENGTHS))):
-            found = groups.get((effect, strength, strategy))
-            if found:
-                rows.append([strategy, f"{strength:g}", *_texts(found)])
-                quality = spread(found, _final_psnr)
-                points += [(strength, quality.mean)] if quality else []
-        curves.append(Curve(strategy, [x for x, _ in points], [y for _, y in points]))
+    settings = ((NONE, 0.0), *((ALL, strength) for strength in sorted(STRENGTHS)))
+    rows = {
+        (strategy, strength): groups[effect, strength, strategy]
+        for strategy in STRATEGIES
+        for effect, strength in settings
+        if (effect, strength, strategy) in groups
+    }
+    curves = [
+        curve(
+            strategy,
+            {x: found for (name, x), found in rows.items() if name == strategy},
+            final_psnr,
+        )
+        for strategy in STRATEGIES
+    ]
     chart = Chart(
         *("strategies", "All effects together, by strategy", curves),
         *("strength of the effects (1: a real camera)", "PSNR on views of a perfect camera [dB]"),
@@ -91,18 +112,19 @@ def _strategies(groups: Groups) -> Section:
         "Every effect at once at 0, 1, 2 and 4 times its real strength. Default and Random do not start from "
         "depth: what they lose is what the photographs have lost (blur, grain, vignetting)."
     )
-    headings = ["strategy", "strength", *_headings()]
-    return Section("All effects together", text, [Table("strategies", headings, rows)], [chart])
+    table = tabulate("strategies", ("strategy", "strength"), rows, COLUMNS)
+    return Section("All effects together", text, [table], [chart])
 
 
 def _effects(groups: Groups) -> Section:
-    rows = []
-    for effect in _by_harm(groups):
-        for strength in sorted(STRENGTHS):
-            if found := groups.get((effect, strength, MAIN)):
-                rows.append([effect, f"{strength:g}", *_texts(found)])
+    rows = {
+        (effect, strength): groups[effect, strength, MAIN]
+        for effect in _by_harm(groups)
+        for strength in sorted(STRENGTHS)
+        if (effect, strength, MAIN) in groups
+    }
     if clean := groups.get((NONE, 0.0, MAIN)):
-        rows.append([NONE, "0", *_texts(clean)])
+        rows[NONE, 0.0] = clean
     worst = _by_harm(groups)[:3]
     text = f"Each effect alone, with {MAIN}; the most harmful first."
     if worst:
@@ -112,29 +134,25 @@ def _effects(groups: Groups) -> Section:
             f" Found nothing to work on here (clear or mirroring material, fast motion, a rig out "
             f"of adjustment), and changed nothing: {', '.join(idle)}."
         )
-    table = Table("effects", ["effect", "strength", *_headings()], rows)
+    table = tabulate("effects", ("effect", "strength"), rows, COLUMNS)
     return Section("Each effect alone", text, [table], [_chart(groups)] if rows else [])
 
 
 def _stages(groups: Groups) -> Section:
     """Say which stage an effect at the largest strength hurts: scale, points, early or late training."""
     clean = groups.get((NONE, 0.0, MAIN))
-    rows = []
-    if clean:
-        usual = _values(clean)
-        for effect in _by_harm(groups):
-            if found := groups.get((effect, max(STRENGTHS), MAIN)):
-                changes = [
-                    "" if a is None or b is None else f"{a.mean - b.mean:+.{decimals}f}"
-                    for a, b, decimals in zip(_values(found), usual, DECIMALS, strict=True)
-                ]
-                rows.append([effect, *changes])
+    rows = [
+        [effect, *(column.difference(found, clean) for column in COLUMNS)]
+        for effect in _by_harm(groups)
+        if clean and (found := groups.get((effect, max(STRENGTHS), MAIN)))
+    ]
     text = (
         f"What {max(STRENGTHS):g} times the real strength changes, against no effect at all. Scale error "
         "and Chamfer distance: harm before the training. PSNR after 100 steps: what the start has lost. PSNR "
         "at the end: what training could not make up for."
     )
-    return Section("Which stage is hurt", text, [Table("stages", ["effect", *_headings()], rows)])
+    headings = ["effect", *(column.heading for column in COLUMNS)]
+    return Section("Which stage is hurt", text, [Table("stages", headings, rows)])
 
 
 def _by_harm(groups: Groups) -> list[str]:
@@ -142,7 +160,7 @@ def _by_harm(groups: Groups) -> list[str]:
     idle = _idle(groups)
     strongest: dict[str, tuple[float, float]] = {}
     for (effect, strength, strategy), found in groups.items():
-        quality = spread(found, _final_psnr)
+        quality = spread(found, final_psnr)
         if effect in (ALL, NONE, *idle) or strategy != MAIN or not quality:
             continue
         strongest[effect] = max(strongest.get(effect, (0.0, 0.0)), (strength, quality.mean))
@@ -161,46 +179,16 @@ def _idle(groups: Groups) -> list[str]:
     return [effect for effect, any_change in changed.items() if not any_change]
 
 
+def _values(group: Sequence[Record]) -> list[Spread | None]:
+    return [spread(group, column.value) for column in COLUMNS]
+
+
 def _chart(groups: Groups) -> Chart:
     curves = []
-    clean = groups.get((NONE, 0.0, MAIN), [])
     for effect in _by_harm(groups)[:6]:
-        values = [(0.0, spread(clean, _final_psnr))]
-        values += [(s, spread(groups.get((effect, s, MAIN), []), _final_psnr)) for s in STRENGTHS]
-        known = sorted((strength, value.mean) for strength, value in values if value)
-        curves.append(Curve(effect, [x for x, _ in known], [y for _, y in known]))
+        points = {0.0: groups.get((NONE, 0.0, MAIN), [])}
+        points |= {s: groups.get((effect, s, MAIN), []) for s in sorted(STRENGTHS)}
+        curves.append(curve(effect, points, final_psnr))
     title = "The six most harmful effects"
     labels = ("strength (1: a real camera)", "PSNR on views of a perfect camera [dB]")
     return Chart("effects", title, curves, *labels)
-
-
-DECIMALS = (3, 2, *(2 for _ in ITERATIONS), 2)
-
-
-def _headings() -> list[str]:
-    return [
-        *("scale error [%]", "points: Chamfer [mm]"),
-        *(f"PSNR after {i} [dB]" for i in ITERATIONS),
-        "PSNR at the end [dB]",
-    ]
-
-
-def _values(group: Sequence[Record]) -> list[Spread | None]:
-    """Return the values of a row, in the order of the headings."""
-    return [
-        spread(group, lambda r: 100 * r["scale_error"]),
-        spread(group, lambda r: 1e3 * r["surface"]["points"]["chamfer"] if r["surface"] else None),
-        *(spread(group, lambda r, i=i: at_iteration(r, i, "psnr")) for i in ITERATIONS),
-        spread(group, _final_psnr),
-    ]
-
-
-def _texts(group: Sequence[Record]) -> list[str]:
-    return [
-        value.text(decimals) if value else ""
-        for value, decimals in zip(_values(group), DECIMALS, strict=True)
-    ]
-
-
-def _final_psnr(record: Record) -> float | None:
-    return record["yardstick"].get("psnr")

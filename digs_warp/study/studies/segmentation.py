@@ -2,12 +2,19 @@
 
 from collections.abc import Sequence
 
-from digs_warp.study.charts import Chart, Curve
+from digs_warp.study.charts import Chart
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, group_by, spread
+from digs_warp.study.engine.records import (
+    Column,
+    Record,
+    curve,
+    final_psnr,
+    group_by,
+    number,
+    tabulate,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
-from digs_warp.study.table import Table
 
 ERRORS = (0.0, 1.0, 2.0, 4.0)
 STRATEGIES = ("highdepth", "fusion", "default")
@@ -34,27 +41,18 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> lis
 
 def sections(records: Sequence[Record]) -> list[Section]:
     """Return quality and geometry by how wrong the masks are."""
-    rows = []
-    curves = []
-    for (strategy,), found in group_by(records, "strategy").items():
-        points = []
-        for (error,), group in group_by(found, "mask error").items():
-            quality = spread(group, lambda r: r["yardstick"].get("psnr"))
-            masked = spread(group, lambda r: r["yardstick"].get("psnr_masked"))
-            chamfer = spread(
-                group, lambda r: 1e3 * r["surface"]["points"]["chamfer"] if r["surface"] else None
-            )
-            texts = [value.text(2) if value else "" for value in (quality, masked, chamfer)]
-            rows.append([strategy, f"{error:g}", *texts])
-            if quality:
-                points.append((error, quality.mean))
-        curves.append(Curve(strategy, [x for x, _ in points], [y for _, y in points]))
-    headings = [
-        "strategy",
-        "mask error",
-        "PSNR [dB]",
-        "PSNR in the mask [dB]",
-        "points: Chamfer [mm]",
+    columns = [
+        Column("PSNR [dB]", 2, final_psnr),
+        Column("PSNR in the mask [dB]", 2, number("yardstick", "psnr_masked")),
+        Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
+    ]
+    labels = ("strategy", "mask error")
+    groups = group_by(records, *labels)
+    by_strategy = dict.fromkeys(strategy for strategy, _ in groups)
+    rows = {key: groups[key] for s in by_strategy for key in groups if key[0] == s}
+    curves = [
+        curve(s, {error: found for (name, error), found in rows.items() if name == s}, final_psnr)
+        for s in by_strategy
     ]
     text = (
         "Training masks are spoiled, the views that measure are not. What a mask lets in beside the object "
@@ -64,4 +62,5 @@ def sections(records: Sequence[Record]) -> list[Section]:
         *("segmentation", "What wrong masks cost", curves),
         *("mask error", "PSNR on views of a perfect camera [dB]"),
     )
-    return [Section("Wrong masks", text, [Table("segmentation", headings, rows)], [chart])]
+    table = tabulate("segmentation", labels, rows, columns)
+    return [Section("Wrong masks", text, [table], [chart])]

@@ -6,7 +6,13 @@ from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, Spread, group_by, pareto_front
+from digs_warp.study.engine.records import (
+    Record,
+    Spread,
+    final_psnr,
+    group_by,
+    pareto_front,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.studies.finishes import finish_sections
@@ -116,11 +122,6 @@ def total_seconds(record: Record) -> float:
     return reconstruction + sum(record["recording_seconds"].get(name, 0.0) for name in waited)
 
 
-def yardstick_psnr(record: Record) -> float | None:
-    """Return the PSNR [dB] on views of a perfect camera, the same for all recordings of an object."""
-    return record["yardstick"].get("psnr")
-
-
 @dataclass(frozen=True)
 class Best:
     """The best setting within a time.
@@ -190,7 +191,7 @@ def _subject(record: Record) -> tuple[Any, Any]:
 
 
 def _numbers(record: Record) -> tuple[float, float] | None:
-    quality = yardstick_psnr(record)
+    quality = final_psnr(record)
     return None if quality is None else (total_seconds(record), quality)
 
 

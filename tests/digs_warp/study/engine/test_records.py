@@ -5,12 +5,15 @@ from typing import Any
 import pytest
 
 from digs_warp.study.engine.records import (
+    Column,
     Spread,
     at_iteration,
+    curve,
     group_by,
+    number,
     pareto_front,
-    seconds_to_quality,
     spread,
+    tabulate,
 )
 
 
@@ -45,10 +48,30 @@ def test_mean_and_deviation() -> None:
 
 
 def test_values_along_the_course() -> None:
-    assert at_iteration(RECORDS[0], 100, "psnr") == 25.0
-    assert at_iteration(RECORDS[0], 500, "psnr") is None
-    assert seconds_to_quality(RECORDS[0], 26.0) == 6.0
-    assert seconds_to_quality(RECORDS[0], 40.0) is None
+    assert at_iteration(100, "psnr")(RECORDS[0]) == 25.0
+    assert at_iteration(500, "psnr")(RECORDS[0]) is None
+
+
+def test_a_number_that_was_not_measured_is_none() -> None:
+    assert number("metrics", "psnr", factor=10)(RECORDS[0]) == 300.0
+    assert number("metrics", "ssim")(RECORDS[0]) is None
+    assert number("surface", "points", "chamfer")({"surface": {}}) is None
+
+
+def test_a_table_has_a_row_per_group_and_blanks_where_nothing_was_measured() -> None:
+    columns = [Column("PSNR", 1, number("metrics", "psnr"), deviation=False)]
+    columns.append(Column("SSIM", 2, number("metrics", "ssim")))
+    table = tabulate("end", ("strategy", "seed"), group_by(RECORDS, "strategy", "seed"), columns)
+    assert table.headings == ["strategy", "seed", "PSNR", "SSIM"]
+    assert table.rows[1] == ["depth", "1", "32.0", ""]
+    assert columns[0].difference(RECORDS[1:2], RECORDS[:1]) == "+2.0"
+    assert columns[1].difference(RECORDS[1:2], RECORDS[:1]) == ""
+
+
+def test_a_curve_leaves_out_points_that_were_not_measured() -> None:
+    found = curve("depth", {0.0: RECORDS[:2], 1.0: []}, number("metrics", "psnr"), band=True)
+    assert (found.x, found.y) == ([0.0], [31.0])
+    assert found.spread == pytest.approx([2**0.5])
 
 
 def test_the_front_holds_what_nothing_beats() -> None:
