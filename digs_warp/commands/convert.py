@@ -89,7 +89,7 @@ class Convert:
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
     """Export under a temporary name, then rename: the folder is complete or not there."""
     from digs_warp.data.capture import read_capture
-    from digs_warp.interchange.export import export_capture
+    from digs_warp.interchange.captures.formats import export_capture
 
     folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source]).resolve()
     capture = read_capture(source)
@@ -108,8 +108,8 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
 
 def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: bool) -> str:
     """Write the capture of a recording; its index comes last, so a capture that opens is complete."""
-    from digs_warp.interchange.recordings.read import read_recording
-    from digs_warp.interchange.recordings.recording import write_capture
+    from digs_warp.interchange.captures.formats import read_recording
+    from digs_warp.interchange.captures.to_capture import write_capture
 
     recording = read_recording(source, form)
     folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source])

@@ -1,1 +1,1 @@
-"""Captures in other programs' formats; nerfstudio reads the capture folder as it is."""
+"""Other programs' formats: captures and files of splats."""

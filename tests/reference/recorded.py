@@ -8,8 +8,8 @@ from digs_warp.camera import Intrinsics, pixel_centers
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.geometry import look_at
-from digs_warp.interchange.recordings.read import read_recording
-from digs_warp.interchange.recordings.recording import write_capture
+from digs_warp.interchange.captures.formats import read_recording
+from digs_warp.interchange.captures.to_capture import write_capture
 
 WIDTH, HEIGHT = 21, 14
 # Nothing is symmetric: a swapped axis, a half pixel or a transposed matrix shows.

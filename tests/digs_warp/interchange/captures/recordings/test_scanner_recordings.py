@@ -11,7 +11,7 @@ import pytest
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image, write_image
 from digs_warp.geometry import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
-from digs_warp.interchange.recordings.recording import load_depth
+from digs_warp.interchange.captures.to_capture import load_depth
 from digs_warp.record.files import to_json
 from reference.recorded import HEIGHT, WIDTH, check_same, converted
 

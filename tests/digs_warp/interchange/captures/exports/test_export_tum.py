@@ -9,7 +9,7 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image
 from digs_warp.geometry import matrix_from_quat_xyzw, rigid
-from digs_warp.interchange.export import export_capture
+from digs_warp.interchange.captures.formats import export_capture
 from reference.exported import (
     exported,
     points_as_integer_centered,

@@ -13,8 +13,8 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import encode_jpeg, read_image
 from digs_warp.data.layers import Layer
-from digs_warp.interchange.common import encode_depth
-from digs_warp.interchange.export import EXPORTERS, export_capture
+from digs_warp.interchange.captures.formats import EXPORTERS, export_capture
+from digs_warp.interchange.captures.frames import encode_depth
 from digs_warp.record.files import read_json
 from reference.exported import exported, with_last_frame, zoomed
 from reference.recorded import CAMERA, HEIGHT, WIDTH

@@ -1,7 +1,8 @@
 """Find and read the small files of a recording: every message names the file and what it should hold."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,11 +15,27 @@ from digs_warp.data.images import read_image
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
+@contextmanager
+def expecting(where: str, what: str) -> Iterator[None]:
+    """Raise a `CaptureError` when the block finds missing keys or wrong values in a file.
+
+    Args:
+        where: the file.
+        what: what it should hold.
+    """
+    try:
+        yield
+    except CaptureError:
+        raise
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise CaptureError(f"{where}: expected {what} ({error!r})") from None
+
+
 def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
-    """Return the numbers of a text file, separated by blanks or commas, lines with # left out.
+    """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #.
 
     Raises:
-        CaptureError: missing, no numbers, or another count than ``shape`` has.
+        CaptureError: missing, no numbers, or a count that does not fit ``shape``.
     """
     if not path.is_file():
         raise CaptureError(f"{what} '{path}': no such file")
@@ -26,27 +43,19 @@ def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
     words = re.split(
         r"[\s,]+", " ".join(line for line in lines if not line.startswith("#")).strip()
     )
-    try:
+    with expecting(f"{what} '{path}'", f"{shape} numbers"):
         return np.array([float(word) for word in words if word]).reshape(shape)
-    except ValueError as error:
-        raise CaptureError(f"{what} '{path}': expected {shape} numbers ({error})") from None
 
 
-def numbered_files(folder: Path, suffixes: Sequence[str], prefix: str = "") -> dict[int, Path]:
-    """Return the files PREFIX + NUMBER + SUFFIX of a folder by number, in that order."""
+def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[int, Path]:
+    """Return the files START + NUMBER + SUFFIX below a folder by number, ascending; START may have a /."""
+    prefix = start.rpartition("/")[2]
     found = {}
-    for path in folder.glob(f"{prefix}*"):
+    for path in folder.glob(f"{start}*"):
         digits = path.stem.removeprefix(prefix)
         if path.suffix.lower() in suffixes and digits.isdecimal():
             found[int(digits)] = path
     return dict(sorted(found.items()))
-
-
-def require_files(folder: Path, found: dict[int, Path], what: str) -> dict[int, Path]:
-    """Return ``found``, or raise when it is empty."""
-    if not found:
-        raise CaptureError(f"recording '{folder}': no {what}; is this the right --from?")
-    return found
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -55,17 +64,14 @@ def image_size(path: Path) -> tuple[int, int]:
     return width, height
 
 
-def intrinsics_of_matrix(
-    matrix: np.ndarray, size: tuple[int, int], integer_centers: bool
-) -> Intrinsics:
-    """Return the camera of a matrix K (3, 3) or larger.
+def integer_centered_camera(matrix: np.ndarray, size: tuple[int, int]) -> Intrinsics:
+    """Return the camera of a matrix that counts the centre of the first pixel as (0, 0).
 
     Args:
-        matrix: [[fx, 0, cx], [0, fy, cy], ...].
+        matrix: K, [[fx, 0, cx], [0, fy, cy], ...], (3, 3) or larger.
         size: (width, height).
-        integer_centers: whether the first pixel's centre is (0, 0) in the file, not (0.5, 0.5).
     """
     k = Intrinsics(
         *size, float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
     )
-    return replace(k, cx=k.cx + 0.5, cy=k.cy + 0.5) if integer_centers else k
+    return replace(k, cx=k.cx + 0.5, cy=k.cy + 0.5)

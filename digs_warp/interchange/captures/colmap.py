@@ -22,7 +22,7 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry import quat_xyzw_from_matrix
-from digs_warp.interchange.common import copy_image, for_each_frame, object_mask
+from digs_warp.interchange.captures.frames import copy_image, for_each_frame, object_mask
 from digs_warp.record.files import write_atomically
 
 SPARSE = "sparse/0"
@@ -72,7 +72,7 @@ def _write(
             write_image(folder / "masks" / f"{names[number]}.png", mask)
         return _thinned_points(frame, per_frame)
 
-    clouds = for_each_frame(capture, "Writing COLMAP", write_frame)
+    clouds = for_each_frame(capture.frames, "Writing COLMAP", write_frame)
     points = PointCloud(
         np.concatenate([cloud.points_world for cloud in clouds]),
         np.concatenate([cloud.colors for cloud in clouds]),

@@ -1,8 +1,8 @@
-"""What every export needs: 16-bit depth, pixel centres at integers, one camera, files of a frame."""
+"""What readers and writers share: work on several frames at once, 16-bit depth, integer pixel centres."""
 
 import logging
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -21,30 +21,31 @@ logger = logging.getLogger(__name__)
 
 LARGEST_UINT16 = 65535
 
-# Mask values above this are object where a format knows only yes and no.
+# Mask values above this are object in formats that only know yes and no.
 OBJECT_THRESHOLD = 127
 
 # Reading and writing images leaves the interpreter lock; more threads only cost memory.
 WORKERS = 4
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 def for_each_frame(
-    capture: Capture, label: str, work: Callable[[int, Frame], Result]
+    frames: Sequence[Item], label: str, work: Callable[[int, Item], Result]
 ) -> list[Result]:
-    """Return ``work(number, frame)`` of all frames, in order; several run at the same time."""
+    """Return ``work(number, frame)`` for all frames, in order; several run at the same time."""
     results = []
-    with ThreadPoolExecutor(WORKERS, thread_name_prefix="export") as pool:
-        with progress(len(capture), label, "frame") as bar:
-            for result in pool.map(work, range(len(capture)), capture.frames):
+    with ThreadPoolExecutor(WORKERS, thread_name_prefix="frames") as pool:
+        with progress(len(frames), label, "frame") as bar:
+            for result in pool.map(work, range(len(frames)), frames):
                 results.append(result)
                 bar.update()
     return results
 
 
 def copy_image(frame: Frame, path: Path) -> None:
-    """Put the left image at ``path``, a PNG: the file itself where it is one already."""
+    """Write the left image to ``path``, a PNG; an image that is a PNG already is copied."""
     source = frame.layers.get(Layer.IMAGE)
     if isinstance(source, Path) and source.suffix.lower() == ".png":
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -54,16 +55,16 @@ def copy_image(frame: Frame, path: Path) -> None:
 
 
 def object_mask(frame: Frame) -> np.ndarray:
-    """Return the mask as yes and no, shape (height, width), bool."""
+    """Return whether each pixel is object, shape (height, width), bool."""
     return frame.load_mask() > OBJECT_THRESHOLD
 
 
 def encode_depth(depth: np.ndarray, units_per_metre: float) -> tuple[np.ndarray, int]:
-    """Return depth as 16-bit numbers, 0 where unknown, and how many pixels lie too far for them.
+    """Return depth as 16-bit numbers, 0 where unknown, and how many pixels are too far away for them.
 
     Args:
         depth: planar depth [m], shape (height, width), NaN where unknown.
-        units_per_metre: what the number of a pixel one metre away is; above 0.
+        units_per_metre: the number of a pixel one metre away; above 0.
     """
     units = np.round(np.nan_to_num(depth.astype(np.float64), nan=0.0) * units_per_metre)
     too_far = units > LARGEST_UINT16
@@ -75,7 +76,7 @@ def warn_of_lost_depth(lost: int, units_per_metre: float, form: str) -> None:
     if lost:
         farthest = LARGEST_UINT16 / units_per_metre
         logger.warning(
-            "%s holds depth up to %.2f m: %d pixels beyond are written as unknown",
+            "%s holds depth up to %.2f m: %d pixels further away are written as unknown",
             *(form, farthest, lost),
         )
 
@@ -99,24 +100,24 @@ def write_colors_and_depths(
         write_image(depth_path, depth)
         return lost
 
-    lost = sum(for_each_frame(capture, f"Writing {form}", write_frame))
+    lost = sum(for_each_frame(capture.frames, f"Writing {form}", write_frame))
     warn_of_lost_depth(lost, units_per_metre, form)
 
 
 def integer_centered(intrinsics: Intrinsics) -> Intrinsics:
     """Return the camera with the centre of the first pixel at (0, 0) instead of (0.5, 0.5).
 
-    So do OpenCV, Open3D, the TUM tools and BOP count: they back-project column 0 with u = 0.
+    This is how OpenCV, Open3D, the TUM tools and BOP count: they back-project column 0 with u = 0.
     """
     return replace(intrinsics, cx=intrinsics.cx - 0.5, cy=intrinsics.cy - 0.5)
 
 
 def the_one_camera(capture: Capture, form: str) -> Intrinsics:
-    """Return the intrinsics that all frames share, for formats that know only one camera."""
+    """Return the intrinsics that all frames share, for formats with only one camera."""
     found = {frame.camera.intrinsics for frame in capture.frames}
     if len(found) > 1:
         raise CaptureError(
-            f"{capture}: {len(found)} different cameras, but {form} knows one for all "
-            "frames; export to colmap or bop, which keep a camera per frame"
+            f"{capture}: {len(found)} different cameras, but {form} has one for all "
+            "frames; export to colmap or bop, which have a camera per frame"
         )
     return found.pop()

@@ -6,7 +6,7 @@ import pytest
 
 from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.interchange.export import export_capture
+from digs_warp.interchange.captures.formats import export_capture
 from reference.recorded import check_same
 
 

@@ -10,7 +10,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.geometry import rigid
-from digs_warp.interchange.bop import depth_scale
+from digs_warp.interchange.captures.bop import depth_scale
 from reference.exported import exported, points_as_integer_centered, true_points
 from reference.recorded import CAMERA, HEIGHT, WIDTH
 

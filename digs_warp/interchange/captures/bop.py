@@ -6,9 +6,10 @@
     train/000000/scene_gt.json                per image and object: obj_id, cam_R_m2c, cam_t_m2c
     train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
 
-The model's frame is the world's: object centred at the origin, z up. Models are not written (a capture
-holds none). Nothing hides the object, so its silhouette is what the mask shows; an object cut by the
-image border counts as complete. See
+What we write: the model's frame is the world's, with the object centred at the origin and z up. There are no
+models (a capture holds none). Nothing hides the object, so its silhouette is the mask; an object cut by the
+image border counts as complete. What we read may hold several objects; where an image has no pose of the
+camera in the world, the frame of the first object is the world. See
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
 """
 
@@ -17,9 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
-from digs_warp.interchange.common import (
+from digs_warp.geometry import rigid
+from digs_warp.interchange.captures.frames import (
     LARGEST_UINT16,
     copy_image,
     encode_depth,
@@ -28,17 +31,67 @@ from digs_warp.interchange.common import (
     object_mask,
     warn_of_lost_depth,
 )
-from digs_warp.record.files import to_json, write_atomically
+from digs_warp.interchange.captures.recorded_files import expecting, integer_centered_camera
+from digs_warp.interchange.captures.recording import MM_PER_METRE, NumberedFiles, Recording
+from digs_warp.record.files import read_json, to_json, write_atomically
 
 SCENE = "train/000000"
 OBJECT_ID = 1
-MM_PER_METRE = 1000.0
+CAMERAS, POSES = "scene_camera.json", "scene_gt.json"
 
 # [mm] per unit of a depth image; each image takes the finest one that holds its farthest depth. A tenth
 # of a millimetre is below the noise of any stereo camera and reaches 6.5 m.
 DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
 
 NO_BOX = [-1, -1, -1, -1]  # BOP's own sign for an object out of view
+
+
+def read_bop(folder: Path) -> Recording:
+    """Read one scene: the folder with scene_camera.json, or a data set that holds exactly one.
+
+    Raises:
+        CaptureError: no or several scenes, no images, or entries without a camera.
+    """
+    scene = _the_scene(folder)
+    files = NumberedFiles.find(scene, "rgb/", "depth/")
+    all_cameras = read_json(scene / CAMERAS, "cameras")
+    objects = read_json(scene / POSES, "poses") if (scene / POSES).is_file() else {}
+    cameras, poses, units, masks = {}, {}, {}, {}
+    for number in files.images:
+        with expecting(f"'{scene / CAMERAS}', image {number}", "cam_K and numbers"):
+            camera = all_cameras[str(number)]
+            matrix = np.array(camera["cam_K"], dtype=np.float64).reshape(3, 3)
+            poses[number] = _world_from_cam(camera, objects.get(str(number)) or [])
+            units[number] = MM_PER_METRE / float(camera.get("depth_scale", 1.0))
+        cameras[number] = integer_centered_camera(matrix, files.image_size)
+        for kind in ("mask", "mask_visib"):  # the second is preferred
+            if (mask := scene / kind / f"{number:06d}_000000.png").is_file():
+                masks[number] = mask
+    return files.recording(cameras, poses, depth_units_per_metre=units, mask=masks)
+
+
+def _the_scene(folder: Path) -> Path:
+    if (folder / CAMERAS).is_file():
+        return folder
+    scenes = sorted(path.parent for path in folder.glob(f"*/*/{CAMERAS}"))
+    if len(scenes) != 1:
+        raise CaptureError(
+            f"recording '{folder}': {len(scenes)} BOP scenes ({CAMERAS} marks one), expected one; pass the "
+            "folder of a scene"
+        )
+    return scenes[0]
+
+
+def _world_from_cam(camera: dict[str, Any], objects: list[dict[str, Any]]) -> np.ndarray | None:
+    """Return the pose of the camera in the world, else in the frame of the first object [m]."""
+    if "cam_R_w2c" in camera:
+        rotation, translation = camera["cam_R_w2c"], camera["cam_t_w2c"]
+    elif objects:
+        rotation, translation = objects[0]["cam_R_m2c"], objects[0]["cam_t_m2c"]
+    else:
+        return None
+    turn = np.array(rotation, dtype=np.float64).reshape(3, 3)
+    return np.linalg.inv(rigid(turn, np.array(translation) / MM_PER_METRE))
 
 
 def write_bop(capture: Capture, folder: Path) -> None:
@@ -59,7 +112,9 @@ def write_bop(capture: Capture, folder: Path) -> None:
             write_image(path, np.where(mask, 255, 0).astype(np.uint8))
         return _camera(frame, scale), _object_info(mask, encoded > 0), lost
 
-    cameras, infos, lost = zip(*for_each_frame(capture, "Writing BOP", write_frame), strict=True)
+    cameras, infos, lost = zip(
+        *for_each_frame(capture.frames, "Writing BOP", write_frame), strict=True
+    )
     warn_of_lost_depth(sum(lost), MM_PER_METRE / DEPTH_SCALES[-1], "BOP")
     poses = [
         {
@@ -69,8 +124,8 @@ def write_bop(capture: Capture, folder: Path) -> None:
         }
         for camera in cameras
     ]
-    _write_json(folder / SCENE / "scene_camera.json", dict(enumerate(cameras)))
-    _write_json(folder / SCENE / "scene_gt.json", {i: [pose] for i, pose in enumerate(poses)})
+    _write_json(folder / SCENE / CAMERAS, dict(enumerate(cameras)))
+    _write_json(folder / SCENE / POSES, {i: [pose] for i, pose in enumerate(poses)})
     _write_json(folder / SCENE / "scene_gt_info.json", {i: [info] for i, info in enumerate(infos)})
     k = integer_centered(capture.frames[0].camera.intrinsics)
     sensor = {"width": k.width, "height": k.height, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}

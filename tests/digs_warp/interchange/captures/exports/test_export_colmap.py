@@ -71,6 +71,6 @@ def test_colmap_masks_stand_beside_their_images(capture: Capture, tmp_path: Path
 def test_points_of_large_recordings_are_thinned_evenly(
     capture: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("digs_warp.interchange.colmap.MOST_POINTS", 60)
+    monkeypatch.setattr("digs_warp.interchange.captures.colmap.MOST_POINTS", 60)
     model = import_pycolmap().Reconstruction(exported(capture, "colmap", tmp_path) / "sparse/0")
     assert 45 <= model.num_points3D() <= 60

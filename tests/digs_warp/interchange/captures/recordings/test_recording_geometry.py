@@ -6,8 +6,8 @@ import pytest
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import CaptureError
 from digs_warp.geometry import look_at
-from digs_warp.interchange.recordings.recording import nearly_rigid
-from digs_warp.interchange.recordings.resample import resample_depth, undistort
+from digs_warp.interchange.captures.resample import resample_depth, undistort
+from digs_warp.interchange.captures.to_capture import nearly_rigid
 
 
 def test_distortion_is_taken_out() -> None:

@@ -11,7 +11,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.images import encode_jpeg, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
-from digs_warp.interchange.recordings.read import read_recording
+from digs_warp.interchange.captures.formats import read_recording
 from digs_warp.record.files import to_json
 from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
 

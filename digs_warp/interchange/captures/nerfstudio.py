@@ -1,7 +1,7 @@
 """nerfstudio's transforms.json as other programs write it: JPEG images, lens distortion, often no depth.
 
-Poses stay in nerfstudio's world (``applied_transform`` turned it so that up is up); ``applied_scale`` is
-taken back, because depth is in metres. See https://docs.nerf.studio/quickstart/data_conventions.html.
+Poses stay in nerfstudio's world, which ``applied_transform`` rotated to have z up; ``applied_scale`` is
+undone, because depth is in metres. See https://docs.nerf.studio/quickstart/data_conventions.html.
 """
 
 from pathlib import Path
@@ -13,11 +13,10 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.geometry import OPENCV_FROM_OPENGL
-from digs_warp.interchange.recordings.files import IMAGE_SUFFIXES, image_size
-from digs_warp.interchange.recordings.recording import RecordedFrame, Recording
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, image_size
+from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.record.files import read_json
 
-MM_PER_METRE = 1000.0
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 
@@ -69,21 +68,19 @@ def _frame(
         raise CaptureError(f"{where}: no {error}") from None
     except (TypeError, ValueError, IndexError) as error:
         raise CaptureError(f"{where}: {error}") from None
-    depth = _optional(folder, entry, "depth_file_path", where)
     return RecordedFrame(
         image=image,
         intrinsics=intrinsics,
         time=time,
         world_from_cam=matrix @ OPENCV_FROM_OPENGL,
-        depth=depth,
-        depth_units_per_metre=MM_PER_METRE if depth and depth.suffix == ".png" else 1.0,
+        depth=_optional(folder, entry, "depth_file_path", where),
         mask=_optional(folder, entry, "mask_path", where),
         right=_optional(folder, entry, "right_file_path", where),
     )
 
 
 def _intrinsics(index: dict[str, Any], entry: dict[str, Any], image: Path) -> Intrinsics:
-    """The camera of a frame: its own keys, the shared ones, or the field of view of synthetic scenes."""
+    """Return the camera: from the frame's keys, the shared ones, or the field of view of synthetic scenes."""
     if "w" in entry or "w" in index:
         size = int(_value(index, entry, "w")), int(_value(index, entry, "h"))
     else:
@@ -101,7 +98,7 @@ def _intrinsics(index: dict[str, Any], entry: dict[str, Any], image: Path) -> In
 
 
 def _value(index: dict[str, Any], entry: dict[str, Any], key: str, default: Any = None) -> Any:
-    """A frame's own value, else the shared one, else ``default``; without one a KeyError."""
+    """Return the frame's value, else the shared one, else ``default``; if that is None, raise KeyError."""
     if default is None:
         return entry[key] if key in entry else index[key]
     return entry.get(key, index.get(key, default))

@@ -1,11 +1,9 @@
-"""What every reader of other programs' folders returns, and how that becomes a capture."""
+"""A recording in another program's folder becomes a capture folder."""
 
 import logging
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,100 +14,25 @@ from digs_warp.data.capture import Capture, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.geometry import rigid
-from digs_warp.interchange.recordings.resample import resample_depth, undistort
-from digs_warp.record.progress import progress
+from digs_warp.interchange.captures.frames import for_each_frame
+from digs_warp.interchange.captures.recording import RecordedFrame, Recording
+from digs_warp.interchange.captures.resample import resample_depth, undistort
 
 logger = logging.getLogger(__name__)
 
-WORKERS = 4
-
-# Where a format has no times: the cameras that write such folders take 30 frames per second.
-FRAME_RATE = 30.0
-
-# Written with few digits, a rotation is off by this much at most; more is no rotation.
+# A rotation that was written with few digits is off by at most this much; more is no rotation.
 ROTATION_TOLERANCE = 1e-2
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedFrame:
-    """One moment of a recording, with the files as another program wrote them.
-
-    Attributes:
-        image: colour image, any 8-bit format.
-        intrinsics: its camera, first pixel centre at (0.5, 0.5).
-        time: seconds.
-        world_from_cam: pose, (4, 4), OpenCV axes, metres; None where the recording knows none.
-        depth: depth image, integers or float, or None.
-        depth_units_per_metre: what a pixel one metre away holds.
-        mask: 8-bit mask, or None; an image with alpha brings its own.
-        right: image of the right eye, or None.
-    """
-
-    image: Path
-    intrinsics: Intrinsics
-    time: float
-    world_from_cam: np.ndarray | None = None
-    depth: Path | None = None
-    depth_units_per_metre: float = 1.0
-    mask: Path | None = None
-    right: Path | None = None
-
-
-def numbered_frames(
-    images: Mapping[int, Path], intrinsics: Intrinsics, **layers: Mapping[int, Any]
-) -> tuple[RecordedFrame, ...]:
-    """Return a frame per image of a format without times; its number tells the time.
-
-    Args:
-        images: colour images by number, ascending.
-        intrinsics: the camera that they share.
-        **layers: other fields of `RecordedFrame`, by number; they may lack some.
-    """
-    return tuple(
-        RecordedFrame(
-            image=image,
-            intrinsics=intrinsics,
-            time=number / FRAME_RATE,
-            **{name: layer[number] for name, layer in layers.items() if number in layer},
-        )
-        for number, image in images.items()
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A recording in another program's folder; pixels stay there until `write_capture` reads them.
-
-    Attributes:
-        folder: where it lies.
-        frames: in order of time.
-        depth_camera: intrinsics of the depth images where they differ from the colour images'; both
-            cameras are taken to stand in the same place.
-        distortion: of the colour camera as OpenCV has it, (k1, k2, p1, p2, k3); empty: none.
-        baseline: distance of the eyes [m], or None.
-    """
-
-    folder: Path
-    frames: tuple[RecordedFrame, ...]
-    depth_camera: Intrinsics | None = None
-    distortion: tuple[float, ...] = ()
-    baseline: float | None = None
-
-    @property
-    def knows_poses(self) -> bool:
-        """Whether every frame has a pose."""
-        return all(frame.world_from_cam is not None for frame in self.frames)
 
 
 def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
     """Write the recording as a capture folder.
 
-    Frames without a pose, where others have one, are left out with a warning: the tracking was lost. Where
-    no frame has a pose, all get the identity and the index says ``poses_known: false``: structure from motion
-    has to find them.
+    If some frames have a pose and others do not (tracking was lost), the others are left out with a warning.
+    If no frame has a pose, all get the identity, and the index says ``poses_known: false``: structure from
+    motion has to find them.
 
     Raises:
-        DigsError: no frames, an image that cannot be read, or sizes that do not go together.
+        DigsError: no frames, an image that cannot be read, or sizes that do not fit together.
     """
     frames = _usable_frames(recording)
     known = frames[0].world_from_cam is not None
@@ -122,13 +45,10 @@ def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
     rig = None if recording.baseline is None else Rig(recording.baseline)
     writer = CaptureWriter(folder, frames[0].intrinsics, rig)
 
-    def work(numbered: tuple[int, RecordedFrame]) -> None:
-        writer.write_frame(numbered[0], load_frame(numbered[1], recording))
+    def work(number: int, frame: RecordedFrame) -> None:
+        writer.write_frame(number, load_frame(frame, recording))
 
-    with ThreadPoolExecutor(WORKERS, thread_name_prefix="convert") as pool:
-        with progress(len(frames), "Converting", "frame") as bar:
-            for _ in pool.map(work, enumerate(frames)):
-                bar.update()
+    for_each_frame(frames, "Converting", work)
     for number, frame in enumerate(frames):
         pose = np.eye(4) if frame.world_from_cam is None else frame.world_from_cam
         own = None if frame.intrinsics == writer.intrinsics else frame.intrinsics
@@ -137,7 +57,7 @@ def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
 
 
 def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
-    """Return the pixels of a frame in a capture's terms: metres, NaN where unknown, no distortion."""
+    """Return the pixels of a frame as a capture has them: metres, NaN where unknown, no distortion."""
     image = read_image(frame.image, "image")
     k = frame.intrinsics
     _check_size(frame.image, image, k)
@@ -170,13 +90,18 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
 
 
 def load_depth(path: Path, units_per_metre: float) -> np.ndarray:
-    """Return planar depth [m], (height, width), float32, NaN where 0, negative, NaN or infinite."""
+    """Return planar depth [m], (height, width), float32, NaN where 0, negative, NaN or infinite.
+
+    ``units_per_metre`` is for images of integers; images of floats hold metres.
+    """
     if path.suffix == ".npy":
         pixels = np.load(path, allow_pickle=False)
         pixels = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
     else:
         pixels = read_image(path, "depth")
-    depth = pixels[..., 0].astype(np.float32) / np.float32(units_per_metre)
+    depth = pixels[..., 0].astype(np.float32)
+    if pixels.dtype.kind in "ui":
+        depth /= np.float32(units_per_metre)
     depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
     return depth
 
@@ -185,7 +110,7 @@ def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
     """Return a (4, 4) pose with its rotation made exact.
 
     Raises:
-        CaptureError: not finite, or no rotation even allowing for few digits.
+        CaptureError: not finite, or not a rotation, even if few digits are allowed for.
     """
     matrix = np.asarray(matrix, dtype=np.float64)
     if matrix.shape not in ((4, 4), (3, 4)) or not np.isfinite(matrix).all():

@@ -1,0 +1,61 @@
+"""The formats that recordings are read from and captures are exported to, by name."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from digs_warp.checks import CaptureError, DigsError, require_folder
+from digs_warp.data.capture import Capture
+from digs_warp.interchange.captures.bop import read_bop, write_bop
+from digs_warp.interchange.captures.colmap import write_colmap_binary, write_colmap_text
+from digs_warp.interchange.captures.nerfstudio import read_nerfstudio
+from digs_warp.interchange.captures.record3d import read_record3d
+from digs_warp.interchange.captures.recording import Recording
+from digs_warp.interchange.captures.redwood import read_redwood, write_redwood
+from digs_warp.interchange.captures.scannet import read_scannet
+from digs_warp.interchange.captures.tum import read_tum, write_tum
+from digs_warp.interchange.captures.zed import read_zed
+
+READERS: dict[str, Callable[[Path], Recording]] = {
+    "nerfstudio": read_nerfstudio,
+    "tum": read_tum,
+    "scannet": read_scannet,
+    "record3d": read_record3d,
+    "zed": read_zed,
+    "redwood": read_redwood,
+    "bop": read_bop,
+}
+
+EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {
+    "colmap": write_colmap_text,
+    "colmap-binary": write_colmap_binary,
+    "tum": write_tum,
+    "bop": write_bop,
+    "redwood": write_redwood,
+}
+
+
+def read_recording(folder: Path, form: str) -> Recording:
+    """Read a recording of the format ``form``, one of `READERS`; its pixels are read when it is converted.
+
+    Raises:
+        DigsError: an unknown format, a missing folder, or files that are missing or broken.
+    """
+    if form not in READERS:
+        raise CaptureError(f"recording format '{form}': expected one of {', '.join(READERS)}")
+    require_folder(
+        folder,
+        "recording",
+        "Name the folder with its images and depth maps; a film alone has no depth.",
+    )
+    return READERS[form](folder)
+
+
+def export_capture(capture: Capture, form: str, folder: Path) -> None:
+    """Write ``capture`` below ``folder`` in the format ``form``, one of `EXPORTERS`.
+
+    Raises:
+        DigsError: an unknown format, or a capture that lacks what the format needs.
+    """
+    if form not in EXPORTERS:
+        raise DigsError(f"export format '{form}': expected one of {', '.join(EXPORTERS)}")
+    EXPORTERS[form](capture, Path(folder))

@@ -1,0 +1,54 @@
+"""Record3D (iPhone, iPad): metadata.json beside colour images and float EXR depth.
+
+    metadata.json    K (9 numbers, column by column), w, h, fps,
+                     poses (qx qy qz qw tx ty tz, world from camera)
+    rgb/0.jpg        depth/0.exr in metres, at the size of the depth sensor     both may be below EXR_RGBD/
+
+See https://record3d.app/features. Cameras have OpenGL axes (ARKit); K counts pixels of the colour image.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.geometry import OPENCV_FROM_OPENGL, matrix_from_quat_xyzw, rigid
+from digs_warp.interchange.captures.recorded_files import expecting
+from digs_warp.interchange.captures.recording import FRAME_RATE, NumberedFiles, Recording
+from digs_warp.record.files import read_json
+
+METADATA = "metadata.json"
+
+
+def read_record3d(folder: Path) -> Recording:
+    """Read an export "EXR + RGB" of Record3D.
+
+    Raises:
+        CaptureError: no images or metadata, or metadata without a camera.
+    """
+    base = "EXR_RGBD/" if (folder / "EXR_RGBD").is_dir() else ""
+    files = NumberedFiles.find(folder, f"{base}rgb/", f"{base}depth/", (".exr",))
+    path = folder / METADATA if (folder / METADATA).is_file() else folder / base / METADATA
+    metadata = read_json(path, "metadata")
+    with expecting(f"'{path}'", "K with 9 numbers"):
+        cameras = _cameras(metadata, files)
+    with expecting(f"'{path}'", "poses with 7 numbers each"):
+        rows = np.array(metadata.get("poses", []), dtype=np.float64).reshape(-1, 7)
+    turns = matrix_from_quat_xyzw(rows[:, :4])
+    poses = {i: rigid(turns[i], rows[i, 4:]) @ OPENCV_FROM_OPENGL for i in range(len(rows))}
+    rate = float(metadata.get("fps") or FRAME_RATE)
+    return files.recording(cameras, poses, frame_rate=rate)
+
+
+def _cameras(metadata: dict[str, Any], files: NumberedFiles) -> Intrinsics | dict[int, Intrinsics]:
+    """The camera of all images, or one for each where the phone wrote them (autofocus)."""
+    size = files.image_size
+    own = metadata.get("perFrameIntrinsicCoeffs") or []
+    if len(own) == len(files.images):
+        rows = zip(files.images, own, strict=True)
+        return {number: Intrinsics(*size, *map(float, row)) for number, row in rows}
+    matrix = np.array(metadata["K"], dtype=np.float64).reshape(3, 3).T
+    scale = size[0] / float(metadata.get("w", size[0]))
+    values = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]) * scale
+    return Intrinsics(*size, *values.tolist())

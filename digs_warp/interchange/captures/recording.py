@@ -1,0 +1,136 @@
+"""What the readers of other programs' folders return, and the base of those with numbered files."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.checks import CaptureError
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, image_size, numbered_files
+
+MM_PER_METRE = 1000.0
+
+# For formats without times: the cameras that write such folders take 30 frames per second.
+FRAME_RATE = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedFrame:
+    """One moment of a recording, in the files that another program wrote.
+
+    Attributes:
+        image: colour image, any 8-bit format.
+        intrinsics: its camera, first pixel centre at (0.5, 0.5).
+        time: seconds.
+        world_from_cam: pose, (4, 4), OpenCV axes, metres; None if unknown.
+        depth: depth image, or None; floats are metres.
+        depth_units_per_metre: the value of a pixel one metre away in a depth image of integers.
+        mask: 8-bit mask, or None; an image with alpha brings its own.
+        right: image of the right eye, or None.
+    """
+
+    image: Path
+    intrinsics: Intrinsics
+    time: float
+    world_from_cam: np.ndarray | None = None
+    depth: Path | None = None
+    depth_units_per_metre: float = MM_PER_METRE
+    mask: Path | None = None
+    right: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording in another program's folder; nothing has read its pixels yet.
+
+    Attributes:
+        folder: named in messages.
+        frames: in order of time.
+        depth_camera: intrinsics of the depth images where they differ from those of the colour images;
+            both cameras are assumed to be in the same place.
+        distortion: of the colour camera, OpenCV's (k1, k2, p1, p2, k3); empty for none.
+        baseline: distance between the two cameras [m], or None.
+    """
+
+    folder: Path
+    frames: tuple[RecordedFrame, ...]
+    depth_camera: Intrinsics | None = None
+    distortion: tuple[float, ...] = ()
+    baseline: float | None = None
+
+    @property
+    def knows_poses(self) -> bool:
+        """Whether every frame has a pose."""
+        return all(frame.world_from_cam is not None for frame in self.frames)
+
+
+@dataclass(frozen=True, eq=False)
+class NumberedFiles:
+    """A recording whose images and depth maps have their number in their name, as in most formats.
+
+    Attributes:
+        folder: the recording, named in messages.
+        images: colour images by number, ascending; at least one.
+        depths: depth images by number; some may be missing.
+    """
+
+    folder: Path
+    images: dict[int, Path]
+    depths: dict[int, Path]
+
+    @staticmethod
+    def find(
+        folder: Path, images: str, depths: str, depth_suffixes: tuple[str, ...] = (".png",)
+    ) -> "NumberedFiles":
+        """Find the files; ``images`` and ``depths`` are what precedes the number, such as "rgb/" or "left".
+
+        Raises:
+            CaptureError: no images.
+        """
+        found = numbered_files(folder, images, IMAGE_SUFFIXES)
+        if not found:
+            raise CaptureError(
+                f"recording '{folder}': no images {images}NUMBER.png or .jpg; is this the right --from?"
+            )
+        return NumberedFiles(folder, found, numbered_files(folder, depths, depth_suffixes))
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) of the first image."""
+        return image_size(next(iter(self.images.values())))
+
+    def recording(
+        self,
+        cameras: Intrinsics | Mapping[int, Intrinsics],
+        poses: Mapping[int, np.ndarray | None],
+        *,
+        frame_rate: float = FRAME_RATE,
+        depth_camera: Intrinsics | None = None,
+        baseline: float | None = None,
+        **layers: Mapping[int, Any],
+    ) -> Recording:
+        """Return a frame per image; its number gives its time.
+
+        Args:
+            cameras: the camera of all images, or one for each number.
+            poses: world_from_cam by number; a missing pose is unknown.
+            frame_rate: numbers per second.
+            depth_camera: see `Recording`.
+            baseline: see `Recording`.
+            **layers: other fields of `RecordedFrame` by number; some may be missing.
+        """
+        frames = tuple(
+            RecordedFrame(
+                image=image,
+                intrinsics=cameras if isinstance(cameras, Intrinsics) else cameras[number],
+                time=number / frame_rate,
+                world_from_cam=poses.get(number),
+                depth=self.depths.get(number),
+                **{name: layer[number] for name, layer in layers.items() if number in layer},
+            )
+            for number, image in self.images.items()
+        )
+        return Recording(self.folder, frames, depth_camera=depth_camera, baseline=baseline)

@@ -1,0 +1,37 @@
+"""Frames exported from a ZED recording (SVO): rectified left images, optional right ones, and depth.
+
+    left000000.png  right000000.png  depth000000.png or .exr, .npy          in one folder
+    calibration.json                                   fx, fy, cx, cy of the rectified images, baseline [m]
+
+Integer depth is in millimetres, float depth in metres; NaN is unknown, -inf too near, +inf too far. Poses are
+not exported: structure from motion finds them.
+"""
+
+from pathlib import Path
+
+from digs_warp.camera import Intrinsics
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, expecting, numbered_files
+from digs_warp.interchange.captures.recording import NumberedFiles, Recording
+from digs_warp.record.files import read_json
+
+CALIBRATION = "calibration.json"
+
+
+def read_zed(folder: Path) -> Recording:
+    """Read left images and depth as the ZED SDK's export samples write them.
+
+    Raises:
+        CaptureError: no left images, or no usable calibration.json.
+    """
+    files = NumberedFiles.find(folder, "left", "depth", (".png", ".exr", ".npy"))
+    calibration = read_json(folder / CALIBRATION, "calibration of the rectified left camera")
+    expected = "numbers fx, fy, cx, cy [px] and baseline [m]"
+    with expecting(f"'{folder / CALIBRATION}'", expected):
+        fx, fy, cx, cy = (float(calibration[key]) for key in ("fx", "fy", "cx", "cy"))
+        baseline = float(calibration["baseline"]) if "baseline" in calibration else None
+    return files.recording(
+        Intrinsics(*files.image_size, fx, fy, cx, cy),
+        {},
+        baseline=baseline,
+        right=numbered_files(folder, "right", IMAGE_SUFFIXES) if baseline is not None else {},
+    )
