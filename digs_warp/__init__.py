@@ -1,7 +1,74 @@
 """Depth-initialized Gaussian splatting on a CPU: from a stereo depth recording to a USD scene.
 
-Importing the package loads nothing heavy; import the module you need, for example
-``from digs_warp.data.capture import read_capture``.
+    import digs_warp as dw
+
+    capture = dw.simulate("mug.glb", frames=20)        # a recording, in memory or in a folder
+    gaussians = dw.reconstruct(capture, iterations=300)
+    view = dw.render(gaussians, capture.frames[0].camera)
+    gradients = view.backward(adj_image=...)           # NumPy in, NumPy out
+
+The names in ``__all__`` are public: they keep their meaning, and a change is announced in CHANGELOG.md, as
+for the command line and the file formats. Everything else may change with any version. The functions take
+what the command line takes; ``digs_warp.torch.render`` is `render` for PyTorch.
+
+Importing the package loads nothing, not even NumPy: each name is loaded when it is first used.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from digs_warp.api.loading import load as load
+    from digs_warp.api.reconstructions import reconstruct as reconstruct
+    from digs_warp.api.recordings import simulate as simulate
+    from digs_warp.api.recordings import stream as stream
+    from digs_warp.camera import Camera as Camera
+    from digs_warp.camera import Intrinsics as Intrinsics
+    from digs_warp.checks import DigsError as DigsError
+    from digs_warp.data.capture import Capture as Capture
+    from digs_warp.data.capture import Frame as Frame
+    from digs_warp.data.gaussians import Gaussians as Gaussians
+    from digs_warp.data.layers import Layer as Layer
+    from digs_warp.geometry import look_at as look_at
+    from digs_warp.sim.stream import StereoFrame as StereoFrame
+    from digs_warp.splat.config import RasterOptions as RasterOptions
+    from digs_warp.splat.render import RenderGradients as RenderGradients
+    from digs_warp.splat.render import RenderOutput as RenderOutput
+    from digs_warp.splat.render import render as render
+
 __version__ = "0.1.0"
+
+# Where each public name is defined.
+_HOMES = {
+    "Camera": "digs_warp.camera",
+    "Capture": "digs_warp.data.capture",
+    "DigsError": "digs_warp.checks",
+    "Frame": "digs_warp.data.capture",
+    "Gaussians": "digs_warp.data.gaussians",
+    "Intrinsics": "digs_warp.camera",
+    "Layer": "digs_warp.data.layers",
+    "RasterOptions": "digs_warp.splat.config",
+    "RenderGradients": "digs_warp.splat.render",
+    "RenderOutput": "digs_warp.splat.render",
+    "StereoFrame": "digs_warp.sim.stream",
+    "load": "digs_warp.api.loading",
+    "look_at": "digs_warp.geometry",
+    "reconstruct": "digs_warp.api.reconstructions",
+    "render": "digs_warp.splat.render",
+    "simulate": "digs_warp.api.recordings",
+    "stream": "digs_warp.api.recordings",
+}
+__all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first used (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -9,7 +9,6 @@ from digs_warp.camera import Camera
 from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +45,8 @@ def stream(config: SimulateConfig) -> Iterator[StereoFrame]:
     Raises:
         DigsError: bad input.
     """
+    from digs_warp.sim.frame_maker import FrameMaker  # here: the class above needs no Warp
+
     maker = FrameMaker.of(config)
     session = maker.session
     for number, moment in enumerate(session.moments):

@@ -3,9 +3,11 @@
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import digs_warp
 from digs_warp import cli
 from digs_warp.data.capture import read_capture
 
@@ -90,6 +92,20 @@ def test_the_readme_maps_every_folder() -> None:
     mapped = re.findall(r"^\| `([^`]+)` \|", (REPOSITORY / "README.md").read_text(), re.MULTILINE)
     assert folders <= set(mapped)
     assert len(mapped) == len(set(mapped))
+
+
+def test_the_example_of_the_api_page_runs() -> None:
+    page = REPOSITORY / "docs" / "api" / "index.md"
+    (example,) = blocks(page, "python")
+    names: dict[str, Any] = {}
+    exec(compile(example, str(page), "exec"), names)
+    assert names["gradients"].means.any()
+
+
+def test_the_api_page_names_everything_that_is_public() -> None:
+    page = (REPOSITORY / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+    words = set(re.findall(r"\w+", page))
+    assert set(digs_warp.__all__) <= words
 
 
 def test_the_example_of_the_capture_format_writes_what_the_page_describes(tmp_path: Path) -> None:

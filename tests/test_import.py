@@ -41,6 +41,25 @@ def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
     assert loaded_after(f"import {package}", (*HEAVY, "warp", "numpy")) == set()
 
 
+def test_importing_the_package_takes_no_time() -> None:
+    code = "import time\nstart = time.perf_counter()\nimport digs_warp\n"
+    assert float(run_python(f"{code}print(time.perf_counter() - start)")) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("use", "unused"),
+    [
+        ("digs_warp.DigsError", ("warp", "tyro")),
+        ("digs_warp.Capture", ("warp", "tyro")),
+        ("digs_warp.simulate", ("warp",)),
+        ("digs_warp.reconstruct", ("warp",)),
+        ("digs_warp.load", ("warp",)),
+    ],
+)
+def test_a_public_name_loads_only_what_it_needs(use: str, unused: tuple[str, ...]) -> None:
+    assert loaded_after(f"import digs_warp\n{use}", (*HEAVY, *unused)) == set()
+
+
 def test_importing_every_module_loads_nothing_heavy() -> None:
     code = f"import importlib\nfor name in {MODULES}: importlib.import_module(name)"
     assert loaded_after(code, HEAVY) == set()

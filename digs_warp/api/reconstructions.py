@@ -1,0 +1,59 @@
+"""`reconstruct`: a recording in memory or on disk -> Gaussians."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from digs_warp.api.settings import with_settings
+from digs_warp.checks import DigsError
+from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.init.config import Strategy
+from digs_warp.record.layout import RUN_RECORD
+
+
+def reconstruct(
+    capture: Capture | Path | str,
+    out: Path | str | None = None,
+    *,
+    strategy: Strategy | None = None,
+    iterations: int | None = None,
+    seed: int = 0,
+    resume: bool = False,
+    **settings: Any,
+) -> Gaussians:
+    """Reconstruct a recording as Gaussian splats.
+
+        result = reconstruct(capture, iterations=300, voxel_size=0.005)
+
+    Args:
+        capture: a recording, or its folder.
+        out: folder for everything that the reconstruction leaves behind
+            (docs/reconstruction-format.md). Default: a temporary one, which is deleted.
+        strategy: which points to start from. Default: those from depth.
+        iterations: training steps. Default: 1000.
+        seed: decides everything random.
+        resume: with ``out``: go on where a run with the same settings was cut off.
+        settings: any other flag of ``digs-warp reconstruct``, with underscores: ``poses="sfm"``,
+            ``masks="depth"``, ``density="mcmc"``, ``time_budget=60.0`` (seconds), ...
+
+    Raises:
+        DigsError: a capture that cannot be used, a wrong setting, or a folder that holds results.
+    """
+    from digs_warp.pipeline import reconstruct as pipeline
+
+    named = {"strategy": strategy, "iterations": iterations}
+    settings |= {name: value for name, value in named.items() if value is not None}
+    config = with_settings(ReconstructionOptions(), settings).reconstruct_config(seed)
+    if not isinstance(capture, Capture):
+        capture = read_capture(Path(capture))
+    if out is not None:
+        if (Path(out) / RUN_RECORD).exists() and not resume:
+            raise DigsError(
+                f"'{out}': the folder already holds results; go on with resume=True if they are of a run "
+                "that was cut off, or choose another folder"
+            )
+        return pipeline.reconstruct(capture, config, Path(out), resume)
+    with TemporaryDirectory(prefix="digs-warp-") as folder:
+        return pipeline.reconstruct(capture, config, Path(folder))

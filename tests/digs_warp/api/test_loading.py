@@ -1,0 +1,51 @@
+"""`load` recognizes files by suffix and folders by what they hold."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import digs_warp as dw
+from digs_warp.interchange.splats.files import write_splat_file
+from digs_warp.usd.writer import write_gaussians
+from reference.splat_scenes import random_gaussians
+
+GAUSSIANS = random_gaussians(5, seed=1)
+
+
+def test_a_capture_folder_is_a_capture(capture_folder: Path) -> None:
+    loaded = dw.load(str(capture_folder))
+    assert isinstance(loaded, dw.Capture) and loaded.stored_in == capture_folder
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.ply", "a.spz", "a.splat", "a.usda", "a.usdz"])
+def test_files_of_gaussians_are_gaussians(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if path.suffix == ".npz":
+        GAUSSIANS.save(path)
+    elif path.suffix.startswith(".usd"):
+        write_gaussians(path, GAUSSIANS)
+    else:
+        write_splat_file(path, GAUSSIANS)
+    loaded = dw.load(path)
+    assert isinstance(loaded, dw.Gaussians)
+    centers = np.sort(loaded.means, axis=0)
+    np.testing.assert_allclose(centers, np.sort(GAUSSIANS.means, axis=0), atol=1e-3)
+
+
+def test_what_cannot_be_loaded_is_named(tmp_path: Path) -> None:
+    with pytest.raises(dw.DigsError, match=r"gone': no such file or folder"):
+        dw.load(tmp_path / "gone")
+    (tmp_path / "mesh.glb").write_bytes(b"glTF")
+    with pytest.raises(dw.DigsError, match=r"cannot load '\.glb'; expected a folder or one of"):
+        dw.load(tmp_path / "mesh.glb")
+    with pytest.raises(dw.DigsError, match=r"no gaussians\.npz in it"):
+        dw.load(tmp_path)
+
+
+def test_a_run_folder_is_its_reconstruction(tmp_path: Path) -> None:
+    GAUSSIANS.save(tmp_path / "reconstruction" / "gaussians.npz")
+    shutil.copytree(tmp_path / "reconstruction", tmp_path / "run" / "reconstruction")
+    loaded = dw.load(tmp_path / "run")
+    assert isinstance(loaded, dw.Gaussians) and len(loaded) == 5

@@ -1,0 +1,40 @@
+"""The public names: each has one home, and none is also the name of a module."""
+
+import ast
+import inspect
+from pathlib import Path
+
+import pytest
+
+import digs_warp
+
+
+def test_type_checkers_see_the_names_that_are_loaded() -> None:
+    tree = ast.parse(inspect.getsource(digs_warp))
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    seen = {
+        alias.asname: node.module
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == digs_warp._HOMES
+
+
+@pytest.mark.parametrize("name", digs_warp.__all__)
+def test_every_public_name_is_there_and_documented(name: str) -> None:
+    value = getattr(digs_warp, name)
+    assert value.__module__ == digs_warp._HOMES[name]
+    assert inspect.getdoc(value)
+    assert name in dir(digs_warp)
+
+
+def test_no_module_has_a_public_name() -> None:
+    """Importing such a module would replace the function in the package."""
+    modules = {path.stem for path in Path(digs_warp.__file__).parent.iterdir()}
+    assert not modules & set(digs_warp.__all__)
+
+
+def test_another_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="'digs_warp' has no attribute 'recontruct'"):
+        _ = digs_warp.recontruct
