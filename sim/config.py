@@ -4,9 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
-from digs_warp.checks import DigsError, check_positive
+from digs_warp.checks import DigsError, check_positive, check_within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,25 +61,23 @@ class SimulateConfig:
     """Seed of hand shake, pixel sampling and everything random in the sensor."""
 
     def __post_init__(self) -> None:
-        for name in ("frames", "width", "height", "samples_per_pixel"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise DigsError(f"{name}: {value}, expected at least 1")
-        if self.seed < 0:
-            raise DigsError(f"seed: {self.seed}, expected 0 or more")
-        if not (np.isfinite(self.strength) and self.strength >= 0):
-            raise DigsError(f"strength: {self.strength}, expected a finite number, 0 or more")
+        check_within("--frames", self.frames, 1)
+        check_within("--width", self.width, 1)
+        check_within("--height", self.height, 1)
+        check_within("--samples-per-pixel", self.samples_per_pixel, 1)
+        check_within("--seed", self.seed, 0)
+        check_within("--strength", self.strength, 0)
         if self.object_size is not None:
-            check_positive("object_size [m]", self.object_size)
+            check_positive("--object-size", self.object_size)
         if self.mesh is None and (self.object_size is not None or self.up != "auto"):
             raise DigsError(
-                "object_size and up say how to take a mesh file; the built-in object has its own size: "
-                "leave them out, or name a mesh"
+                "--object-size and --up tell how to read a mesh file; the built-in object has none. Leave "
+                "them out, or name a mesh with --mesh"
             )
         if self.effects != "auto" and not self.plans_effects:
             raise DigsError(
-                f"effects: '{self.effects}' has no meaning for tier '{self.tier}'; "
-                "choose tier 'planned' or 'matcher', or leave the effects out"
+                f"--effects {self.effects}: has no meaning with --tier {self.tier}; choose --tier planned or "
+                "matcher, or leave the effects out"
             )
 
     @property

@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.init.config import Strategy
+from digs_warp.init.strategies import StrategyName
 from digs_warp.record.layout import RUN_RECORD
 
 
@@ -17,7 +17,7 @@ def reconstruct(
     capture: Capture | Path | str,
     out: Path | str | None = None,
     *,
-    strategy: Strategy | None = None,
+    strategy: StrategyName | None = None,
     iterations: int | None = None,
     seed: int = 0,
     resume: bool = False,

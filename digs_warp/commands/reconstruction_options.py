@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.init.config import DENSE_STRATEGIES, InitConfig
+from digs_warp.init.config import InitConfig
+from digs_warp.init.strategies import STRATEGIES
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import Density, DensityStrategy, TrainConfig
@@ -24,8 +25,8 @@ class _SfmOptions(SfmConfig):
     """
 
     poses: Literal["sfm", "capture", "perturbed"] = "capture"
-    """Poses: 'capture' takes those of the recording; 'sfm' estimates them from the images, and their scale
-    from the depth maps; 'perturbed' moves every camera of the recording by a random error."""
+    """Camera poses. capture: those of the recording; sfm: estimated from the images, with the scale from the
+    depth maps; perturbed: those of the recording with a random error for every camera."""
 
     # One --seed serves all stages.
     sfm_seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
@@ -81,7 +82,7 @@ class ReconstructionOptions:
 
         strategy = self.training.density.strategy
         if strategy == "auto":
-            strategy = "fixed" if self.initialization.strategy in DENSE_STRATEGIES else "adaptive"
+            strategy = STRATEGIES[self.initialization.strategy].density
         density = _plain(self.training.density, Density, strategy=strategy)
         return ReconstructConfig(
             sfm=_plain(self.poses, SfmConfig, sfm_seed=seed),

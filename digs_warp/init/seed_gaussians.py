@@ -4,10 +4,10 @@ import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.strategies import REFERENCE_OPACITY, REFERENCE_WIDTH
 from digs_warp.sh import coefficient_count, sh_from_rgb
 
 NEIGHBOURS = 3
-INITIAL_OPACITY = 0.1
 
 # Limits of the scale, relative to the median over all points. A stray point far from the surface would
 # otherwise become a blob that hides the object; a near-duplicate a needle point that no pixel sees.
@@ -21,8 +21,8 @@ LONELY_SCALE = 0.01
 def seed_gaussians(
     points: PointCloud,
     sh_degree: int = 0,
-    opacity: float = INITIAL_OPACITY,
-    width: float = 1.0,
+    opacity: float = REFERENCE_OPACITY,
+    width: float = REFERENCE_WIDTH,
 ) -> Gaussians:
     """Return one Gaussian per point, coloured alike from all sides.
 

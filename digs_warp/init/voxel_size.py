@@ -42,8 +42,8 @@ def first_voxel_size(
         return config.voxel_edge
     if sfm_per_metre is None:
         raise DigsError(
-            "init.voxel_unit: 'sfm' needs structure from motion (--poses sfm); with the capture's own "
-            "poses choose 'metre' or 'object'"
+            "--voxel-unit sfm: needs structure from motion (--poses sfm); with the recorded poses choose "
+            "metre or object"
         )
     return config.voxel_edge / sfm_per_metre
 
@@ -57,7 +57,7 @@ def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> floa
     wanted = config.voxel_edge * object_size(voxels.well_supported(config.min_support))
     if wanted < size:
         logger.warning(
-            "init.voxel_size: %g of the object is finer than its depth maps, took %.2g m",
+            "--voxel-size: %g of the object is finer than its depth maps, took %.2g m",
             config.voxel_edge,
             size,
         )
@@ -88,7 +88,7 @@ def _size_for_count(voxels: VoxelSums, size: float, config: InitConfig) -> float
 
     if count(size) <= config.target_points:
         logger.warning(
-            "init.target_points: %d wanted, the depth maps resolve %d",
+            "--target-points: %d wanted, but the depth maps resolve only %d",
             config.target_points,
             count(size),
         )

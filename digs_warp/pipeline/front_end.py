@@ -22,6 +22,7 @@ from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import looked_at
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
+from digs_warp.init.strategies import STRATEGIES
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.config import SegmentConfig
@@ -37,9 +38,6 @@ SFM = "sfm"
 MASKS = "masks"
 HELD_OUT = "held_out"
 
-# Strategies that start from sparse points, or from as many.
-NEED_SFM = ("default", "random", "fusion")
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrontEndConfig:
@@ -54,7 +52,7 @@ class FrontEndConfig:
     @property
     def needs_sfm(self) -> bool:
         """Whether images are matched: for the poses, or for the sparse points that a strategy starts from."""
-        return self.sfm.poses != "capture" or self.init.strategy in NEED_SFM
+        return self.sfm.poses != "capture" or STRATEGIES[self.init.strategy].needs_sfm
 
 
 @dataclass(frozen=True, eq=False)

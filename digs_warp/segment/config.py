@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, check_within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,22 +12,22 @@ class SegmentConfig:
     """Where object masks come from."""
 
     masks: Literal["capture", "folder", "isnet", "depth", "degraded"] = "capture"
-    """Masks: 'capture' takes those of the recording; 'folder' those of --mask-folder; 'isnet' asks the
-    network isnet-general-use; 'depth' needs no network and takes what stands in front; 'degraded' spoils the
-    recording's own, to see how much that costs."""
+    """Object masks. capture: those of the recording; folder: those in --mask-folder; isnet: the network
+    isnet-general-use; depth: the foreground of the depth maps, without a network; degraded: those of the
+    recording with errors, to measure what they cost."""
 
     mask_folder: Path | None = None
-    """For 'folder': PNG files named like the frames (0000.png); 255 on the object, or cut-outs with alpha."""
+    """For folder: PNG files named like the frames (0000.png); 255 on the object, or cut-outs with alpha."""
 
     mask_model: Path | None = None
-    """For 'isnet': the network as an ONNX file. Default: isnet-general-use.onnx where rembg keeps
-    it, ~/.u2net."""
+    """For isnet: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net, where rembg keeps
+    it."""
 
     mask_error: float = 1.0
-    """For 'degraded': how bad; 0 changes nothing, 1 is a usual failure, 2 twice as large."""
+    """For degraded: size of the errors. 0: none; 1: a typical failure; 2: twice as large."""
 
     mask_seed: int = 0
-    """Seed of 'degraded'."""
+    """Seed of the errors for degraded."""
 
     def __post_init__(self) -> None:
         if (self.masks == "folder") != (self.mask_folder is not None):
@@ -36,7 +36,5 @@ class SegmentConfig:
             )
         if self.mask_model is not None and self.masks != "isnet":
             raise DigsError("--mask-model needs --masks isnet")
-        if not 0 <= self.mask_error <= 10:
-            raise DigsError(f"mask_error: {self.mask_error}, expected 0 to 10")
-        if self.mask_seed < 0:
-            raise DigsError(f"mask_seed: {self.mask_seed}, expected 0 or above")
+        check_within("--mask-error", self.mask_error, 0, 10)
+        check_within("--seed", self.mask_seed, 0)

@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, check_within
 
 # No video camera takes longer for an image [s]; a number above it was meant in milliseconds.
 LONGEST_READOUT = 0.5
@@ -16,75 +14,68 @@ class SfmConfig:
     """Where camera poses and sparse points come from."""
 
     poses: Literal["sfm", "capture", "perturbed"] = "sfm"
-    """Poses: 'sfm' estimates them from the images; 'capture' takes those of the recording and only
-    triangulates points; 'perturbed' does the same after moving every camera by a random error."""
+    """Camera poses. sfm: estimated from the images; capture: those of the recording, points are only
+    triangulated; perturbed: the same after moving every camera by a random error."""
 
     feature_size: int = 1200
-    """Longest side [px] of the image in which features are sought; larger images are reduced to it.
-    Smaller is faster, and poses get less exact."""
+    """Longest side [px] of the images used for feature detection; larger images are reduced to it. Smaller
+    is faster but gives less accurate poses."""
 
     features: int = 2000
-    """Most features per image, the largest ones first; more cost matching time."""
+    """Keep at most this many features per image, the largest ones first; more take longer to match."""
 
     double_size: bool | None = None
-    """Also seek features in that image enlarged twice: finds more and smaller ones, for four times the
-    time. Default: only where its longest side is at most 1000 px."""
+    """Also detect features in the image enlarged twice: more and smaller ones, in four times the time.
+    Default: only if its longest side is at most 1000 px."""
 
     pairing: Literal["auto", "sequential", "exhaustive"] = "auto"
-    """Which images are compared: 'sequential' with those before and after (a video) and with the ones
-    that look most alike (loops); 'exhaustive' with all others, for unordered images. 'auto' is exhaustive
+    """Which images are matched. sequential: each with its neighbors in time and with those that look most
+    similar (loops), for a video; exhaustive: each with all others, for unordered images; auto: exhaustive
     up to 40 images."""
 
     overlap: int = 6
-    """How many images before and after each one are compared; for sequential pairing."""
+    """For sequential pairing: how many images before and after each one are matched with it."""
 
     loop_images: int = 3
-    """How many images that look most alike are compared on top; closes loops. 0: none."""
+    """For sequential pairing: how many of the most similar images are matched as well; closes loops. 0:
+    none."""
 
     mapper: Literal["incremental", "global"] = "incremental"
     """How cameras are placed: one after the other, or all at once."""
 
     refine_focal: bool = False
-    """Take the focal lengths of the recording for a guess and estimate them, too."""
+    """Also estimate the focal lengths, with those of the recording as initial values."""
 
     readout_time: float | None = None
-    """Rolling shutter: time from the first row to the last [s]; poses that are estimated allow for it.
-    Default: what the recording says of itself. 0: all rows at once."""
+    """Rolling shutter: time from the first row to the last [s], which the pose estimation corrects for. 0:
+    all rows at once. Default: the value in the recording."""
 
     min_registered: float = 0.9
-    """Share of the images that have to be placed in one model; with fewer the run stops and says why.
-    Lower it to go on with the largest model, with a warning."""
+    """Fraction of the images that must be placed in one model; with fewer the run stops and says why. Lower
+    it to continue with the largest model and a warning."""
 
     rotation_error_deg: float = 0.5
-    """For 'perturbed': standard deviation of the rotation about each axis [degree]."""
+    """For perturbed: standard deviation of the rotation about each axis [degree]."""
 
     translation_error: float = 0.005
-    """For 'perturbed': standard deviation of the camera's position along each axis [m]."""
+    """For perturbed: standard deviation of the camera's position along each axis [m]."""
 
     sfm_seed: int = 0
-    """Seed of everything random: matching, mapping, and the error of 'perturbed'."""
+    """Seed of everything random: matching, mapping, and the errors of perturbed."""
 
     def __post_init__(self) -> None:
-        if self.feature_size < 32:
-            raise DigsError(f"sfm.feature_size: {self.feature_size}, expected at least 32 px")
-        if self.features < 50:
-            raise DigsError(f"sfm.features: {self.features}, expected at least 50")
-        if self.overlap < 1 or self.loop_images < 0:
-            raise DigsError(
-                f"sfm.overlap: {self.overlap}, sfm.loop_images: {self.loop_images}; expected at least 1 and 0"
-            )
+        check_within("--feature-size", self.feature_size, 32)
+        check_within("--features", self.features, 50)
+        check_within("--overlap", self.overlap, 1)
+        check_within("--loop-images", self.loop_images, 0)
         if self.readout_time is not None and not 0 <= self.readout_time < LONGEST_READOUT:
             raise DigsError(
-                f"sfm.readout_time: {self.readout_time}, expected seconds, 0 to below {LONGEST_READOUT}"
+                f"--readout-time: {self.readout_time}, expected seconds, 0 to below {LONGEST_READOUT}"
             )
         if not 0 < self.min_registered <= 1:
             raise DigsError(
-                f"sfm.min_registered: {self.min_registered}, expected above 0 and at most 1"
+                f"--min-registered: {self.min_registered}, expected above 0 and at most 1"
             )
-        errors = (self.rotation_error_deg, self.translation_error)
-        if not np.isfinite(errors).all() or min(errors) < 0:
-            raise DigsError(
-                f"sfm.rotation_error_deg, sfm.translation_error: {errors}, expected finite, >= 0"
-            )
-        if self.sfm_seed < 0:
-            raise DigsError(f"sfm.sfm_seed: {self.sfm_seed}, expected 0 or above")
+        check_within("--rotation-error-deg", self.rotation_error_deg, 0)
+        check_within("--translation-error", self.translation_error, 0)
+        check_within("--seed", self.sfm_seed, 0)

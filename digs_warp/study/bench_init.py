@@ -15,10 +15,11 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.parallel import default_threads
-from digs_warp.init.config import InitConfig, Strategy
+from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
+from digs_warp.init.strategies import StrategyName
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case
 from digs_warp.study.results import Result
@@ -30,7 +31,7 @@ FRAMES = 200
 DISTINCT = 8
 SFM_PER_METRE = 1.37
 
-STRATEGIES: tuple[Strategy, ...] = ("highdepth", "depth", "fusion")
+STRATEGIES: tuple[StrategyName, ...] = ("highdepth", "depth", "fusion")
 
 
 def in_memory(frame: Frame) -> Frame:

@@ -16,10 +16,11 @@ import numpy as np
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.posed_frames import with_cameras
 from digs_warp.data.sfm_model import SfmModel
-from digs_warp.init.config import InitConfig, Strategy
+from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
+from digs_warp.init.strategies import StrategyName
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
@@ -32,7 +33,7 @@ from digs_warp.study.synthetic_sfm import (
 )
 
 STRENGTHS = (0.0, 1.0, 2.0, 4.0)
-STRATEGIES: tuple[Strategy, ...] = ("default", "random", "depth", "highdepth", "fusion")
+STRATEGIES: tuple[StrategyName, ...] = ("default", "random", "depth", "highdepth", "fusion")
 SFM_PER_METRE = 1.37
 
 MESHES = ("ycb_mustard_bottle",)

@@ -19,7 +19,8 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
-from digs_warp.init.seed_gaussians import INITIAL_OPACITY, seed_gaussians
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.strategies import STRATEGIES
 from digs_warp.record.progress import progress
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.results import Result
@@ -106,7 +107,7 @@ def bench_convergence(
     init = InitConfig()
     runs: tuple[tuple[str, TrainConfig, Mapping[str, float]], ...] = (
         (DENSE, dense, {"opacity": init.seed_opacity, "width": init.seed_width}),
-        (REFERENCE, reference, {"opacity": INITIAL_OPACITY}),
+        (REFERENCE, reference, {"opacity": STRATEGIES["default"].opacity}),
     )
     results = []
     with _recorded(size) as scene, progress(len(runs), "Training", "run") as bar:

@@ -128,24 +128,24 @@ class TrainConfig:
     density: Density = field(default_factory=Density)
 
     sh_degree: int = 1
-    """View-dependent colour: spherical-harmonics degree, 0 (none) to 3."""
+    """View-dependent color: degree of the spherical harmonics, 0 (none) to 3."""
 
     background: Literal["random", "white", "black"] = "random"
-    """Colour behind the object while training; random also punishes stray Gaussians of any colour."""
+    """Color behind the object during training. random also penalizes stray Gaussians of any color."""
 
     mask_role: Literal["object", "ignore"] = "object"
-    """What masks mean. object: outside is nothing, and Gaussians there are wrong; ignore: outside is unknown
-    and not compared."""
+    """What lies outside the masks. object: nothing, Gaussians there are wrong; ignore: unknown, pixels there
+    are not compared."""
 
     dssim_weight: float = 0.2
-    """Share lambda of D-SSIM in the loss; the rest is L1."""
+    """Fraction lambda of D-SSIM in the loss; the rest is L1."""
 
     coverage_weight: float = 0.0
-    """Weight of the difference between coverage and mask: keeps the outside of the object empty with a fixed
-    background, too."""
+    """Weight of the difference between coverage and mask: keeps the outside of the object empty, also with a
+    fixed background."""
 
     depth_weight: float = 0.0
-    """Weight of the difference between rendered and measured depth: untextured surfaces stay in place."""
+    """Weight of the difference between rendered and measured depth: keeps untextured surfaces in place."""
 
     opacity_weight: float | None = None
     """Weight of the mean opacity: fades Gaussians that no view needs. Default: 0.01 with --density mcmc,
@@ -155,22 +155,22 @@ class TrainConfig:
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     half_size_until: float | None = None
-    """Share of the run that trains on images of half the size: these steps cost less. Default: 0.5,
-    but 100 steps at most, with --density fixed and Gaussians that are wide enough for such images; else 0."""
+    """Fraction of the run that trains on images of half the size, which is faster. Default: 0.5, but at most
+    100 steps, with --density fixed and Gaussians that are wide enough for such images; else 0."""
 
     image_memory: float = 2048.0
-    """Photographs held in memory [MiB]; those of a longer recording are read again in the background."""
+    """Memory for photographs [MiB]; those of a longer recording are read again in the background."""
 
     evaluate_at: tuple[int, ...] = (100, 300, 500, 1000, 3000, 7000, 12000)
-    """Iterations at which held-out views are measured, besides the first and the last."""
+    """Iterations after which held-out views are measured, besides the first and the last."""
 
     keep_course: bool = False
     """Keep the Gaussians whenever held-out views are measured: the scene then shows the course of the
-    training as time samples, without view dependence. 56 bytes a Gaussian and time on disk, 34 in the
-    scene."""
+    training as time samples, without view dependence. Takes 56 bytes per Gaussian and time on disk, 34 in
+    the scene."""
 
     seed: int = 0
-    """Decides the order of the views, the random backgrounds, and every draw of a strategy."""
+    """Seed of the order of the views, the random backgrounds and everything random in --density."""
 
     device: str = "cpu"
     """Warp device: cpu or cuda."""

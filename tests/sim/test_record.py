@@ -185,13 +185,13 @@ def test_a_large_object_gets_a_larger_surround(config: SimulateConfig, tmp_path:
     [("frames", 0), ("width", 0), ("height", -5), ("samples_per_pixel", 0), ("seed", -1)],
 )
 def test_impossible_settings_are_refused(name: str, value: int) -> None:
-    with pytest.raises(DigsError, match=f"{name}: {value}"):
+    with pytest.raises(DigsError, match=f"--{name.replace('_', '-')}: {value}"):
         replace(SimulateConfig(), **{name: value})
 
 
 @pytest.mark.parametrize("size", [0.0, -1.0, float("nan")])
 def test_impossible_object_sizes_are_refused(size: float) -> None:
-    with pytest.raises(DigsError, match=r"object_size \[m\]"):
+    with pytest.raises(DigsError, match=r"--object-size"):
         SimulateConfig(object_size=size)
 
 

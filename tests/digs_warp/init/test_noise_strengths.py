@@ -5,12 +5,13 @@ import pytest
 from scipy.spatial import KDTree
 
 from digs_warp.data.capture import Capture
-from digs_warp.init.config import InitConfig, Strategy
+from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initialize
+from digs_warp.init.strategies import StrategyName
 from digs_warp.sim.testing.series import NoiseSeries
 from digs_warp.study.synthetic_sfm import sfm_from_truth
 
-STRATEGIES: tuple[Strategy, ...] = ("highdepth", "depth", "fusion")
+STRATEGIES: tuple[StrategyName, ...] = ("highdepth", "depth", "fusion")
 
 
 def true_surface(capture: Capture) -> np.ndarray:
@@ -26,7 +27,7 @@ def true_surface(capture: Capture) -> np.ndarray:
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.sensor_noise(frames=4, width=240, height=136)
-def test_points_stay_near_the_surface(sensor_noise: NoiseSeries, strategy: Strategy) -> None:
+def test_points_stay_near_the_surface(sensor_noise: NoiseSeries, strategy: StrategyName) -> None:
     surface = KDTree(true_surface(sensor_noise.capture(0.0)))
     sfm = sfm_from_truth(sensor_noise.capture(0.0).frames, 1.0, points=1500)
 

@@ -204,7 +204,7 @@ def test_no_frames_raise() -> None:
     ],
 )
 def test_settings_that_make_no_sense_raise(wrong: dict[str, float]) -> None:
-    with pytest.raises(DigsError, match=next(iter(wrong))):
+    with pytest.raises(DigsError, match=next(iter(wrong)).replace("_", "-")):
         InitConfig(**wrong)  # pyright: ignore[reportArgumentType]
 
 

@@ -181,7 +181,7 @@ def test_voxel_sizes_in_units_of_structure_from_motion(capture: Capture) -> None
         config = InitConfig(strategy=strategy, voxel_unit="sfm")  # pyright: ignore[reportArgumentType]
         found = initialize(capture.frames, config, sfm_per_metre=SFM_PER_METRE)
         assert edge_length(found) == pytest.approx(gamma / SFM_PER_METRE)
-    with pytest.raises(DigsError, match="'sfm' needs structure from motion"):
+    with pytest.raises(DigsError, match="--voxel-unit sfm: needs structure from motion"):
         initialize(capture.frames, InitConfig(voxel_unit="sfm"))
 
 
@@ -212,7 +212,7 @@ def test_more_points_than_there_are_pixels_gives_what_there_is(
     capture: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:
     found = initialize(capture.frames, InitConfig(target_points=10**6))
-    assert "wanted" in caplog.text
+    assert "--target-points: 1000000 wanted" in caplog.text
     assert 1000 < len(found.points) < 10**5
 
 
@@ -223,7 +223,7 @@ def test_voxels_larger_than_the_object_leave_eight_points(capture: Capture) -> N
 
 
 def test_sizes_and_counts_exclude_each_other() -> None:
-    with pytest.raises(DigsError, match="give one of them"):
+    with pytest.raises(DigsError, match="--voxel-size and --target-points: give one of them"):
         InitConfig(voxel_size=0.01, target_points=100)
 
 

@@ -284,8 +284,8 @@ def test_a_frame_without_depth_needs_another_source(frames: list[Frame], tmp_pat
         ({"masks": "folder"}, "--mask-folder"),
         ({"mask_folder": Path("x")}, "--mask-folder"),
         ({"mask_model": Path("x")}, "--masks isnet"),
-        ({"mask_error": -1.0}, "mask_error"),
-        ({"mask_seed": -1}, "mask_seed"),
+        ({"mask_error": -1.0}, "--mask-error"),
+        ({"mask_seed": -1}, "--seed"),
     ],
 )
 def test_settings_that_contradict_each_other_are_refused(settings: dict, message: str) -> None:
