@@ -13,9 +13,8 @@ measured: the bytes of every buffer that a renderer and the optimizer hold.
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -27,6 +26,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.study.bench_raster import NEAR, RasterScene, count_work
 from digs_warp.study.charts import Chart, Curve
+from digs_warp.study.fit import fit_nonnegative
 from digs_warp.study.results import Result
 from digs_warp.study.timing import best_ms, clock_for
 
@@ -35,6 +35,8 @@ RASTER_STAGES = ("forward", "backward")
 BASE = RasterScene("base", 640, 360, 20_000, lambda rng, n: rng.uniform(1.0, 4.0, (n, 2)))
 SH_COEFFICIENTS = 16  # degree 3
 
+# The time on one thread is a sum of these counts, each with its cost.
+LAWS = {"raster": ("pixels", "pairs", "evaluated"), "per splat": ("splats", "pairs")}
 CURVES = {
     "pixels": "pixels of the image (splats grow with it)",
     "splats": "splats",
@@ -71,19 +73,6 @@ class Case:
     spread: float = 1.0  # factor on the radii of the splats
 
 
-@dataclass(frozen=True)
-class Point:
-    """What was measured and counted at a case; times in ms."""
-
-    case: Case
-    raster: float
-    per_splat: float
-    pixels: int
-    splats: int
-    pairs: int
-    evaluated: int
-
-
 def cases() -> list[Case]:
     """Return the points of all curves."""
     sizes = ((320, 180), (640, 360), (960, 540), (1280, 720))
@@ -101,13 +90,12 @@ def cases() -> list[Case]:
 def bench_scaling(repeats: int = REPEATS) -> list[Result]:
     """Return the times of all cases, the fitted laws, memory, and the time to compile the kernels."""
     todo = cases()
-    points = []
+    results = []
     with progress(len(todo) + 2, "Measuring", "case") as bar:
         for case in todo:
-            points.append(measure(case, repeats))
+            results.append(measure(case, repeats))
             bar.update()
-        results = [result_of(point) for point in points]
-        results += fit_laws([point for point in points if point.case.threads == 1])
+        results += fit_laws([point for point in results if point.labels["threads"] == 1])
         results += count_memory()
         with tempfile.TemporaryDirectory() as cache:
             for state in ("cold", "warm"):
@@ -117,8 +105,8 @@ def bench_scaling(repeats: int = REPEATS) -> list[Result]:
     return results
 
 
-def measure(case: Case, repeats: int = REPEATS) -> Point:
-    """Draw and pull back the scene of a case."""
+def measure(case: Case, repeats: int = REPEATS) -> Result:
+    """Return the times of a view of the scene and of its gradient, with all counts of the laws as labels."""
     scene = case.scene
     gaussians = scene.gaussians()
     wide = replace(gaussians, log_scales=gaussians.log_scales + np.log(case.spread))
@@ -133,33 +121,32 @@ def measure(case: Case, repeats: int = REPEATS) -> Point:
     stages = renderer.stages().items()
     times = {name: best_ms(stage, repeats, clock=clock) for name, stage in stages}
     raster = sum(times[name] for name in RASTER_STAGES)
-    return Point(
-        case,
-        raster,
-        sum(times.values()) - raster,
-        scene.width * scene.height,
-        scene.splats,
-        renderer.binner.total_pairs,
-        count_work(renderer).pixels,
-    )
+    labels = {
+        "curve": case.curve,
+        "at": case.at,
+        "threads": case.threads,
+        "pixels": scene.width * scene.height,
+        "splats": scene.splats,
+        "pairs": renderer.binner.total_pairs,
+        "evaluated": count_work(renderer).pixels,
+    }
+    values = {"raster [ms]": raster, "per splat [ms]": sum(times.values()) - raster}
+    return Result(labels, values, "points")
 
 
-def fit_laws(points: list[Point]) -> list[Result]:
-    """Return the costs of the laws of the module [ns], none below zero, and how far they miss the points.
+def fit_laws(points: Sequence[Result]) -> list[Result]:
+    """Return the costs of the laws of the module [ns], none below zero, and their errors.
 
-    The error that is minimized is relative: small scenes count as much as large ones.
+    The relative error is minimized: small scenes count as much as large ones.
     """
-    from scipy.optimize import nnls
-
-    laws = {"raster": ("pixels", "pairs", "evaluated"), "per splat": ("splats", "pairs")}
     results = []
-    for law, terms in laws.items():
-        times = 1e6 * np.array([getattr(point, law.replace(" ", "_")) for point in points])
-        counts = np.array([[getattr(point, term) for term in terms] for point in points], float)
-        costs, _ = nnls(counts / times[:, None], np.ones(len(points)))
-        misses = 100 * np.abs(counts @ costs / times - 1)
+    for law, terms in LAWS.items():
+        times = 1e6 * np.array([point.values[f"{law} [ms]"] for point in points])
+        counts = np.array([[point.labels[term] for term in terms] for point in points], float)
+        costs, misses = fit_nonnegative(counts, times)
         values = {f"per {term} [ns]": float(c) for term, c in zip(terms, costs, strict=True)}
-        values |= {"median error [%]": float(np.median(misses)), "largest [%]": float(misses.max())}
+        values["median error [%]"] = float(np.median(100 * misses))
+        values["largest [%]"] = float(100 * misses.max())
         results.append(Result({"law": law}, values, "laws"))
     return results
 
@@ -207,23 +194,6 @@ def _load_kernels(cache: str) -> float:
     return float(done.stdout.split()[-1])
 
 
-def result_of(point: Point) -> Result:
-    """Return the times of a point with all counts of the laws."""
-    case = point.case
-    labels = {
-        "curve": case.curve,
-        "at": case.at,
-        "threads": case.threads,
-        "pixels": point.pixels,
-        "splats": point.splats,
-        "pairs": point.pairs,
-        "evaluated": point.evaluated,
-    }
-    return Result(
-        labels, {"raster [ms]": point.raster, "per splat [ms]": point.per_splat}, "points"
-    )
-
-
 def scaling_charts(results: Sequence[Result]) -> list[Chart]:
     """Return a chart per curve: the measurements as points, the laws as lines."""
     points = [result for result in results if result.table == "points"]
@@ -236,7 +206,11 @@ def scaling_charts(results: Sequence[Result]) -> list[Chart]:
         curves = []
         for color, (law, costs) in enumerate(laws.items()):
             measured = [r.values[f"{law} [ms]"] for r in of_curve]
-            expected = [_expected_ms(costs, r.labels) for r in of_curve]
+            expected = [
+                sum(costs[f"per {term} [ns]"] * r.labels[term] for term in LAWS[law])
+                / (1e6 * r.labels["threads"])
+                for r in of_curve
+            ]
             curves.append(Curve(law, at, measured, line=False, color=color))
             curves.append(Curve(f"{law}, law", at, expected, marker=False, color=color))
         y_label = "forward and backward [ms]"
@@ -244,13 +218,3 @@ def scaling_charts(results: Sequence[Result]) -> list[Chart]:
             title = f"Time by {curve}"
             charts.append(Chart(f"scaling_{curve}", title, curves, x_label, y_label, True, True))
     return charts
-
-
-def _expected_ms(costs: Mapping[str, float], counts: Mapping[str, Any]) -> float:
-    """Return the time that a law gives for a point [ms]; threads share the work."""
-    total = sum(counts.get(_term(name), 0) * cost for name, cost in costs.items())
-    return 1e-6 * total / counts["threads"]
-
-
-def _term(name: str) -> str:
-    return name.removeprefix("per ").removesuffix(" [ns]")

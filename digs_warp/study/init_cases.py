@@ -1,9 +1,10 @@
-"""A scene rendered once and sensed at any strength: what the studies of the initialization measure on."""
+"""A scene that is rendered once and sensed at any strength, for the benchmarks of the initialization."""
 
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,39 +42,29 @@ class InitCase:
     _captures: dict[str, Capture] = field(default_factory=dict)
 
     @property
-    def baseline(self) -> float:
-        """Of the stereo rig [m]."""
-        return float(self.maker.session.rig.baseline)
-
-    @property
     def focal_baseline(self) -> float:
         """Focal length [px] times baseline [m]."""
         return float(self.rendered[0].truth.rig.focal_baseline)
 
     def capture(self, strength: float = 1.0) -> Capture:
         """Return the capture at a strength of the sensor's errors; written when first asked for."""
-        maker = replace(
-            self.maker,
-            session=replace(
-                self.maker.session, config=replace(self.maker.session.config, strength=strength)
-            ),
-        )
+        maker = self._maker(strength=strength)
         return self._written(f"strength-{strength:g}", lambda r: maker.finish(r, {}))
 
     def with_depth(self, name: str, change: Callable[[np.ndarray], np.ndarray]) -> Capture:
         """Return a capture without noise whose true depth [m] has been changed."""
-        perfect = replace(
-            self.maker,
-            session=replace(
-                self.maker.session, config=replace(self.maker.session.config, tier="truth")
-            ),
-        )
+        perfect = self._maker(tier="truth")
 
         def finish(rendered: RenderedFrame) -> FrameImages:
             images = perfect.finish(rendered, {})
             return replace(images, depth=change(rendered.truth.depth))
 
         return self._written(name, finish)
+
+    def _maker(self, **settings: Any) -> FrameMaker:
+        session = self.maker.session
+        session = replace(session, config=replace(session.config, **settings))
+        return replace(self.maker, session=session)
 
     def score(self, points_world: np.ndarray) -> SurfaceScore:
         """Return how far points are from the true surface and how much of it they cover."""

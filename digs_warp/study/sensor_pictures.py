@@ -1,6 +1,8 @@
 """Pictures of what each effect of the sensor does alone: off and on, side by side."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +26,10 @@ from digs_warp.study.still_life import SAMPLES, photograph, pose_at, still_life,
 
 SEED = 0
 
-# A sound calibration shows nothing: the picture is of one that has drifted [px].
+# A sound calibration shows nothing, so the picture uses one that has drifted [px].
 DRIFT = {"row_offset": 0.6, "column_offset": 0.3}
 
-# Full scales of the error maps [px]; the smallest that holds most errors is taken.
+# Full scales of the error maps [px]: the smallest one that holds MOST of the errors is used.
 SCALES = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 100.0)
 MOST = 95  # percent
 
@@ -35,11 +37,14 @@ MOST = 95  # percent
 WINDOWS = (0.35, 0.5, 1.0)
 HELD = 0.3
 
-# Ratio of disparities that the colours span at most: what is farther, is drawn as far.
+# Largest ratio of disparities that the colours span; anything farther has the colour of the far end.
 LARGEST_RATIO = 8.0
 
 # Errors above this are bad pixels, as Middlebury counts them [px].
 BAD = 1.0
+
+# Title, pixels, and how `imshow` draws them.
+Panel = tuple[str, np.ndarray, dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,46 +121,35 @@ class SensorStudio:
 
 def depth_strip(figure: DepthFigure, path: Path) -> None:
     """Draw left image, disparity off and on, and the error, as one JPEG."""
-    from matplotlib import colors
+    from matplotlib.colors import LogNorm
 
-    plt = _pyplot()
     truth, sensed = figure.truth, figure.sensed
     rows, columns = _window(figure.changed)
     error = sensed.disparity - truth.disparity
     scale = _full_scale(np.abs(error[figure.changed]))
     low, high = np.nanpercentile(truth.disparity[rows, columns], [1, 99])
-    # Equal ratios of disparity are equal steps of colour: far things keep theirs beside near ones.
+    # Equal ratios of disparity are equal steps of colour, so that far things keep theirs beside near ones.
     low = max(low, high / LARGEST_RATIO)
-    norm = colors.LogNorm(low, max(high, 1.5 * low), clip=True)
+    norm = LogNorm(low, max(high, 1.5 * low), clip=True)
     near_far = {"cmap": _with_holes("turbo"), "norm": norm}
     signed = {"cmap": _with_holes("RdBu"), "vmin": -scale, "vmax": scale}
-    panels: list[tuple[str, np.ndarray, dict[str, Any]]] = [
+    panels: list[Panel] = [
         ("left image", truth.image, {}),
         ("disparity, off", truth.disparity, near_far),
         ("disparity, on", sensed.disparity, near_far),
         (f"error, ±{scale:g} px", error, signed),
     ]
-    figure_, axes = plt.subplots(1, 4, figsize=(13.2, 2.32), dpi=100)
-    for axis, (title, pixels, style) in zip(axes, panels, strict=True):
-        axis.imshow(pixels[rows, columns], interpolation="nearest", **style)
-        axis.set_title(title, fontsize=10)
-        axis.axis("off")
-    _save(figure_, path)
+    _draw([(title, pixels[rows, columns], style) for title, pixels, style in panels], path)
 
 
 def color_strip(before: np.ndarray, after: np.ndarray, path: Path) -> None:
     """Draw an image off and on, and the difference, as one JPEG."""
-    plt = _pyplot()
     difference = after.astype(np.float32) - before
     gain = max(1, round(100 / max(1.0, float(np.percentile(np.abs(difference), 99)))))
     shown = np.clip(128 + gain * difference, 0, 255).astype(np.uint8)
-    figure, axes = plt.subplots(1, 3, figsize=(9.9, 2.32), dpi=100)
     titles = ("left image, off", "left image, on", f"difference x {gain}")
-    for axis, title, pixels in zip(axes, titles, (before, after, shown), strict=True):
-        axis.imshow(pixels, interpolation="nearest")
-        axis.set_title(title, fontsize=10)
-        axis.axis("off")
-    _save(figure, path)
+    pictures = zip(titles, (before, after, shown), strict=True)
+    _draw([(title, pixels, {}) for title, pixels in pictures], path)
 
 
 def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
@@ -192,23 +186,21 @@ def _full_scale(errors: np.ndarray) -> float:
 
 def _with_holes(name: str) -> Any:
     """Return a colour map that draws missing values black."""
-    return _pyplot().get_cmap(name).with_extremes(bad="black")
-
-
-def _pyplot() -> Any:
     import matplotlib
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
+    return matplotlib.colormaps[name].with_extremes(bad="black")
 
 
-def _save(figure: Any, path: Path) -> None:
-    from io import BytesIO
+def _draw(panels: Sequence[Panel], path: Path) -> None:
+    """Draw titled pictures side by side into a JPEG file."""
+    from matplotlib.figure import Figure
 
+    figure = Figure(figsize=(3.3 * len(panels), 2.32), dpi=100)
+    for axis, (title, pixels, style) in zip(figure.subplots(1, len(panels)), panels, strict=True):
+        axis.imshow(pixels, interpolation="nearest", **style)
+        axis.set_title(title, fontsize=10)
+        axis.axis("off")
     figure.subplots_adjust(0.003, 0.01, 0.997, 0.9, wspace=0.015)
     data = BytesIO()
     figure.savefig(data, format="jpeg", pil_kwargs={"quality": 85, "optimize": True})
-    _pyplot().close(figure)
     write_atomically(path, data.getvalue())

@@ -10,6 +10,7 @@ from digs_warp.sfm.config import SfmConfig
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import Record
+from digs_warp.study.fit import fit_nonnegative
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.table import Table
@@ -143,18 +144,10 @@ class Law:
 
 def fit(records: Sequence[Record], stage: str, terms: Sequence[str]) -> Law:
     """Fit a law to the records that have the stage, at least one; the error that is minimized is relative."""
-    from scipy.optimize import nnls
-
     known = [(load_of(r), value) for r in records if (value := value_of(r, stage))]
     counts = np.array([[load.counts()[term] for term in terms] for load, _ in known], np.float64)
-    values = np.array([value for _, value in known])
-    # Columns of one size: pixels and ones differ by a factor of millions.
-    relative = counts / values[:, None]
-    size = np.linalg.norm(relative, axis=0)
-    found, _ = nnls(relative / size, np.ones(len(values)))
-    coefficients = found / size
-    miss = float(np.median(np.abs(counts @ coefficients / values - 1)))
-    return Law(dict(zip(terms, map(float, coefficients), strict=True)), miss)
+    costs, misses = fit_nonnegative(counts, np.array([value for _, value in known]))
+    return Law(dict(zip(terms, map(float, costs), strict=True)), float(np.median(misses)))
 
 
 def load_of(record: Record) -> Load:

@@ -11,14 +11,13 @@ from digs_warp.study.bench_raster import NEAR, count_work, measure_matrix_produc
 from digs_warp.study.bench_scaling import (
     BASE,
     Case,
-    Point,
     count_memory,
     fit_laws,
     measure,
-    result_of,
     scaling_charts,
 )
 from digs_warp.study.charts import side_by_side
+from digs_warp.study.results import Result
 
 SMALL = replace(BASE, width=64, height=48, splats=40)
 
@@ -52,8 +51,8 @@ def test_the_fit_finds_a_law() -> None:
         pixels, splats, pairs, evaluated = (int(v) for v in rng.uniform(1e3, 1e6, 4))
         raster = 1e-6 * (3.0 * pixels + 50.0 * pairs + 0.5 * evaluated)
         per_splat = 1e-6 * (200.0 * splats + 30.0 * pairs)
-        case = Case("splats", splats, SMALL)
-        points.append(Point(case, raster, per_splat, pixels, splats, pairs, evaluated))
+        labels = {"pixels": pixels, "splats": splats, "pairs": pairs, "evaluated": evaluated}
+        points.append(Result(labels, {"raster [ms]": raster, "per splat [ms]": per_splat}))
     raster, per_splat = (r.values for r in fit_laws(points))
     assert raster["per pixels [ns]"] == pytest.approx(3.0)
     assert raster["per pairs [ns]"] == pytest.approx(50.0)
@@ -65,9 +64,9 @@ def test_the_fit_finds_a_law() -> None:
 
 def test_a_case_is_measured_and_drawn() -> None:
     points = [measure(Case("splats", n, replace(SMALL, splats=n)), repeats=1) for n in (10, 40)]
-    assert all(p.raster > 0 and p.per_splat > 0 and p.evaluated > p.pairs for p in points)
-    results = [result_of(point) for point in points]
-    assert side_by_side(scaling_charts([*results, *fit_laws(points)])).startswith(b"\x89PNG")
+    assert all(p.values["raster [ms]"] > 0 and p.values["per splat [ms]"] > 0 for p in points)
+    assert all(p.labels["evaluated"] > p.labels["pairs"] for p in points)
+    assert side_by_side(scaling_charts([*points, *fit_laws(points)])).startswith(b"\x89PNG")
 
 
 def test_memory_is_that_of_the_parameters_and_their_followers() -> None:
