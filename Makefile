@@ -41,7 +41,7 @@ demo: setup ## The main job on the built-in object: capture, reconstruct, out/de
 	$(BIN)/digs-warp run --out out/demo --overwrite
 
 figures: demo ## The pictures of README and docs, from the results of make demo
-	$(BIN)/python scripts/demo_picture.py out/demo
+	$(BIN)/python scripts/pictures.py demo
 
 sensor: setup ## Photograph every effect of the simulated camera for docs/sensor.md
 	$(BIN)/python scripts/sensor_page.py
@@ -64,7 +64,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; und
 	$(BIN)/digs-warp study run segmentation --time-budget 10min
 	$(BIN)/digs-warp study run scaling --time-budget 10min
 	$(BIN)/python scripts/study_pages.py
-	$(BIN)/python scripts/initialization_picture.py
+	$(BIN)/python scripts/pictures.py initialization
 
 pages: setup ## Run all other benchmarks for the documentation; an hour on a quiet machine
 	$(BIN)/python scripts/pages.py convergence options train init init-noise masks sfm sfm-full sfm-sensor \

@@ -1,4 +1,4 @@
-"""Put what the studies in out/study have measured into docs/study: results, tables, plots, pages.
+"""Publish the results of the studies in out/study in docs/study: records, tables, plots, pages.
 
 Usage: python scripts/study_pages.py [NAME ...]   (default: all that have results; takes seconds)
 """
@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from digs_warp.commands.study import find_study, write_report
 from digs_warp.record.files import write_atomically
-from digs_warp.study.catalogue import STUDIES, Study
+from digs_warp.study.catalogue import STUDIES, Study, find_study
 from digs_warp.study.engine.store import RESULTS, Store
 from digs_warp.study.page import MARKDOWN, PAGE
 
@@ -50,8 +49,8 @@ def publish(study: Study, folder: Path) -> None:
     """Write results, report, tables and plots of a study into ``folder``."""
     lines = [json.dumps(portable(record)) for record in Store(study.folder).records.values()]
     write_atomically(folder / RESULTS, ("\n".join(lines) + "\n").encode())
-    write_report(study, folder)
-    # The documentation shows the Markdown page; the HTML page holds the same pictures once more.
+    study.report(folder)
+    # The documentation shows the Markdown page; the HTML page would repeat its pictures.
     (folder / PAGE).unlink()
 
 

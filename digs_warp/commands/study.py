@@ -1,4 +1,4 @@
-"""`digs-warp study list|run|report`: which studies there are, run one, draw its report."""
+"""`digs-warp study list|run|report`: list the studies, run one, draw its report."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
-from digs_warp.study.catalogue import STUDIES, Study
+from digs_warp.study.catalogue import STUDIES, find_study
 
 Name = Annotated[
     str,
@@ -20,7 +20,7 @@ Name = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class ListStudies:
-    """Say which studies there are and what each asks."""
+    """List the studies and the question of each."""
 
     def execute(self) -> str:
         """Return one line per study."""
@@ -29,10 +29,9 @@ class ListStudies:
 
 @dataclass(frozen=True, kw_only=True)
 class RunStudy:
-    """Measure the cases that are missing, then draw the report of all that are there.
+    """Measure the cases that have no result yet, then draw the report of all results.
 
-    Cases that are measured already stay: call it again after an interruption, or with more objects, seeds
-    or time.
+    Run it again after an interruption, or with more objects, seeds or time: finished cases are kept.
     """
 
     name: Name
@@ -45,16 +44,16 @@ class RunStudy:
     """Folder of the results and the report. Default: out/study/NAME."""
 
     objects: int | None = None
-    """How many objects; sample meshes come first, the built-in object last. Default: the study's own."""
+    """How many objects; sample meshes come first, the built-in object last. Default: depends on the study."""
 
     seeds: int = 1
-    """How often each case is repeated with another walk and other noise: gives the spread."""
+    """How often to repeat each case with another walk and other noise, to measure the spread."""
 
     iterations: int | None = None
-    """Training steps of each case. Default: the study's own, which the paper's 12000 would take days."""
+    """Training steps of each case. Default: as many as the study uses; the paper's 12000 would take days."""
 
     workers: int = 1
-    """Cases at the same time. They share the cores: faster, but only 1 gives times that mean something."""
+    """Cases to run at the same time. They share the cores, so times are only meaningful with 1."""
 
     def __post_init__(self) -> None:
         find_study(self.name)
@@ -80,12 +79,12 @@ class RunStudy:
             workers=self.workers,
             budget=self.time_budget,
         )
-        return f"{outcome}\nreport: {write_report(study, folder)}"
+        return f"{outcome}\nreport: {study.report(folder)}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportStudy:
-    """Measure nothing; draw the report from the results that are there."""
+    """Draw the report from existing results, without measuring."""
 
     name: Name
 
@@ -98,12 +97,12 @@ class ReportStudy:
     def execute(self) -> str:
         """Draw, and say where the report is."""
         study = find_study(self.name)
-        return f"report: {write_report(study, self.out or study.folder)}"
+        return f"report: {study.report(self.out or study.folder)}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyCommand:
-    """Measure what settings cost and give, over many runs of the whole chain, and draw a report."""
+    """Measure costs and gains of settings over many runs of the whole chain, and draw a report."""
 
     action: Annotated[
         Annotated[ListStudies, tyro.conf.subcommand("list")]
@@ -117,41 +116,3 @@ class StudyCommand:
     def execute(self) -> str:
         """Do what was asked for."""
         return self.action.execute()
-
-
-def find_study(name: str) -> Study:
-    """Return the study of that name.
-
-    Raises:
-        DigsError: there is none.
-    """
-    for study in STUDIES:
-        if study.name == name:
-            return study
-    known = ", ".join(study.name for study in STUDIES)
-    raise DigsError(f"study '{name}': no such study; there is: {known}")
-
-
-def write_report(study: Study, folder: Path) -> Path:
-    """Draw the report of the results in ``folder`` and return its HTML page.
-
-    Raises:
-        DigsError: no case ended well; the message has their errors.
-    """
-    from digs_warp.study.engine.store import RESULTS, Store
-    from digs_warp.study.page import write_pages
-
-    records = list(Store(folder).records.values())
-    good = [record for record in records if "error" not in record]
-    if not good:
-        errors = "; ".join(sorted({record["error"] for record in records})) or "there are none"
-        raise DigsError(
-            f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with 'digs-warp study "
-            f"run {study.name}'"
-        )
-    failed = len(records) - len(good)
-    intro = f"{study.summary[0].upper()}{study.summary[1:]}. {len(good)} cases"
-    intro += f", {failed} failed." if failed else "."
-    machines = sorted({record["machine"] for record in good})
-    intro += f" Measured on {' and '.join(machines)}."
-    return write_pages(study.title, intro, study.sections(good), folder)

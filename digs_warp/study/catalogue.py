@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from digs_warp.checks import DigsError
+
 if TYPE_CHECKING:
     from digs_warp.study.engine.case import Case
     from digs_warp.study.page import Section
@@ -43,6 +45,30 @@ class Study:
     def sections(self, records: Sequence[Any]) -> "Sequence[Section]":
         """Return what the report shows of the records of cases that ended well."""
         return self._module().sections(records)
+
+    def report(self, folder: Path) -> Path:
+        """Draw the report of the results in ``folder`` and return its HTML page.
+
+        Raises:
+            DigsError: no case succeeded; the message has their errors.
+        """
+        from digs_warp.study.engine.store import RESULTS, Store
+        from digs_warp.study.page import write_pages
+
+        records = list(Store(folder).records.values())
+        good = [record for record in records if "error" not in record]
+        if not good:
+            errors = "; ".join(sorted({record["error"] for record in records})) or "there are none"
+            raise DigsError(
+                f"study '{folder / RESULTS}': no case ended well: {errors}; measure some with 'digs-warp "
+                f"study run {self.name}'"
+            )
+        failed = len(records) - len(good)
+        intro = f"{self.summary[0].upper()}{self.summary[1:]}. {len(good)} cases"
+        intro += f", {failed} failed." if failed else "."
+        machines = sorted({record["machine"] for record in good})
+        intro += f" Measured on {' and '.join(machines)}."
+        return write_pages(self.title, intro, self.sections(good), folder)
 
     def _module(self) -> Any:
         return importlib.import_module(f"digs_warp.study.studies.{self.name}")
@@ -94,3 +120,16 @@ STUDIES = (
         iterations=200,
     ),
 )
+
+
+def find_study(name: str) -> Study:
+    """Return the study of that name.
+
+    Raises:
+        DigsError: there is none.
+    """
+    for study in STUDIES:
+        if study.name == name:
+            return study
+    known = ", ".join(study.name for study in STUDIES)
+    raise DigsError(f"study '{name}': no such study; there is: {known}")

@@ -3,10 +3,13 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
 
+from digs_warp.checks import DigsError
 from digs_warp.record.files import to_json
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class Case:
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
         effort: how long it takes, relative to the other cases of its study: a guess, for the time budget.
         threads: CPU threads; None: as the runner has them.
-        finishes: also measure what can be chosen after the training (`engine.finish`).
+        finishes: also measure what can be chosen after the training (`engine.scores`).
     """
 
     labels: Mapping[str, Any]
@@ -54,3 +57,41 @@ def digest(value: Any) -> str:
     """Return 16 hexadecimal digits that identify a JSON-like value; the order of keys does not matter."""
     text = json.dumps(plain(value), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def with_settings(config: T, changes: Mapping[str, Any]) -> T:
+    """Return ``config`` with some settings changed; it checks its values as when it was made.
+
+    Args:
+        config: a frozen dataclass; its fields may be such records, too.
+        changes: dotted name -> value, for example ``{"init.voxel_size": 0.01, "test_every": 6}``.
+
+    Raises:
+        DigsError: a name that the record does not have, or a value that it refuses.
+    """
+    # All changes of one record at once: settings are checked together, and one alone may be refused.
+    here: dict[str, Any] = {}
+    below: dict[str, dict[str, Any]] = {}
+    for name, value in changes.items():
+        head, _, rest = name.partition(".")
+        if rest:
+            below.setdefault(head, {})[rest] = value
+        else:
+            here[head] = value
+    for head, nested in below.items():
+        here[head] = with_settings(_field(config, head, is_record=True), nested)
+    for head in here:
+        _field(config, head)
+    return replace(config, **here)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def _field(config: Any, name: str, is_record: bool = False) -> Any:
+    known = [f.name for f in fields(config)]
+    if name not in known:
+        raise DigsError(
+            f"{type(config).__name__} has no setting '{name}'; there is: {', '.join(known)}"
+        )
+    value = getattr(config, name)
+    if is_record and not is_dataclass(value):
+        raise DigsError(f"{type(config).__name__}.{name} is a value, not a group of settings")
+    return value

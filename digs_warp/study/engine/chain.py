@@ -25,10 +25,8 @@ from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
 from digs_warp.record.run_log import RunLog, versions
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.engine.case import Case, digest
-from digs_warp.study.engine.finish import score_finishes
-from digs_warp.study.engine.overrides import with_settings
-from digs_warp.study.engine.yardstick import YARDSTICK, score_on_yardstick
+from digs_warp.study.engine.case import Case, digest, with_settings
+from digs_warp.study.engine.scores import YARDSTICK, score_finishes, score_on_yardstick
 from digs_warp.study.machine import processor
 
 if TYPE_CHECKING:
@@ -60,7 +58,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     The keys: ``metrics`` (quality on the held-out views), ``course`` (the same along iterations and
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk: comparable between
     recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
-    `engine.finish`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
+    `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
     kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
     process), ``versions``, ``machine``.
 

@@ -13,8 +13,7 @@ from digs_warp.commands.run import Run
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study
-from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.overrides import with_settings
+from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.store import RESULTS, Store
 from reference.study_records import record_of
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.overrides import with_settings
+from digs_warp.study.engine.case import Case, with_settings
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,14 @@
-"""Draw docs/images/initialization.jpg: the points of the five initializations on four objects.
+"""Draw the pictures of the documentation that show results of runs.
 
-Usage: python scripts/initialization_picture.py   (a minute after `digs-warp study run initialization`)
+Usage: python scripts/pictures.py demo [RUN_FOLDER]   docs/images/demo.jpg, from `make demo` or another run
+       python scripts/pictures.py initialization      docs/images/initialization.jpg, in about a minute
 
-Recordings and estimated poses are those of that study, in out/study/initialization; what is missing there is
-made, which takes a minute or two an object. The truth is drawn by the simulator.
+The second one shows the points of the five initializations on four objects. It takes recordings and estimated
+poses from `digs-warp study run initialization`, in out/study/initialization, and makes what is missing there,
+which takes a minute or two per object. The simulator draws the truth.
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,38 +20,77 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from digs_warp.camera import Camera
-from digs_warp.data.capture import Capture
+from digs_warp.data.capture import Capture, Frame, read_capture
 from digs_warp.data.capture_writer import FrameImages
+from digs_warp.data.images import read_image
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.measure.surface_metrics import surface_score
+from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.progress import show_progress
 from digs_warp.report.pictures import over_white
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker
 from digs_warp.sim.sensor_plan import make_plan
 from digs_warp.sim.session import load_inputs, prepare_session
-from digs_warp.study.catalogue import STUDIES
-from digs_warp.study.engine.case import Case
+from digs_warp.study.catalogue import find_study
+from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.chain import SURFACE_THRESHOLD, start_of_case
-from digs_warp.study.engine.overrides import with_settings
 from digs_warp.surface.true_surface import read_true_surface
 
-TARGET = Path(__file__).resolve().parent.parent / "docs" / "images" / "initialization.jpg"
+IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+
+DEMO_FRAME, DEMO_ROWS, DEMO_COLUMNS = 32, slice(20, 350), slice(120, 520)
+
 OBJECTS = ("ycb_mustard_bottle", "avocado", "spot", "armchair")
 STRATEGIES = ("default", "random", "depth", "highdepth", "fusion")
-
-FRAME = 5  # the camera that all panels are seen from: of this frame
+FRAME = 5  # all panels are seen from the camera of this frame
 SIZE = (1440, 810)  # of the drawing before it is cropped to the object [px]
 MARGIN = 0.12  # of the object's size, around it
 DOT_PX = 2  # a point covers this many pixels to either side
-HIDDEN = 0.03  # this far [m] behind what the camera truly sees, a point is hidden
+HIDDEN = 0.03  # a point this far [m] behind what the camera truly sees is hidden
 PANEL = 2.35  # [inch]
 
 
-def main() -> None:
-    """Record, estimate the poses and initialize, or take from the study what is there; draw."""
+def main(picture: str, *arguments: str) -> None:
+    """Draw one of the pictures."""
     show_progress()
-    (study,) = (study for study in STUDIES if study.name == "initialization")
+    if picture == "demo":
+        draw_demo(*map(Path, arguments))
+    else:
+        draw_initialization()
+
+
+def draw_demo(run: Path = Path("out/demo")) -> None:
+    """Put four stages of one held-out view side by side."""
+    capture = read_capture(run / "capture")
+    frame = capture.frames[DEMO_FRAME]
+    points = PointCloud.load(run / "reconstruction" / INITIAL_POINTS)
+    panels = {
+        "what the camera sees": frame.load_image(),
+        "what its depth sensor reports": depth_picture(capture, frame),
+        "points from the depth": points_picture(points, frame.camera, dot=0),
+        "Gaussians, a view held out": read_image(run / f"reconstruction/renders/{frame.name}.png"),
+    }
+    figure, axes = plt.subplots(1, 4, figsize=(16, 3.75), dpi=110)
+    for axis, (title, picture) in zip(axes, panels.items(), strict=True):
+        axis.imshow(picture[DEMO_ROWS, DEMO_COLUMNS])
+        axis.set_title(title, fontsize=14)
+        axis.axis("off")
+    figure.subplots_adjust(0.004, 0.004, 0.996, 0.9, wspace=0.02)
+    figure.savefig(IMAGES / "demo.jpg", pil_kwargs={"quality": 88, "optimize": True})
+
+
+def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
+    """Colour the depth of the object's surroundings; near is bright."""
+    distance = np.linalg.norm(frame.camera.center_world)
+    reach = capture.about.object_radius or 0.0
+    shade = (distance + reach - frame.load_depth()) / (2 * reach)
+    return plt.get_cmap("viridis")(np.clip(np.nan_to_num(shade), 0, 1))[..., :3]
+
+
+def draw_initialization() -> None:
+    """Record, estimate the poses and initialize, unless the study has done so; draw."""
+    study = find_study("initialization")
     cases = {
         (case.labels["object"], case.labels["strategy"]): case
         for case in reversed(study.cases(study.objects, 1, study.iterations))
@@ -64,15 +106,13 @@ def main() -> None:
         for axis, strategy in zip(row, STRATEGIES, strict=False):
             capture, frames, points = start_of_case(cases[name, strategy], study.folder)
             cameras = {frame.name: frame.camera for frame in (*frames.training, *frames.held_out)}
-            camera = cameras[capture.frames[FRAME].name]
-            picture = points_picture(points, camera, truth.depth_true)
+            camera = cameras[capture.frames[FRAME].name].resized(*SIZE)
+            picture = points_picture(points, camera, DOT_PX, truth.depth_true)
             show(axis, picture[window], strategy, caption(points, capture))
         object_name = name.removeprefix("ycb_").replace("_", " ")
         show(row[-1], over_white(truth.image, truth.mask)[window], "truth", object_name)
     figure.subplots_adjust(0.004, 0.045, 0.996, 0.965, wspace=0.03, hspace=0.28)
-    TARGET.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(TARGET, pil_kwargs={"quality": 78, "optimize": True})
-    print(TARGET)  # noqa: T201 (a script)
+    figure.savefig(IMAGES / "initialization.jpg", pil_kwargs={"quality": 78, "optimize": True})
 
 
 def true_view(case: Case) -> FrameImages:
@@ -109,23 +149,30 @@ def caption(points: PointCloud, capture: Capture) -> str:
     )
 
 
-def points_picture(points: PointCloud, camera: Camera, depth_true: np.ndarray) -> np.ndarray:
-    """Draw the points as the camera sees them, near ones over far ones, on white; shape of `SIZE`.
+def points_picture(
+    points: PointCloud, camera: Camera, dot: int, depth_true: np.ndarray | None = None
+) -> np.ndarray:
+    """Draw the points as the camera sees them, near ones over far ones, on white.
 
-    Points behind the true surfaces are left out: through gaps between points one would see the far side.
+    Args:
+        points: with colours.
+        camera: gives the size of the picture.
+        dot: a point covers this many pixels to either side.
+        depth_true: of the camera [m]. Points behind it are left out: through gaps between points one would
+            see the far side.
     """
-    width, height = SIZE
-    camera = replace(camera, intrinsics=camera.intrinsics.resized(width, height))
+    width, height = camera.intrinsics.width, camera.intrinsics.height
     picture = np.ones((height, width, 3))
     px, depth = camera.project(points.points_world)
     order = np.argsort(-depth)
     order = order[depth[order] > 0]
     columns, rows = np.floor(px[order]).astype(np.int64).T
-    seen = depth_true[rows.clip(0, height - 1), columns.clip(0, width - 1)]
-    visible = ~(depth[order] > seen + HIDDEN)  # where nothing is, nothing hides
-    order, columns, rows = order[visible], columns[visible], rows[visible]
-    for down in range(-DOT_PX, DOT_PX + 1):
-        for right in range(-DOT_PX, DOT_PX + 1):
+    if depth_true is not None:
+        seen = depth_true[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+        visible = ~(depth[order] > seen + HIDDEN)  # where nothing is, nothing hides
+        order, columns, rows = order[visible], columns[visible], rows[visible]
+    for down in range(-dot, dot + 1):
+        for right in range(-dot, dot + 1):
             u, v = columns + right, rows + down
             inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
             picture[v[inside], u[inside]] = points.colors[order][inside]
@@ -144,4 +191,4 @@ def show(axis: Axes, picture: np.ndarray, title: str, below: str) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -1,0 +1,144 @@
+"""How good a result is on views that no case has seen, and what can still be chosen after the training.
+
+The yardstick is a recording by a perfect camera on another walk: results are compared on it, whatever they
+were made from. After the training one can still choose how faint splats are drawn and how exactly they are
+stored.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import fmean, median
+from typing import Any, get_args
+
+import numpy as np
+
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.measure.metrics import psnr
+from digs_warp.study.timing import Stopwatch
+
+# The recording; its scene is that of the case.
+YARDSTICK: dict[str, Any] = {
+    **{"frames": 8, "width": 640, "height": 360, "tier": "truth"},
+    **{"samples_per_pixel": 4, "seed": 20260521},
+}
+
+# Smallest alpha that is drawn; the first is the usual one, a step of an 8-bit image.
+ALPHA_CUTS = (1 / 255, 0.02, 0.05, 0.1)
+# Each view is drawn this often; the median counts.
+REPEATS = 3
+
+
+def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, float | None]:
+    """Compare a result with the yardstick's frames.
+
+    Returns:
+        ``psnr``, ``ssim`` [dB, 1] of the whole image and, ``_masked``, of the object; ``flip`` where
+        flip-evaluator is installed; ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
+    """
+    from digs_warp.splat.device import DeviceGaussians
+    from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
+
+    views = load_test_views(frames)
+    images = render_views(DeviceGaussians.from_numpy(gaussians), views)
+    score = mean_score(score_views(images, views))
+    if find_spec("flip_evaluator"):
+        from digs_warp.measure.flip import flip
+
+        pairs = zip(images, views, strict=True)
+        score["flip"] = fmean(flip(image, view.target) for image, view in pairs)
+    return score | depth_error(gaussians, frames)
+
+
+def depth_error(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, float | None]:
+    """Compare the median depth of the Gaussians with the true depth, inside the object's mask.
+
+    Returns:
+        ``depth_mae``: mean absolute error [m] over the object's pixels that the Gaussians cover by half;
+        None without any. ``depth_seen``: the share of the object's pixels that they cover so.
+    """
+    from digs_warp.surface.depth_views import depth_views
+    from digs_warp.train.evaluate import MASK_THRESHOLD
+
+    cameras = [frame.camera for frame in frames]
+    errors = []
+    pixels = 0
+    for frame, view in zip(
+        frames, depth_views(gaussians, cameras, gaussians.means.mean(axis=0)), strict=True
+    ):
+        inside = (frame.load_mask() > MASK_THRESHOLD) & np.isfinite(frame.load_depth())
+        error = np.abs(view.depth - frame.load_depth())[inside]
+        errors.append(error[np.isfinite(error)])
+        pixels += len(error)
+    seen = np.concatenate(errors).astype(np.float64)
+    return {
+        "depth_mae": float(seen.mean()) if len(seen) else None,
+        "depth_seen": len(seen) / pixels if pixels else None,
+    }
+
+
+def score_finishes(
+    gaussians: Gaussians, frames: Sequence[Frame]
+) -> dict[str, list[dict[str, Any]]]:
+    """Draw and store a result in different ways; it is not trained again.
+
+    Returns:
+        ``alpha_cuts``: for each cut ``value``, ``seconds`` per view, ``psnr`` [dB] on ``frames``;
+        ``precisions``: for each ``value`` ``seconds`` to write a .usdc file, its ``megabytes``, and the
+        ``psnr`` of what is read back.
+    """
+    return {
+        "alpha_cuts": [_with_cut(gaussians, frames, cut) for cut in ALPHA_CUTS],
+        "precisions": _precisions(gaussians, frames),
+    }
+
+
+def _with_cut(gaussians: Gaussians, frames: Sequence[Frame], cut: float) -> dict[str, Any]:
+    from digs_warp.splat.config import RasterOptions
+    from digs_warp.splat.device import DeviceGaussians
+    from digs_warp.splat.footprint import near_plane
+    from digs_warp.splat.renderer import SplatRenderer
+    from digs_warp.train.evaluate import load_test_views
+
+    views = load_test_views(frames)
+    k = views[0].camera.intrinsics
+    splats = DeviceGaussians.from_numpy(gaussians)
+    renderer = SplatRenderer(splats, k.width, k.height, options=RasterOptions(min_alpha=cut))
+    center = gaussians.means.mean(axis=0)
+    seconds, scores = [], []
+    for view in views:
+        for _ in range(REPEATS):
+            with Stopwatch() as watch:
+                renderer.forward(view.camera, near=near_plane(view.camera, center))
+            seconds.append(watch.seconds)
+        scores.append(psnr(np.clip(renderer.image.to_numpy(), 0.0, 1.0), view.target))
+    return {"value": round(cut, 4), "seconds": median(seconds), "psnr": fmean(scores)}
+
+
+def _precisions(gaussians: Gaussians, frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    from digs_warp.splat.device import DeviceGaussians
+    from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
+    from digs_warp.usd.convert import Precision
+    from digs_warp.usd.reader import read_gaussians
+    from digs_warp.usd.writer import WriteOptions, write_gaussians
+
+    views = load_test_views(frames)
+    found = []
+    for precision in get_args(Precision):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "scene.usdc"
+            with Stopwatch() as watch:
+                write_gaussians(path, gaussians, options=WriteOptions(precision=precision))
+            size = path.stat().st_size / 1e6
+            stored = DeviceGaussians.from_numpy(read_gaussians(path))
+        score = mean_score(score_views(render_views(stored, views), views))
+        row = {
+            "value": precision,
+            "seconds": watch.seconds,
+            "megabytes": size,
+            "psnr": score["psnr"],
+        }
+        found.append(row)
+    return found
