@@ -26,9 +26,9 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.record.progress import progress
 from digs_warp.usd import names
-from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
 from digs_warp.usd.author import author_field, begin_asset, begin_stage
 from digs_warp.usd.cameras import CameraPath, author_cameras
+from digs_warp.usd.convert import WriteOptions, asset_arrays
 from digs_warp.usd.files import export_layer, package_folder
 from digs_warp.usd.lod import LEVELS, level_of_detail
 from digs_warp.usd.metadata import portable_json, usd_from_json

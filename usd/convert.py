@@ -11,7 +11,9 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix
 from digs_warp.sh import coefficient_count, rgb_from_sh, rotate_sh
-from digs_warp.usd.frames import Similarity
+from digs_warp.usd.frames import ASSET_FROM_WORLD, Similarity, similarity_from_matrix
+
+_ASSET_FROM_WORLD = similarity_from_matrix(ASSET_FROM_WORLD, "asset")
 
 # A standard deviation of 0 makes the covariance singular; this one is smaller than any splat [m].
 MIN_SCALE = 1e-12
@@ -29,6 +31,19 @@ Precision = Literal["float", "mixed", "half"]
 
 # The smallest positive half: a scale below half of it would become 0.
 MIN_HALF_SCALE = 2.0**-24
+
+
+@dataclass(frozen=True, kw_only=True)
+class WriteOptions:
+    """How Gaussians are stored in a USD scene."""
+
+    precision: Precision = "float"
+    """float keeps every digit; mixed halves all but the positions, which halves the file at no visible
+    loss; half also rounds positions (to 0.5 mm at 1 m), and some importers do not read it."""
+
+    sh_degree: Literal[0, 1, 2, 3] | None = None
+    """Degree of the spherical harmonics in the file: higher bands are left out, missing ones are zero.
+    Without it the file has the degree of the training."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +71,21 @@ class SplatArrays:
         """Return some of the splats, float32."""
         parts = (getattr(self, each.name)[rows] for each in fields(self))
         return SplatArrays(*(part.astype(np.float32, copy=False) for part in parts))
+
+
+def asset_arrays(
+    gaussians: Gaussians, options: WriteOptions, what: str = "Gaussians"
+) -> SplatArrays:
+    """Return Gaussians as they are stored: activated, in the asset's frame, in the chosen precision.
+
+    Raises:
+        UsdError: NaN or infinite values, or values beyond the chosen precision; names ``what``.
+    """
+    arrays = arrays_from_gaussians(gaussians, what)
+    if options.sh_degree is not None:
+        arrays = with_sh_degree(arrays, options.sh_degree)
+    arrays = transformed(arrays, _ASSET_FROM_WORLD)
+    return with_precision(arrays, options.precision, what)
 
 
 def arrays_from_gaussians(gaussians: Gaussians, what: str = "Gaussians") -> SplatArrays:

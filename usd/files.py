@@ -1,6 +1,7 @@
 """USD files on disk: open one with a readable error, write one so that it is complete or not there."""
 
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,14 +10,21 @@ from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError, UsdError, require_file
 from digs_warp.usd import names
-from digs_warp.usd.memory_guard import limited_memory
-from digs_warp.usd.package_writer import PackageWriter
+from digs_warp.usd.package import PackageWriter
 from digs_warp.usd.structure import check_structure, open_layers
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
 
 HINT = "Expected a .usda, .usdc or .usdz scene, as 'digs-warp export-usd' writes it."
+
+# A few bytes of a broken file may promise billions of values, and the USD library allocates before it looks.
+# Under a limit, that fails at once. Reading may take this much beyond what the process has (for the library
+# and its threads), and this much per byte of the file (for all arrays and their copies).
+HEADROOM = 512 << 20
+PER_BYTE = 24
+
+_lock = threading.Lock()
 
 
 @contextmanager
@@ -125,3 +133,37 @@ def reason(error: Exception) -> str:
     except UnicodeDecodeError:  # USD quotes the broken bytes
         return "text in it is not UTF-8"
     return first.rsplit(" : ", 1)[-1].strip(" '")
+
+
+@contextmanager
+def limited_memory(file_size: int) -> Iterator[None]:
+    """Limit the data of this process while the block reads a file of ``file_size`` bytes.
+
+    The limit is the process's own (RLIMIT_DATA), so it also holds for other threads during the block;
+    where a second thread reads at the same time, or the system has no such limit, nothing is limited.
+    """
+    try:
+        import resource
+
+        used = _data_bytes()
+    except (ImportError, OSError):
+        yield
+        return
+    if not _lock.acquire(blocking=False):
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    limit = used + HEADROOM + PER_BYTE * file_size
+    tighter = [limit, *(bound for bound in (soft, hard) if bound != resource.RLIM_INFINITY)]
+    try:
+        resource.setrlimit(resource.RLIMIT_DATA, (min(tighter), hard))
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+        _lock.release()
+
+
+def _data_bytes() -> int:
+    """Return the size of the private, writable memory of this process (Linux)."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmData:")[1].split()[0]) * 1024

@@ -1,17 +1,21 @@
-"""The ZIP structure of a ``.usdz`` package: read without USD, before USD maps the file.
+"""The ZIP structure of a ``.usdz`` package: checked before USD maps the file, written around its members.
 
-A package stores its members uncompressed, aligned to 64 bytes, without the 64-bit extension; the first one
-is the scene, all of them lie inside by relative names.
+A package stores its members uncompressed, aligned to 64 bytes, without the 64-bit extension. The first one is
+the scene; all have relative names. What we write has the oldest time that a ZIP file can hold: with the true
+time, the same scene would give different bytes every two seconds.
 """
 
 import mmap
+import os
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from digs_warp.checks import UsdError
 from digs_warp.usd.findings import Finding
 
 ALIGNMENT = 64
@@ -23,6 +27,16 @@ _END_REACH = END.size + 0xFFFF
 # Offsets have 32 bits; some of that is for the headers and the alignment of members.
 MAX_PACKAGE = 2**32 - 2**16
 LAYER_SUFFIXES = (".usda", ".usdc", ".usd")
+
+# 1 January 1980, 0:00.
+_DATE, _TIME = (1 << 5) | 1, 0
+_VERSION = 10  # of the ZIP format: stored members
+_UTF8 = 1 << 11
+# The padding before a member is an extra field of this kind, of at least its own header.
+_PADDING_KIND = 0x1986
+_MIN_PADDING = 4
+# Bytes read at a time: they stay in the cache.
+_PIECE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -154,3 +168,103 @@ def _read_entry(data: mmap.mmap, at: int, end: int) -> tuple[Member, int]:
         raise ValueError(f"member '{name}' reaches beyond the file")
     member = Member(name, start, size, method != 0 or stored != size, bool(flags & 1))
     return member, at + ENTRY.size + name_length + extra_length + comment_length
+
+
+@dataclass(frozen=True)
+class _Entry:
+    name: bytes
+    header: int
+    crc: int
+    size: int
+
+
+class PackageWriter:
+    """A package that is being written, at a path where nobody reads it yet; `close` finishes it."""
+
+    def __init__(self, path: Path, shown_path: Path) -> None:
+        """Begin an empty package in the file ``path``, on the way to ``shown_path``."""
+        self._path = path
+        self._shown_path = shown_path
+        self._entries: list[_Entry] = []
+        self._end = 0
+        path.write_bytes(b"")
+
+    @contextmanager
+    def member(self, name: str) -> Iterator[int]:
+        """Give the place in the file where the next member begins; the block writes it there.
+
+        Raises:
+            UsdError: the package becomes too large.
+        """
+        label = name.encode()
+        header = self._end
+        padding = -(header + LOCAL.size + len(label)) % ALIGNMENT
+        padding += ALIGNMENT if 0 < padding < _MIN_PADDING else 0
+        start = header + LOCAL.size + len(label) + padding
+        yield start
+        with self._path.open("r+b") as file:
+            size = file.seek(0, os.SEEK_END) - start
+            check_package_size(start + size, self._shown_path)
+            file.seek(start)
+            entry = _Entry(label, header, _checksum(file), size)
+            file.seek(header)
+            file.write(_local_header(entry, padding) + label + _filler(padding))
+        self._entries.append(entry)
+        self._end = start + size
+
+    def add(self, source: Path, name: str) -> None:
+        """Copy a file into the package."""
+        with (
+            self.member(name) as start,
+            source.open("rb") as file,
+            self._path.open("r+b") as target,
+        ):
+            target.seek(start)
+            while piece := file.read(_PIECE):
+                target.write(piece)
+
+    def close(self) -> None:
+        """Write the directory."""
+        directory = b"".join(_directory_entry(entry) for entry in self._entries)
+        count = len(self._entries)
+        end = END.pack(b"PK\5\6", 0, 0, count, count, len(directory), self._end, 0)
+        with self._path.open("r+b") as file:
+            file.seek(self._end)
+            file.write(directory + end)
+
+
+def check_package_size(size: int, path: Path) -> None:
+    """Raise a `UsdError` when ``size`` bytes do not fit into a usdz package."""
+    if size > MAX_PACKAGE:
+        raise UsdError(
+            f"USD scene '{path}': {size} bytes do not fit into a usdz package (below 4 GiB); store fewer "
+            "splats, half precision or a lower degree, or write a .usdc file"
+        )
+
+
+def _checksum(file) -> int:
+    crc = 0
+    while piece := file.read(_PIECE):
+        crc = zlib.crc32(piece, crc)
+    return crc
+
+
+def _local_header(entry: _Entry, padding: int) -> bytes:
+    sizes = (entry.crc, entry.size, entry.size, len(entry.name), padding)
+    return LOCAL.pack(b"PK\3\4", _VERSION, _UTF8, 0, _TIME, _DATE, *sizes)
+
+
+def _filler(padding: int) -> bytes:
+    if padding == 0:
+        return b""
+    length = padding - _MIN_PADDING
+    return _PADDING_KIND.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(length)
+
+
+def _directory_entry(entry: _Entry) -> bytes:
+    sizes = (entry.crc, entry.size, entry.size, len(entry.name), 0, 0)
+    places = (0, 0, 0, entry.header)
+    return (
+        ENTRY.pack(b"PK\1\2", _VERSION, _VERSION, _UTF8, 0, _TIME, _DATE, *sizes, *places)
+        + entry.name
+    )

@@ -21,10 +21,11 @@ from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.device.threads import over_rows
 from digs_warp.sh import coefficient_count
-from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
 from digs_warp.usd.author import author_field
 from digs_warp.usd.convert import (
     SplatArrays,
+    WriteOptions,
+    asset_arrays,
     color_sums,
     display_color,
     mean_display_color,

@@ -5,10 +5,10 @@ from typing import Any
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.usd import names
-from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
 from digs_warp.usd.author import author_field, begin_asset
+from digs_warp.usd.convert import WriteOptions, asset_arrays
 from digs_warp.usd.files import check_suffix, export_layer, finished_file
-from digs_warp.usd.package_writer import PackageWriter
+from digs_warp.usd.package import PackageWriter
 from digs_warp.usd.splat_layer import write_splat_crate
 
 

@@ -102,9 +102,9 @@ _FAULTS = (
 
 def make_originals(folder: Path) -> list[Path]:
     """Write one scene in every format and precision, one by the library alone, and a capture package."""
-    from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
     from digs_warp.usd.author import author_field, begin_asset
     from digs_warp.usd.capture_scene import write_capture_scene
+    from digs_warp.usd.convert import WriteOptions, asset_arrays
     from digs_warp.usd.writer import write_gaussians
     from reference.capture_scenes import full_scene, splats
 

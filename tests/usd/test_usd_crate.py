@@ -13,12 +13,11 @@ import pytest
 from digs_warp.checks import UsdError
 from digs_warp.usd import crate_splice, splat_layer
 from digs_warp.usd.crate import COUNT, SECTION, decompressed, read_sections, stored
-from digs_warp.usd.crate_paths import _integers, check_paths
 from digs_warp.usd.crate_splice import splice
 from digs_warp.usd.diff import differences
 from digs_warp.usd.info import describe
 from digs_warp.usd.reader import read_gaussians
-from digs_warp.usd.structure import check_structure
+from digs_warp.usd.structure import _integers, check_paths, check_structure
 from digs_warp.usd.validate import validate
 from digs_warp.usd.writer import write_gaussians
 
@@ -182,8 +181,8 @@ def test_arrays_written_in_pieces_are_those_that_the_library_writes(
 ):
     from pxr import Usd
 
-    from digs_warp.usd.asset_splats import WriteOptions, asset_arrays
     from digs_warp.usd.author import author_field, begin_asset
+    from digs_warp.usd.convert import WriteOptions, asset_arrays
 
     gaussians = random_gaussians(count, degree=1)
     options = WriteOptions(precision=precision)

@@ -14,7 +14,7 @@ import pytest
 from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.usd.capture_scene import CaptureScene, SceneVariant, write_capture_scene
-from digs_warp.usd.memory_guard import HEADROOM, limited_memory
+from digs_warp.usd.files import HEADROOM, limited_memory
 from digs_warp.usd.reader import read_gaussians
 from digs_warp.usd.writer import write_gaussians
 from reference import usd_mutator

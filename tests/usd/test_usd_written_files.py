@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import UsdError
-from digs_warp.usd.package import MAX_PACKAGE
-from digs_warp.usd.package_writer import check_package_size
+from digs_warp.usd.package import MAX_PACKAGE, check_package_size
 from digs_warp.usd.writer import write_gaussians
 
 SUFFIXES = (".usda", ".usdc", ".usdz")

@@ -5,10 +5,14 @@ from typing import Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.interchange.splats.axes import WORLD_FROM_UP, turned
 from digs_warp.interchange.splats.dot_splat import read_dot_splat, write_dot_splat
 from digs_warp.interchange.splats.ply import read_ply, write_ply
-from digs_warp.interchange.splats.rows import check_writable, without_broken_rows
+from digs_warp.interchange.splats.rows import (
+    WORLD_FROM_UP,
+    check_writable,
+    turned,
+    without_broken_rows,
+)
 from digs_warp.interchange.splats.spz import DEFAULT_VERSION, read_spz, write_spz
 
 SUFFIXES = (".ply", ".spz", ".splat")

@@ -13,8 +13,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.interchange.splats.ply_header import read_ply_header
-from digs_warp.interchange.splats.ply_table import read_table
+from digs_warp.interchange.splats.ply_table import read_ply_header, read_table
 from digs_warp.interchange.splats.rows import LARGEST_LOGIT
 from digs_warp.record.files import write_atomically
 from digs_warp.sh import MAX_DEGREE, coefficient_count

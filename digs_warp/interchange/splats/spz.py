@@ -12,8 +12,13 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.interchange.splats import spz_codes as codes
-from digs_warp.interchange.splats.axes import WORLD_FROM_Y_UP, turned
-from digs_warp.interchange.splats.rows import codes_from_logits, logits_from_codes, warn_of_loss
+from digs_warp.interchange.splats.rows import (
+    WORLD_FROM_Y_UP,
+    codes_from_logits,
+    logits_from_codes,
+    turned,
+    warn_of_loss,
+)
 from digs_warp.interchange.splats.spz_container import (
     MAX_COUNT,
     PackedSplats,

@@ -18,10 +18,9 @@ from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.geometry import quat_xyzw_from_matrix
 from digs_warp.sh import C0
 from digs_warp.surface.depth_views import DepthView, depth_views
-from digs_warp.surface.extract import Scene, extract_surface, within_mask
+from digs_warp.surface.extract import Scene, extract_surface, remove_floaters, within_mask
 from digs_warp.surface.files import vertex_normals, write_mesh
 from digs_warp.surface.fuse import fuse_views, inside_ball
-from digs_warp.surface.parts import remove_floaters
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import RADIUS, ball
 

@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.interchange.splats.axes import WORLD_FROM_UP, turned
 from digs_warp.interchange.splats.files import SUFFIXES, read_splat_file, write_splat_file
-from digs_warp.interchange.splats.rows import codes_from_logits, logits_from_codes
+from digs_warp.interchange.splats.rows import (
+    WORLD_FROM_UP,
+    codes_from_logits,
+    logits_from_codes,
+    turned,
+)
 from digs_warp.sh import rgb_from_sh
 from reference.splat_files import random_gaussians, shapes
 

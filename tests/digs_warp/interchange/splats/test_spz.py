@@ -12,8 +12,8 @@ import zstandard
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.interchange.splats import spz_codes as codes
-from digs_warp.interchange.splats.axes import WORLD_FROM_Y_UP, turned
 from digs_warp.interchange.splats.files import read_splat_file
+from digs_warp.interchange.splats.rows import WORLD_FROM_Y_UP, turned
 from digs_warp.interchange.splats.spz import read_spz, write_spz
 from digs_warp.interchange.splats.spz_container import (
     PackedSplats,
