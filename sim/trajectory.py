@@ -65,29 +65,6 @@ def fitting_distance(radius: float, intrinsics: Intrinsics) -> float:
     return FRAMING_MARGIN * check_positive("object radius", radius) / float(np.sin(half_angle))
 
 
-def handheld_orbits(
-    frames: int,
-    distance: float,
-    seed: int = 0,
-    elevations_deg: tuple[float, ...] = ELEVATIONS_DEG,
-    shake: float = 1.0,
-) -> list[tuple[np.ndarray, float]]:
-    """Return ``frames`` poses, uniformly spaced in time, of a walk round the origin.
-
-    Args:
-        frames: number of poses, >= 1.
-        distance: of the orbits from the origin [m].
-        seed: of the shake.
-        elevations_deg: height of each orbit over the horizon [degree], within -80..80.
-        shake: factor on the measured shake; 0: a perfect gimbal.
-
-    Returns:
-        Pairs of ``world_from_cam``, shape (4, 4), and the time [s]; the first at time 0.
-    """
-    walk = Walk.around(distance, seed, elevations_deg, shake)
-    return [(walk.pose(moment), moment) for moment in walk.moments(frames)]
-
-
 @dataclass(frozen=True, eq=False)
 class Walk:
     """A walk as a function of time, tracked at SAMPLE_RATE.
@@ -111,7 +88,14 @@ class Walk:
         elevations_deg: tuple[float, ...] = ELEVATIONS_DEG,
         shake: float = 1.0,
     ) -> "Walk":
-        """Return a walk round the origin; the arguments are those of `handheld_orbits`."""
+        """Return a walk around the origin.
+
+        Args:
+            distance: of the orbits from the origin [m].
+            seed: of the shake.
+            elevations_deg: height of each orbit above the horizon [degree], within -80..80.
+            shake: factor on the measured shake; 0: a perfect gimbal.
+        """
         check_positive("orbit distance", distance)
         if not elevations_deg or max(abs(e) for e in elevations_deg) > 80:
             raise DigsError(

@@ -60,9 +60,6 @@ CLOTH_ROWS = 45
 # Pleats round the cloth: about as many as keep its width where the cord gathers it.
 PLEATS = 17
 
-# Height of the kilim texture over its width.
-KILIM_ASPECT = 640 / 2048
-
 # Where the knot sits [rad], and how far the two tails hang down [m].
 KNOT_ANGLE = -1.15
 TAIL_LENGTHS = (0.085, 0.105)

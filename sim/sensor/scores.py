@@ -49,30 +49,17 @@ def score(disparity: np.ndarray, truth: FrameTruth) -> Scores:
     hidden, visible = known & inside & ~seen, known & inside & seen
     good = error[filled & ~bad]
     return Scores(
-        fill=_share(filled, known),
-        bad_1=_share(bad, filled),
+        fill=share_of(filled, known),
+        bad_1=share_of(bad, filled),
         rms=float(np.sqrt(np.mean(np.square(good)))) if good.size else np.nan,
-        edge_bad_1=_share(bad, filled & edge),
-        occluded_holes=_share(~filled, hidden),
-        occluded_bad_1=_share(bad, hidden & filled),
-        visible_holes=_share(~filled, visible),
+        edge_bad_1=share_of(bad, filled & edge),
+        occluded_holes=share_of(~filled, hidden),
+        occluded_bad_1=share_of(bad, hidden & filled),
+        visible_holes=share_of(~filled, visible),
     )
 
 
-def bad_by_edge_distance(
-    disparity: np.ndarray, truth: FrameTruth, limits: tuple[int, ...] = (2, 5, 10, 20)
-) -> list[float]:
-    """Return ``bad_1`` in zones round the depth steps: up to each limit [px], and beyond the last."""
-    filled = ~np.isnan(disparity) & ~np.isnan(truth.disparity)
-    bad = filled & (np.abs(disparity - truth.disparity) > WRONG)
-    shares, counted = [], np.zeros_like(filled)
-    for limit in limits:
-        within = near_steps(truth.disparity, STEP, limit)
-        shares.append(_share(bad, filled & within & ~counted))
-        counted |= within
-    return [*shares, _share(bad, filled & ~counted)]
-
-
-def _share(part: np.ndarray, whole: np.ndarray) -> float:
+def share_of(part: np.ndarray, whole: np.ndarray) -> float:
+    """Return the share of a mask that is in another one, too; NaN where it is empty."""
     count = np.count_nonzero(whole)
     return float(np.count_nonzero(part & whole) / count) if count else np.nan

@@ -6,7 +6,11 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.blame import WRONG
+from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.scores import share_of
+from digs_warp.sim.sensor.steps import near_steps
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 
 
@@ -67,3 +71,17 @@ def box_frame(
     hidden[box[0], left - round(near - far) : left] = True
     truth = make_frame(disparity, rig, image, number)
     return replace(truth, rays=HiddenRays(hidden)), box
+
+
+def bad_by_edge_distance(
+    disparity: np.ndarray, truth: FrameTruth, limits: tuple[int, ...] = (2, 5, 10, 20)
+) -> list[float]:
+    """Return ``bad_1`` in zones round the depth steps: up to each limit [px], and beyond the last."""
+    filled = ~np.isnan(disparity) & ~np.isnan(truth.disparity)
+    bad = filled & (np.abs(disparity - truth.disparity) > WRONG)
+    shares, counted = [], np.zeros_like(filled)
+    for limit in limits:
+        within = near_steps(truth.disparity, STEP, limit)
+        shares.append(share_of(bad, filled & within & ~counted))
+        counted |= within
+    return [*shares, share_of(bad, filled & ~counted)]

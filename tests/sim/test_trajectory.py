@@ -18,11 +18,22 @@ from digs_warp.sim.trajectory import (
     ShakeSpectrum,
     Walk,
     fitting_distance,
-    handheld_orbits,
     shake_tracks,
 )
 
 INTRINSICS = Intrinsics.from_fov(640, 360, 60.0)
+
+
+def handheld_orbits(
+    frames: int,
+    distance: float,
+    seed: int = 0,
+    elevations_deg: tuple[float, ...] = ELEVATIONS_DEG,
+    shake: float = 1.0,
+) -> list[tuple[np.ndarray, float]]:
+    """Poses, ``world_from_cam``, and times of a walk."""
+    walk = Walk.around(distance, seed, elevations_deg, shake)
+    return [(walk.pose(moment), moment) for moment in walk.moments(frames)]
 
 
 @pytest.fixture(scope="module")

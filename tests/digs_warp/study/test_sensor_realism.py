@@ -11,13 +11,14 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.matcher import sense_by_matching
 from digs_warp.sim.sensor.planner import plan
-from digs_warp.sim.sensor.scores import bad_by_edge_distance, score
+from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.tiers import sense
 from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.study.real_pair import WarpedRays, load_motorcycle
+from reference.stereo_pairs import bad_by_edge_distance
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,17 @@ from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.matcher import match, search_range, sense_by_matching
-from digs_warp.sim.sensor.scores import bad_by_edge_distance, score
+from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.texture import noise_of
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
-from reference.stereo_pairs import HiddenRays, box_frame, plane_pair, shifted_right_eye
+from reference.stereo_pairs import (
+    HiddenRays,
+    bad_by_edge_distance,
+    box_frame,
+    plane_pair,
+    shifted_right_eye,
+)
 
 
 @pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
