@@ -12,14 +12,14 @@ start_warp()
 
 
 def shared(values: np.ndarray) -> Any:
-    """Return a flat array for kernels that looks at ``values``; those to be written to are contiguous."""
+    """Return a flat Warp array on the memory of ``values``; to be written to, it must be contiguous."""
     return wp.array(values.reshape(-1), device="cpu", copy=False)
 
 
 def launch_rows(kernel: Any, count: int, inputs: list[Any]) -> None:
-    """Run a kernel over ``count`` rows, on the calling thread alone.
+    """Run a kernel over ``count`` rows, on the calling thread only.
 
-    A recording senses frames side by side, which keeps all cores busy; to share out a kernel of a
-    millisecond among them costs half of one.
+    A recording senses several frames at once, which keeps all cores busy. Splitting a kernel of 1 ms among
+    them would cost half a millisecond.
     """
     launch_parallel(kernel, count, inputs, threads=1)

@@ -1,4 +1,4 @@
-"""Why a matched pixel is missing or wrong, told from the truth: labels for disparity without a history."""
+"""Why a matched pixel is missing or wrong, worked out from the truth: labels for a matcher's disparity."""
 
 import numpy as np
 
@@ -9,24 +9,24 @@ from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent,
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.texture import MATCHABLE_SNR
 
-# Error from which a match is wrong and not merely noisy [px] ("bad-1" of the Middlebury benchmark).
+# Matches with larger errors are wrong, not just noisy [px] ("bad-1" of the Middlebury benchmark).
 WRONG = 1.0
 
 
 def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
     """Return the most likely `Cause` of each missing or wrong pixel, (height, width), uint8.
 
-    A pixel to which several causes apply gets the first of: range, band, occlusion, mirror, glass,
-    exposure, gloss, edge, weak texture; the rest is random.
+    Where several causes apply, the first of these wins: range, band, occlusion, mirror, glass, exposure,
+    gloss, edge, weak texture. Where none applies, the cause is random.
 
     Args:
-        disparity: of a matcher [px], (height, width), NaN where it found nothing.
-        truth: of the frame; its rays are asked for what the right eye sees.
+        disparity: from a matcher [px], (height, width), NaN where it found nothing.
+        truth: of the frame; its rays tell what the right eye sees.
     """
     true = truth.disparity
     cause = np.full(true.shape, Cause.OK, dtype=np.uint8)
     failed = ~(np.abs(disparity - true) <= WRONG) & ~np.isnan(true)
-    # From the weakest to the strongest claim: a later one overwrites.
+    # From the weakest to the strongest claim: later ones overwrite earlier ones.
     cause[failed] = Cause.RANDOM
     for where, label in _claims(truth):
         if where is not None:

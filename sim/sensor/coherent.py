@@ -1,4 +1,4 @@
-"""Random numbers that neighbouring pixels share: matchers fail in patches, not in single pixels."""
+"""Random numbers correlated between neighbouring pixels: matchers fail in patches, not in single pixels."""
 
 import numpy as np
 
@@ -18,15 +18,15 @@ def coherent_normal(
 ) -> np.ndarray:
     """Return standard normal values at some pixels of a random field that varies over ``cell`` pixels.
 
-    The field is white on a coarse lattice and interpolated linearly, so that a few pixels of a large
-    image cost little. Dividing by the norm of the weights keeps the variance at 1 everywhere.
+    The field is white on a coarse lattice and interpolated linearly, so a few pixels of a large image
+    cost little. Dividing by the norm of the weights keeps the variance at 1 everywhere.
 
     Args:
         rng: draws the lattice; the same generator state and shape give the same field.
         shape: (height, width) of the image.
-        rows: of the wanted pixels, shape (n,), int.
-        columns: of the wanted pixels, shape (n,), int.
-        cell: distance of the lattice points [px], >= 1.
+        rows: of the pixels, shape (n,), int.
+        columns: of the pixels, shape (n,), int.
+        cell: distance between the lattice points [px], >= 1.
 
     Returns:
         Values of mean 0 and variance 1, shape (n,), float32.
@@ -35,8 +35,8 @@ def coherent_normal(
     # Two points past the last full cell: one for the remainder, one for the random offset.
     across = int(width / cell) + 3
     lattice = white_normal(rng, ((int(height / cell) + 3) * across,))
-    offset = rng.random(2)  # else the lattice would stand still from frame to frame
-    # Per row and per column first: there are far fewer of them than pixels.
+    offset = rng.random(2)  # otherwise the lattice would not move between frames
+    # Weights per row and per column first: there are far fewer of them than pixels.
     top, upper, lower = (np.take(table, rows) for table in _weights(height, cell, offset[0]))
     left, near, far = (np.take(table, columns) for table in _weights(width, cell, offset[1]))
     corner = top * across + left
@@ -48,7 +48,7 @@ def coherent_normal(
 
 
 def _weights(size: int, cell: float, offset: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the lattice point before each of ``size`` pixels, and the weights of it and the next one."""
+    """Return the lattice point before each of ``size`` pixels, its weight and that of the next point."""
     place = np.arange(size) / cell + offset
     before = place.astype(np.intp)
     share = place - before
@@ -63,7 +63,7 @@ def coherent_uniform(
     columns: np.ndarray,
     cell: float,
 ) -> np.ndarray:
-    """Return values of `coherent_normal` mapped to a uniform distribution over 0 to 1."""
+    """Return values of `coherent_normal` mapped to a uniform distribution from 0 to 1."""
     from scipy.special import ndtr
 
     return ndtr(coherent_normal(rng, shape, rows, columns, cell))

@@ -1,4 +1,4 @@
-"""What the planner knows of a scene: statistics measured on rendered frames, before any matching."""
+"""What the planner knows about a scene: statistics of rendered frames, before any matching."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -19,7 +19,7 @@ from digs_warp.sim.sensor.slopes import width_ratio
 from digs_warp.sim.sensor.steps import find_steps, near_steps
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
-# Thresholds of the statistics; the effects that use them tell their sources.
+# Thresholds of the statistics; the effects that use them give the sources.
 TEXTURE_REACH = 20.0  # [px]
 WEAK_SNR = 0.5
 STEP, LARGE_STEP = 1.0, 3.0  # [px]
@@ -27,7 +27,7 @@ STEP_REACH = 2  # [px]
 GRAZING_RATIO = 0.4
 SATURATED, DARK = 250, 15  # [DN]
 
-# Motion is smooth over the image: one pixel in this many along each axis tells enough.
+# Motion is smooth over the image: every eighth pixel along each axis is enough.
 MOTION_STRIDE = 8
 
 PERCENTILE = 95
@@ -35,9 +35,9 @@ PERCENTILE = 95
 
 @dataclass(frozen=True, kw_only=True)
 class SceneFacts:
-    """Measured over one or more frames; shares are of the pixels that show something, 0 to 1.
+    """Statistics of one or more frames; shares are of the pixels that show something, 0 to 1.
 
-    Thresholds and their sources stand with the effects that use them.
+    The effects that use the thresholds give their sources.
     """
 
     frames: int
@@ -52,19 +52,19 @@ class SceneFacts:
     step_share: float  # share within 2 px of a disparity step >= 1 px
     large_step_share: float  # share within 2 px of a disparity step > 3 px
     step_contrast: float  # median ln(foreground texture / background texture) across steps
-    occluded_share: float  # share that the right eye cannot see, estimated from disparity
+    occluded_share: float  # share hidden from the right eye, estimated from disparity
     grazing_share: float  # share with |ln(1 - dd/dx)| >= 0.4
-    specular_share: float  # share with roughness < 0.3 that is no mirror
+    specular_share: float  # share with roughness < 0.3, without mirrors
     highlight_shift: float  # 95th percentile of the highlight's disparity error there [px]
     mirror_share: float  # share with metallic > 0.5 and roughness < 0.1
     transparent_share: float  # share of transparent materials
     saturated_share: float  # share above 250 of 255
     dark_share: float  # share below 15 of 255
-    blur_px: float  # 95th percentile of motion during the exposure [px]
-    skew_px: float  # 95th percentile of motion during the shutter's read-out [px]
+    blur_px: float  # 95th percentile of the motion during the exposure [px]
+    skew_px: float  # 95th percentile of the motion during the shutter's read-out [px]
 
 
-# Extremes over the frames; every other fact is the mean over the frames in which it can be measured.
+# Extremes over the frames; every other fact is the mean over the frames where it can be measured.
 _SMALLEST = ("min_depth", "min_disparity")
 _LARGEST = ("max_depth", "max_disparity", "textureless_radius", "highlight_shift")
 
@@ -116,7 +116,7 @@ def _measure(truth: FrameTruth) -> dict[str, float]:
 def _texture(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
     distance = truth.texture_distance[visible]
     gray = truth.gray[visible]
-    # Where nothing is textured at all, the distance ends at the border of the image.
+    # Without any texture the distance is infinite: the diagonal of the image limits it.
     radius = min(float(distance.max()), float(np.hypot(*truth.depth.shape)))
     return {
         "texture_rms": float(np.sqrt(np.mean(np.square(truth.gradient[visible])))),
@@ -137,11 +137,11 @@ def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
     }
     steps, _ = find_steps(disparity, LARGE_STEP)
     if len(steps.rows):
-        # Texture of either side, clear of the window that holds both.
+        # Texture on each side, one window away from the step.
         last, window = disparity.shape[1] - 1, truth.rig.window
         near = np.clip(steps.near - window * steps.away, 0, last)
         far = np.clip(steps.far + window * steps.away, 0, last)
-        # One grey level: texture below the rounding of the image is none.
+        # Plus one grey level: texture below the rounding of the image does not count.
         ratio = (truth.gradient[steps.rows, near] + 1) / (truth.gradient[steps.rows, far] + 1)
         facts["step_contrast"] = float(np.median(np.log(ratio)))
     return facts
@@ -150,12 +150,12 @@ def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
 def _hidden_from_right(disparity: np.ndarray) -> np.ndarray:
     """Return which pixels something nearer covers in the right eye, (height, width), bool.
 
-    Points of a row keep their order in the right eye unless one covers another: a point is hidden when
-    one further right lands left of it. Thin things in front break the rule; an estimate needs no more.
+    Points of a row keep their order in the right eye unless one covers another: a point is hidden if
+    one farther right lands to its left. Thin foreground objects break the rule; for an estimate it will do.
     """
     landing = np.arange(disparity.shape[1], dtype=np.float32) - np.nan_to_num(disparity)
     leftmost = np.minimum.accumulate(landing[:, ::-1], axis=1)[:, ::-1]
-    return landing > leftmost + 0.5  # half a pixel: rounding hides nothing
+    return landing > leftmost + 0.5  # half a pixel of tolerance for rounding
 
 
 def _surfaces(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
@@ -172,7 +172,7 @@ def _surfaces(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
 
 def _highlight_shift(truth: FrameTruth) -> float:
     glossy = pixels_of(truth, is_glossy)
-    assert glossy is not None  # asked only when there are some
+    assert glossy is not None  # the caller has checked that there are some
     highlight = highlights_on(truth, glossy)
     if not highlight.any():
         return 0.0

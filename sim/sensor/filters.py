@@ -1,4 +1,4 @@
-"""Image filters that the sensor's effects share; the one door of the effects to OpenCV.
+"""Image filters that the sensor's effects share; effects use OpenCV only through this file.
 
 OpenCV runs them on all cores with vector instructions, 5 to 20 times as fast as SciPy.
 """
@@ -30,7 +30,7 @@ def box_mean(values: np.ndarray, size: int) -> np.ndarray:
 
 
 def blur(values: np.ndarray, sigma: float) -> np.ndarray:
-    """Return ``values`` after a Gaussian of ``sigma`` pixels, float32; mirrored at the borders."""
+    """Return ``values`` blurred by a Gaussian of ``sigma`` pixels, float32; mirrored at the borders."""
     import cv2
 
     return cv2.GaussianBlur(
@@ -48,7 +48,7 @@ def separable(
 
 
 def erode(mask: np.ndarray, size: int) -> np.ndarray:
-    """Return where a whole ``size`` x ``size`` window of the bool ``mask`` is true."""
+    """Return where the whole ``size`` x ``size`` window of the bool ``mask`` is true."""
     import cv2
 
     return cv2.erode(mask.view(np.uint8), np.ones((size, size), np.uint8)).view(bool)
@@ -72,7 +72,7 @@ def distance_to(mask: np.ndarray) -> np.ndarray:
 
 
 def enlarge(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return a coarse float32 image stretched to ``shape`` (height, width), bilinear."""
+    """Return a coarse float32 image enlarged to ``shape`` (height, width), bilinear."""
     import cv2
 
     return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR)
@@ -90,15 +90,14 @@ def shrink(image: np.ndarray, factor: int) -> np.ndarray:
 # Variance of the filters of `halved` and of `doubled`, in pixels of the smaller image.
 HALVED_VARIANCE = DOUBLED_VARIANCE = 1 / 4
 
-# What the filter of `doubled` makes of the smaller image at its own pixels.
+# The filter of `doubled` at the pixels of the smaller image.
 DOUBLED_KERNEL = np.array([1, 6, 1]) / 8
 
 
 def halved(image: np.ndarray) -> np.ndarray:
-    """Return every second pixel of every second row, from the first on, after a binomial filter, float32.
+    """Return every second pixel of every second row after a binomial filter, float32.
 
-    The weights 1, 4, 6, 4, 1 along rows and columns keep fine patterns from turning up as coarse ones;
-    mirrored at the borders.
+    The weights 1, 4, 6, 4, 1 along rows and columns prevent aliasing; mirrored at the borders.
     """
     import cv2
 
@@ -106,10 +105,10 @@ def halved(image: np.ndarray) -> np.ndarray:
 
 
 def doubled(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return an image of ``shape`` of which ``image`` is every second pixel of every second row, float32.
+    """Return ``image`` enlarged to ``shape``, about twice its size along rows and columns, float32.
 
-    One step of the subdivision of cubic B-splines, with the weights of `halved`: the pixels pull at each
-    other, and their range is not left.
+    One step of cubic B-spline subdivision, with the weights of `halved`: it smooths and stays within the
+    range of the pixels.
     """
     import cv2
 
@@ -117,7 +116,7 @@ def doubled(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def enlarge_smoothly(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return a coarse float32 image stretched to ``shape`` (height, width), bicubic."""
+    """Return a coarse float32 image enlarged to ``shape`` (height, width), bicubic."""
     import cv2
 
     return cv2.resize(coarse, (shape[1], shape[0]), interpolation=cv2.INTER_CUBIC)

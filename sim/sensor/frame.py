@@ -1,4 +1,4 @@
-"""What an effect sees of a frame (`FrameTruth`) and what it works on (`Sensed`)."""
+"""What an effect knows about a frame (`FrameTruth`) and what it changes (`Sensed`)."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +17,7 @@ from digs_warp.sim.sensor.texture import Texture, measure_texture, noise_of, tex
 
 
 class FrameRays(Protocol):
-    """Rays that only some effects need; a renderer casts them when asked, once per frame."""
+    """Rays that only some effects need; a renderer casts them on request, once per frame."""
 
     def right_visibility(
         self, where: np.ndarray | None = None, depth: np.ndarray | None = None
@@ -25,13 +25,13 @@ class FrameRays(Protocol):
         """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
 
         Here and below, rays are cast only at ``where``, (height, width), bool; None: everywhere. The
-        other pixels count as seen. ``depth``: planar z [m], (height, width), float32, of what the left eye
-        sees, which then need not be looked for.
+        other pixels count as visible. ``depth``: planar z of what the left eye sees [m], (height, width),
+        float32; it saves the rays that would find it.
         """
         ...
 
     def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
-        """Distance from the surface to what it mirrors [m], (height, width), float32; NaN elsewhere."""
+        """Distance from the surface to what it reflects [m], (height, width), float32; NaN elsewhere."""
         ...
 
     def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
@@ -49,13 +49,13 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class FrameTruth:
-    """The truth of one frame, as the renderer gives it, at the pixel centres of the left eye.
+    """The truth of one frame, as rendered, at the pixel centres of the left eye.
 
     Attributes:
         number: of the frame, >= 0; part of every seed.
         camera: the left eye.
-        rig: focal length, baseline and the figures of the sensor.
-        image, right: what the eyes see, sRGB, (height, width, 3), uint8, before sensor noise.
+        rig: focal length, baseline and the parameters of the sensor.
+        image, right: images of the two eyes, sRGB, (height, width, 3), uint8, before sensor noise.
         depth: planar z [m], (height, width), float32, NaN where there is nothing.
         normals_world: unit normals toward the viewer, (height, width, 3), float32.
         material_ids: index into ``materials``, (height, width), int32; -1: the surround.
@@ -76,7 +76,7 @@ class FrameTruth:
     motion: Motion
     rays: FrameRays
 
-    # What several effects need is computed once, when the first one asks.
+    # Computed once, when the first effect needs it.
 
     @cached_property
     def disparity(self) -> np.ndarray:
@@ -85,7 +85,7 @@ class FrameTruth:
 
     @cached_property
     def slope(self) -> np.ndarray:
-        """Change of true disparity along rows, on the surface [px/px], (height, width), float32."""
+        """Change of the true disparity along rows, on the surface [px/px], (height, width), float32."""
         return surface_slope(self.disparity)
 
     @cached_property
@@ -110,7 +110,7 @@ class FrameTruth:
 
     @cached_property
     def hidden(self) -> np.ndarray:
-        """Which pixels something opaque hides from the right eye, (height, width), bool."""
+        """Which pixels an opaque surface hides from the right eye, (height, width), bool."""
         clear = np.array([*(material.is_transparent for material in self.materials), False])
         opaque = self.disparity
         if clear.any():
@@ -127,14 +127,14 @@ class FrameTruth:
 
 @dataclass(frozen=True, eq=False)
 class Sensed:
-    """What the sensor has come to believe, effect after effect.
+    """The sensor's measurement, changed by one effect after another.
 
     Attributes:
         disparity: [px], (height, width), float32; NaN where the sensor reports nothing.
         cause: `Cause` of each pixel, (height, width), uint8.
         confidence: 0 to 1, (height, width), float32.
-        owned: whether nobody else looks at the arrays: then the methods below write to them instead of
-            copying three images for every effect.
+        owned: whether nothing else uses the arrays: then the methods below write to them instead of copying
+            three images for every effect.
     """
 
     disparity: np.ndarray
@@ -144,17 +144,17 @@ class Sensed:
 
     @staticmethod
     def of(truth: FrameTruth) -> "Sensed":
-        """Return the perfect sensor's view."""
+        """Return the measurement of a perfect sensor."""
         shape = truth.depth.shape
         cause = np.full(shape, Cause.OK, dtype=np.uint8)
         return Sensed(truth.disparity, cause, np.ones(shape, dtype=np.float32))
 
     def own(self) -> "Sensed":
-        """Return a copy whose arrays belong to nobody else."""
+        """Return a copy that owns its arrays."""
         return Sensed(self.disparity.copy(), self.cause.copy(), self.confidence.copy(), owned=True)
 
     def changeable(self) -> "Sensed":
-        """Return a frame whose arrays may be written to: this one if it is owned, else a copy."""
+        """Return a frame with writable arrays: this one if it owns its arrays, else a copy."""
         return self if self.owned else self.own()
 
     @property
@@ -170,7 +170,7 @@ class Sensed:
         return self
 
     def with_holes(self, where: np.ndarray, cause: Cause) -> "Sensed":
-        """Return the frame without values at ``where`` (bool); what is a hole keeps its label."""
+        """Return the frame without values at ``where`` (bool); existing holes keep their label."""
         at = np.flatnonzero(where)
         lost = at[~np.isnan(self.disparity.reshape(-1)[at])]
         return self.with_pixels(lost, np.nan, cause, confidence=0.0)
@@ -182,7 +182,7 @@ class Sensed:
         cause: Cause,
         confidence: np.ndarray | float = 0.5,
     ) -> "Sensed":
-        """Return the frame with other values at ``where`` (bool), labelled; arrays are full frames."""
+        """Return the frame with new values and a label at ``where`` (bool); arrays are full frames."""
         at = np.flatnonzero(where)
         return self.with_pixels(at, _taken(disparity, at), cause, _taken(confidence, at))
 
@@ -193,9 +193,9 @@ class Sensed:
         cause: Cause,
         confidence: np.ndarray | float,
     ) -> "Sensed":
-        """Return the frame with other values at the flat indices ``at``, (n,), labelled.
+        """Return the frame with new values and a label at the flat indices ``at``, (n,).
 
-        The same as `with_values` for few pixels: values are scalars or of shape (n,).
+        Like `with_values`, but for a few pixels: values are scalars or of shape (n,).
         """
         if len(at) == 0:
             return self
@@ -207,5 +207,5 @@ class Sensed:
 
 
 def _taken(values: np.ndarray | float, at: np.ndarray) -> np.ndarray | float:
-    """Return a full frame's values at the flat indices ``at``; a scalar stays."""
+    """Return a full frame's values at the flat indices ``at``; a scalar is returned as it is."""
     return values.reshape(-1)[at] if isinstance(values, np.ndarray) else values

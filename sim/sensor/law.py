@@ -1,12 +1,12 @@
-"""The 'law' tier: depth noise as the geometry of a stereo pair dictates it, and nothing else.
+"""The 'law' tier: depth noise that follows from the geometry of a stereo pair, and nothing else.
 
-A matcher finds the disparity d = f b / Z with an error of sigma_d pixels, whatever the distance, and
-reports it in steps. Back in depth this gives the quadratic law
+A matcher finds the disparity d = f b / Z with an error of sigma_d pixels at any distance, and reports it
+in steps. In depth this gives the quadratic law
 
     sigma_Z = Z^2 sigma_d / (f b)
 
-with f the focal length [px] and b the baseline [m]. Noise is white from pixel to pixel: no occlusion
-holes, no texture failures.
+where f is the focal length [px] and b the baseline [m]. The noise is white: no occlusion holes, no texture
+failures.
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ import numpy as np
 from digs_warp.checks import check_shape
 from digs_warp.sim.rig import StereoRig
 
-# Identifies this effect in the seeds, so that effects added later draw other numbers.
+# Part of the seed: other effects draw other numbers.
 EFFECT_ID = 1
 
 
 def sense_depth(
     depth_true: np.ndarray, rig: StereoRig, seed: int, frame: int, strength: float = 1.0
 ) -> np.ndarray:
-    """Return what the sensor reports for a true depth image.
+    """Return the depth that the sensor reports for a true depth image.
 
     Args:
         depth_true: planar depth [m], shape (height, width), NaN where there is nothing.
@@ -35,7 +35,7 @@ def sense_depth(
     """
     check_shape("depth_true", depth_true, (rig.intrinsics.height, rig.intrinsics.width))
     focal_baseline = rig.intrinsics.fx * rig.baseline
-    # float64: with noise and step at zero the way to disparity and back gives the same float32 again.
+    # float64: without noise and steps, converting to disparity and back gives the same float32.
     disparity = focal_baseline / depth_true.astype(np.float64)
     if rig.disparity_sigma > 0:
         rng = np.random.default_rng(np.random.SeedSequence([seed, frame, EFFECT_ID]))
@@ -46,6 +46,6 @@ def sense_depth(
         disparity = np.round(disparity / step) * step
     with np.errstate(divide="ignore"):
         depth = (focal_baseline / disparity).astype(np.float32)
-    # A disparity of zero or below has no depth; it comes out infinite or negative.
+    # A disparity of zero or below gives an infinite or negative depth.
     depth[~((depth >= rig.min_depth) & (depth <= rig.max_depth))] = np.nan
     return depth

@@ -1,6 +1,6 @@
-"""The 'matcher' tier: semi-global matching of the two images, as a real depth camera does it.
+"""The 'matcher' tier: semi-global matching of the two images, as in a real depth camera.
 
-Hirschmueller 2008, in OpenCV's implementation (StereoSGBM, five directions), with a left-right check.
+Hirschmueller 2008, OpenCV's implementation (StereoSGBM, five directions) with a left-right check.
 """
 
 import numpy as np
@@ -11,31 +11,31 @@ from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
-# Penalties for a change of disparity by one and by more, per pixel of the window: OpenCV's suggestion.
+# Penalties for disparity changes of one and of more, per pixel of the window: OpenCV's suggestion.
 SMALL_STEP, LARGE_STEP = 8, 32
 
 # The best match must cost this much less than the second best [%].
 UNIQUENESS = 10
 
-# Left and right disparity may differ by this much [px]; OpenCV takes 0 and -1 for 1 as well.
+# Largest difference between left and right disparity [px]; OpenCV treats 0 and -1 as 1.
 LEFT_RIGHT = 1
 
-# Islands of fewer pixels, set apart by more than this many pixels of disparity, are dropped.
+# Islands of fewer pixels whose disparity differs by more than this many pixels are dropped.
 ISLAND, ISLAND_STEP = 100, 2
 
-# OpenCV reports disparity in sixteenths of a pixel, and searches multiples of sixteen pixels.
+# OpenCV reports disparity in sixteenths of a pixel and searches multiples of sixteen pixels.
 FIXED_POINT = 16
 
 
 def sense_by_matching(
     truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Sensed:
-    """Return what matching the two images of a frame gives, labelled with the truth at hand.
+    """Match the two images of a frame; the labels come from the truth.
 
     Args:
         truth: of the frame.
-        recorded: left and right image with all that the camera does to them, sRGB, each
-            (height, width, 3), uint8; None: the images of the truth.
+        recorded: left and right image after the effects on images, sRGB, each (height, width, 3),
+            uint8; None: the images of the truth.
     """
     rig = truth.rig
     left, right = map(gray_of, recorded or (truth.image, truth.right))
@@ -48,10 +48,7 @@ def sense_by_matching(
 
 
 def search_range(rig: StereoRig) -> int:
-    """Return how many disparities a rig has to search to see its nearest depth [px].
-
-    Wider images than this do not exist, so the range ends with the image at the latest.
-    """
+    """Return how many disparities a rig has to search to find its nearest depth, at most the width [px]."""
     nearest = min(rig.largest_disparity, rig.intrinsics.width)
     return FIXED_POINT * max(1, int(np.ceil(nearest / FIXED_POINT)))
 
@@ -62,7 +59,7 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
     Args:
         left: grey image, (height, width), uint8.
         right: of the same size.
-        disparities: search 0 to this [px], exclusive; a multiple of 16.
+        disparities: end of the search range, which begins at 0 [px], exclusive; a multiple of 16.
         window: width of the square block, odd.
     """
     import cv2
@@ -72,8 +69,8 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
         raise DigsError(f"disparities: {disparities}, expected a positive multiple of 16")
     if window < 1 or window % 2 == 0:
         raise DigsError(f"window: {window}, expected an odd number of pixels >= 1")
-    # OpenCV gives up the first `disparities` columns, whatever the depth; these are columns to give up.
-    # An image narrower than the window is refused; more columns on the right change nothing else.
+    # OpenCV drops the first `disparities` columns, whatever the depth: the padding gives it columns to drop.
+    # It rejects images narrower than the window; extra columns on the right change nothing else.
     width = left.shape[1]
     missing = max(0, window - width)
     pair = [

@@ -7,25 +7,25 @@ import numpy as np
 from digs_warp.sim.scene import Material
 from digs_warp.sim.sensor.frame import FrameTruth
 
-# A metal this smooth shows a sharp picture of its surroundings.
+# A metal this smooth reflects its surroundings sharply.
 MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1
 
 # A highlight is this much brighter than the median of the glossy surface [DN] [tuned].
 HIGHLIGHT = 40.0
 
-# Rougher surfaces smear a highlight so far that it has no gradient to match.
+# Rougher surfaces blur a highlight so much that it has no gradient to match.
 GLOSSY_ROUGHNESS = 0.3
 
 
 def is_mirror(material: Material) -> bool:
-    """Whether a matcher sees the reflected scene instead of the surface."""
+    """Whether a matcher matches the reflected scene instead of the surface."""
     return material.metallic > MIRROR_METALLIC and material.roughness < MIRROR_ROUGHNESS
 
 
 def is_glossy(material: Material) -> bool:
-    """Whether the surface shows sharp highlights, but is no mirror.
+    """Whether the surface shows sharp highlights without being a mirror.
 
-    Nor glass: what is bright there is mostly what lies behind.
+    Glass does not count: what is bright there mostly lies behind it.
     """
     return (
         material.roughness < GLOSSY_ROUGHNESS
@@ -35,12 +35,12 @@ def is_glossy(material: Material) -> bool:
 
 
 def is_transparent(material: Material) -> bool:
-    """Whether more is seen of what lies behind than of the surface."""
+    """Whether the background shows more strongly than the surface."""
     return material.is_transparent
 
 
 def pixels_of(truth: FrameTruth, test: Callable[[Material], bool]) -> np.ndarray | None:
-    """Return where the materials pass ``test``, (height, width), bool; None: no material does."""
+    """Return where the material passes ``test``, (height, width), bool; None: no material passes."""
     passes = [test(material) for material in truth.materials]
     if not any(passes):
         return None

@@ -1,4 +1,4 @@
-"""How fast the image moves while the camera does."""
+"""How fast the image moves when the camera moves."""
 
 import numpy as np
 
@@ -11,14 +11,14 @@ def image_motion(
     velocity_cam: tuple[float, float, float],
     angular_velocity_cam: tuple[float, float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the velocity (u, v) of the image of a still scene [px/s], each (height, width), float32.
+    """Return the velocity (u, v) of the image of a static scene [px/s], each (height, width), float32.
 
     With the camera at velocity t and angular velocity w (its own axes), a point P = Z (x, y, 1) moves
     at -t - w x P in the camera; its image follows (Longuet-Higgins and Prazdny 1980, eq. 2).
 
     Args:
-        depth: planar z [m], (height, width); where it is NaN, the scene counts as infinitely far.
-        intrinsics: of the camera; the image may be any size that ``depth`` has.
+        depth: planar z [m], (height, width), at any resolution; NaN counts as infinitely far.
+        intrinsics: of the camera.
         velocity_cam: [m/s].
         angular_velocity_cam: [rad/s].
     """

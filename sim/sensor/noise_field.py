@@ -1,4 +1,4 @@
-"""Random fields over a whole image, white or smooth over a given distance, of mean 0 and variance 1."""
+"""Random fields over a whole image, white or smooth over a given distance, with mean 0 and variance 1."""
 
 from functools import cache
 
@@ -11,26 +11,26 @@ from digs_warp.sim.sensor.row_field import RowField, spline_taps, stretched
 BYTE_SIGMA = np.sqrt((256**2 - 1) / 12)
 BYTE_MEAN = 127.5
 
-# Smoother fields are drawn on a coarser grid, with this many points per correlation length.
+# Smooth fields are drawn on a coarse grid with this many points per correlation length.
 GRID_POINTS = 5.0
 
-# Step of a lattice of splines, in correlation lengths.
+# Distance between the knots of a spline field, in correlation lengths.
 SPLINE_STEP = np.sqrt(3) / 2
 
-# No field gets here.
+# No field reaches this value.
 UNREACHED = 20.0
 
 # Patches are drawn on a grid with this many points per patch.
 PATCH_POINTS = 3.0
 
-# A Gaussian ends here, in its standard deviations; what is cut off holds 0.3 % of its sum.
+# Gaussians are cut off here, in standard deviations; 0.3 % of their sum is lost.
 KERNEL_REACH = 3.0
 
 
 def white_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Return independent normal numbers, float32: 2^16 quantiles of the distribution, drawn evenly.
+    """Return independent normal numbers, float32, drawn uniformly from 2^16 quantiles.
 
-    A fifth of the time of ``rng.standard_normal``. None is larger than 4.3: enough for what ends up in
+    Five times as fast as ``rng.standard_normal``. No value exceeds 4.3: enough for noise that ends up in
     8-bit steps.
     """
     drawn = random_bytes(rng, 2 * int(np.prod(shape))).view(np.uint16)
@@ -39,7 +39,7 @@ def white_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray
 
 @cache
 def _normal_quantiles() -> np.ndarray:
-    """Return the values below which (i + 0.5) / 2^16 of a normal distribution lie, of variance 1."""
+    """Return the quantiles (i + 0.5) / 2^16 of a normal distribution, scaled to variance 1."""
     from scipy.special import ndtri
 
     quantiles = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16))
@@ -47,7 +47,7 @@ def _normal_quantiles() -> np.ndarray:
 
 
 def random_bytes(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Return bytes, shape (count,), uint8, straight from the generator's words of 64 bits.
+    """Return bytes, shape (count,), uint8, straight from the generator's 64-bit words.
 
     Several times as fast as ``rng.bytes``.
     """
@@ -62,15 +62,15 @@ def smooth_normal(
 ) -> np.ndarray:
     """Return a normal field whose correlation falls to 1/e at ``correlation`` pixels, float32.
 
-    White noise under a Gaussian of s pixels is correlated as exp(-r^2 / (4 s^2)): 1/e at 2 s. The white
-    noise is bytes, ten times as fast to draw as normal numbers; the Gaussian averages so many of them
-    (4 pi s^2) that the sum is normal (excess kurtosis -1.2 / (4 pi s^2)).
+    White noise blurred by a Gaussian of s pixels has the correlation exp(-r^2 / (4 s^2)): 1/e at 2 s. The
+    white noise is bytes, ten times as fast to draw as normal numbers; the Gaussian averages 4 pi s^2 of them,
+    enough for a normal sum (excess kurtosis -1.2 / (4 pi s^2)).
 
     Args:
         rng: draws the field.
         shape: (height, width).
         correlation: along rows [px], >= 1.5.
-        vertical_correlation: along columns [px], >= 1.5; by default the same.
+        vertical_correlation: along columns [px], >= 1.5; default: the same.
     """
     vertical = vertical_correlation or correlation
     step, vertical_step = _grid_step(correlation), _grid_step(vertical)
@@ -81,7 +81,7 @@ def smooth_normal(
         return stretched[vertical_step:, step:][: shape[0], : shape[1]]
     across, down = _kernel(correlation), _kernel(vertical)
     left, top = len(across) // 2, len(down) // 2
-    # A frame wide enough that every pixel averages the same number of bytes.
+    # With a margin, so that every pixel averages the same number of bytes.
     height, width = shape[0] + 2 * top, shape[1] + 2 * left
     noise = random_bytes(rng, height * width).reshape(height, width)
     across /= BYTE_SIGMA
@@ -95,11 +95,11 @@ def normal_rows(
     correlation: float,
     vertical_correlation: float | None = None,
 ) -> RowField:
-    """Return a field as `smooth_normal` does, for kernels that add up its rows in passing.
+    """Return a field like that of `smooth_normal`, for kernels that sum its rows as they go.
 
-    Independent values on a coarse lattice, which lies elsewhere in every field, under cubic B-splines. Their
-    product with themselves shifted is a B-spline of order 7, close to a Gaussian of variance 2/3 of the
-    squared step: 1/e at 2 / sqrt(3) steps.
+    A cubic B-spline with independent coefficients on a coarse lattice with a random offset. Its
+    autocorrelation is a B-spline of degree 7, close to a Gaussian with a variance of 2/3 of the squared step:
+    1/e at 2 / sqrt(3) steps.
     """
     vertical = vertical_correlation or correlation
     offsets = rng.random(2)
@@ -109,33 +109,33 @@ def normal_rows(
 
 
 def level_above(share: np.ndarray) -> np.ndarray:
-    """Return the level that a normal value exceeds with a probability, float32; never reached for 0.
+    """Return the level that a normal value exceeds with a given probability, float32.
 
-    Shares are told apart in steps of 2^-16.
+    Probabilities are rounded to steps of 2^-16; the level for 0 is never reached.
 
     Args:
-        share: 0 to 1, float32, any shape.
+        share: the probability, 0 to 1, float32, any shape.
     """
     return np.take(_levels(), (share * np.float32(1 << 16) + np.float32(0.5)).astype(np.int32))
 
 
 @cache
 def _levels() -> np.ndarray:
-    """Return the levels that a normal value exceeds with probability i / 2^16."""
+    """Return the level that a normal value exceeds with probability i / 2^16, for each i."""
     from scipy.special import ndtri
 
     levels = -ndtri(np.arange((1 << 16) + 1) / (1 << 16))
-    # Sums of lattice values reach further than the 4.3 of each of them.
+    # Sums of lattice values exceed the 4.3 of single values.
     return np.clip(levels, -UNREACHED, UNREACHED).astype(np.float32)
 
 
 def _grid_step(correlation: float) -> int:
-    """Return how far apart a field may be drawn [px]: linear steps between then cost 1 % of variance."""
+    """Return the distance of grid points [px] at which linear interpolation loses 1 % of the variance."""
     return max(1, int(correlation / GRID_POINTS))
 
 
 def _kernel(correlation: float) -> np.ndarray:
-    """Return a Gaussian whose squares add up to 1, so that it keeps the variance of white noise."""
+    """Return a Gaussian whose squares sum to 1: it keeps the variance of white noise."""
     sigma = 0.5 * correlation
     reach = int(np.ceil(KERNEL_REACH * sigma))
     kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
@@ -143,10 +143,10 @@ def _kernel(correlation: float) -> np.ndarray:
 
 
 def patchy_uniform(rng: np.random.Generator, shape: tuple[int, int], cell: float) -> np.ndarray:
-    """Return a field uniform over 0 to 1 that hardly changes over ``cell`` pixels, float32.
+    """Return a field, uniform from 0 to 1, that hardly changes over ``cell`` pixels, float32.
 
-    Thresholding it gives patches instead of single pixels. For a whole frame; a few pixels of a field
-    are cheaper with `digs_warp.sim.sensor.coherent`.
+    Thresholding it gives patches instead of single pixels. For whole frames; for a few pixels of a frame,
+    `digs_warp.sim.sensor.coherent` is cheaper.
     """
     from scipy.special import ndtr
 

@@ -1,4 +1,4 @@
-"""Which effects a scene calls for: a pure function from facts to a plan, with reasons for a reader."""
+"""Which effects a scene calls for: a pure function from facts to a plan, with a reason for each choice."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -16,16 +16,16 @@ EFFECT_NAMES = tuple(effect.name for effect in EFFECTS)
 
 
 def plan(facts: SceneFacts, rig: StereoRig, selection: Selection = "auto") -> tuple[Choice, ...]:
-    """Return a choice for every effect, in the order in which they act.
+    """Return a choice for every effect, in the order in which effects act.
 
     Args:
         facts: of the scene.
         rig: of the sensor.
-        selection: "auto", "all", "none", or the names of the effects that are wanted (a sequence, or a
-            string with commas); anything but "auto" overrides the facts, and the reason says so.
+        selection: "auto", "all", "none", or the names of the wanted effects (a sequence, or a string with
+            commas); anything but "auto" overrides the facts, and the reasons say so.
 
     Raises:
-        DigsError: an effect of an unknown name.
+        DigsError: unknown name of an effect.
     """
     choices = tuple(effect.choose(facts, rig) for effect in EFFECTS)
     wanted = wanted_effects(selection)
@@ -33,14 +33,14 @@ def plan(facts: SceneFacts, rig: StereoRig, selection: Selection = "auto") -> tu
 
 
 def override(choices: Sequence[Choice], wanted: Collection[str]) -> tuple[Choice, ...]:
-    """Return the choices with exactly the ``wanted`` effects on; reasons say what was overridden."""
+    """Return the choices with exactly the ``wanted`` effects on; the reasons say what was overridden."""
     return tuple(_overridden(choice, choice.effect in wanted) for choice in choices)
 
 
 def wanted_effects(
     selection: Selection, known: Sequence[str] = EFFECT_NAMES
 ) -> frozenset[str] | None:
-    """Return the names out of ``known`` that a selection switches on, None for "auto"; see `plan`."""
+    """Return the names out of ``known`` that a selection switches on; None for "auto". See `plan`."""
     if selection == "auto":
         return None
     if selection == "all":
@@ -73,4 +73,4 @@ def _overridden(choice: Choice, on: bool) -> Choice:
     if choice.on == on:
         return choice
     word = "asked for" if on else "left out"
-    return replace(choice, on=on, reason=f"{word} by the user; by itself: {choice.reason}")
+    return replace(choice, on=on, reason=f"{word} by the user; the rule says: {choice.reason}")

@@ -1,10 +1,10 @@
 """What the right eye cannot see: decided from disparity where that is safe, by rays elsewhere.
 
-Safe is only one direction: a closed surface that both eyes see covers what lands behind it. That nothing
-nearer lands somewhere proves nothing: sides of things that the left eye does not see hide as well.
+Only one direction is safe: a closed surface that both eyes see covers what lands behind it. The opposite is
+not: sides of objects that the left eye does not see hide points, too.
 
 One pass per row finds where the points of the left image land in the right one, and what covers them there.
-NumPy needs a dozen passes over the image for the same; see tests/reference/right_eye_twin.py.
+NumPy needs a dozen passes over the image; see tests/reference/right_eye_twin.py.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -25,30 +25,30 @@ from digs_warp.device.warp_start import start_warp
 start_warp()
 wp.set_module_options(vector_module_options())
 
-# What `classify` tells of a pixel.
+# The classes of `classify`.
 SEEN = wp.constant(0)
 UNSURE = wp.constant(1)
 HIDDEN = wp.constant(2)
 
-# An edge may lie anywhere between two pixel centres; half a pixel finds 99.5 % of what is hidden, among 4 to
-# 10 % of the pixels of the sample meshes.
+# An edge may lie anywhere between two pixel centres. Half a pixel finds 99.5 % of the hidden pixels, and
+# sends 4 to 10 % of all pixels of the sample meshes to the rays.
 BETWEEN_PIXELS = wp.constant(0.5)
 
-# What hides a point for sure is nearer by this much, and steps less from pixel to pixel [px].
+# A surface hides a point for certain if it is nearer by this much and steps less from pixel to pixel [px].
 NEARER = wp.constant(1.0)
 
-# Pixels that are asked about so much farther need not land the row anew [px].
+# A row that has landed serves queries this much farther away, too [px].
 REACH = wp.constant(2.0)
 
 NOTHING = wp.constant(float("nan"))
 
-# Pixels that are passed over together where none of them can be hidden: most of an image.
+# Blocks of this many pixels are skipped if none of them can be hidden: most of an image.
 _BLOCK = wp.constant(32)
 
 
 @wp.func
 def steps_that_may_hide(here: wp.array[float], right: wp.array[float]) -> int:
-    """Count the pixels of a block whose right neighbours do not land in order, half a pixel further."""
+    """Count the pixels of a block whose right neighbour does not land at least half a pixel to the right."""
     count = int(0)
     for x in range(_BLOCK):
         apart = 1.0 + here[x] - right[x]
@@ -69,7 +69,7 @@ def nearer_than(disparity: wp.array[float], limit: float) -> int:
 def land(opaque: wp.array[float], start: int, width: int, limit: float, nearest: wp.array[float]):
     """Fill a row of the right image with the disparity of the nearest point that lands there; NaN: none.
 
-    Points whose disparity does not exceed the limit may be left out: they hide nothing that matters.
+    Points whose disparity does not exceed the limit may be skipped: they hide nothing that matters.
     """
     whole = width // _BLOCK
     for cleared in range(whole):
@@ -89,7 +89,7 @@ def land(opaque: wp.array[float], start: int, width: int, limit: float, nearest:
             for j in range(count):
                 place = float(begin + j) - points[j]
                 if place >= 0.0:
-                    # Of points that land together the one further right is nearer, and is written last.
+                    # Of points that land together, the rightmost one is the nearest, and is written last.
                     nearest[int(place)] = points[j]
 
 
@@ -102,7 +102,7 @@ def is_covered(nearest: wp.array[float], landing: float, own: float, width: int)
     left = nearest[middle - 1]
     here = nearest[middle]
     right = nearest[middle + 1]
-    # Something on both sides, nearer, and without a step between: no gap to look through.
+    # Nearer on both sides, without a step between: no gap to look through.
     closed = wp.abs(left - here) < NEARER and wp.abs(right - here) < NEARER
     return closed and wp.min(wp.min(left, here), right) > own + NEARER
 
@@ -117,13 +117,13 @@ def _classify_kernel(
     nearest: wp.array[float],  # scratch: the right image
     state: wp.array[wp.uint8],
 ):
-    """Go through a row from right to left; what lands right of something to come may be hidden by it."""
+    """Walk a row from right to left; a point that lands to the right of a nearer one may be hidden by it."""
     start = (first + wp.tid()) * width
     own = floats_from(disparity, start, width)
-    # One index after the other runs in a launch: they share the memory of its first one.
+    # The rows of a launch run one after another and share the scratch memory of the first one.
     landed = floats_from(nearest, first * width, width)
     found = bytes_from(state, start, width)
-    # Of what landed, all that is nearer than this is in the right image.
+    # The right image holds all points nearer than this.
     landed_limit = wp.float32(1.0e30)
     leftmost_to_come = wp.float32(1.0e30)
     end = int(width)
@@ -162,15 +162,15 @@ def _classify_kernel(
 def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
     """Return SEEN, UNSURE or HIDDEN for each pixel: whether the right eye sees it, (height, width), uint8.
 
-    What hides a point from the right eye shows in the left image, further right, and lands in the right
-    image at the same place or left of it. (Something in the triangle between both eyes and the point is
-    seen by the left eye to the right of the point.) Where nothing does, the point is seen. It is hidden
-    for sure where a closed, nearer surface covers it. Points that land outside the right image count as
-    seen: that is the invalid band, not occlusion.
+    Whatever hides a point from the right eye appears in the left image to the right of the point, and lands
+    in the right image at the same place or to the left of it: an object in the triangle between both eyes
+    and the point is seen by the left eye to the right of the point. If there is no such object, the point
+    is seen. It is hidden for certain if a closed, nearer surface covers it. Points that land outside the
+    right image count as seen: that is the invalid band, not occlusion.
 
     Args:
         disparity: [px], (height, width), float32, NaN where there is nothing.
-        opaque: the same without what can be seen through.
+        opaque: the same, without transparent surfaces.
     """
     height, width = disparity.shape
     inputs = [
@@ -188,14 +188,14 @@ def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
 def hidden_from_right(
     disparity: np.ndarray, opaque: np.ndarray, right_visibility: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Return which pixels something opaque hides from the right eye, (height, width), bool.
+    """Return which pixels an opaque surface hides from the right eye, (height, width), bool.
 
-    Points that land outside the right image are left out: that is the invalid band, not occlusion.
+    Points that land outside the right image do not count: that is the invalid band, not occlusion.
 
     Args:
         disparity: [px], (height, width), NaN where there is nothing.
-        opaque: the same without what can be seen through.
-        right_visibility: tells by rays whether the right eye sees the pixels it is given, both
+        opaque: the same, without transparent surfaces.
+        right_visibility: casts rays to find whether the right eye sees the pixels of a mask, both
             (height, width), bool; see `digs_warp.sim.sensor.frame.FrameRays`.
     """
     state = classify(disparity, opaque)

@@ -1,8 +1,8 @@
-"""Smooth fields over an image, kept as rows of which every row of the image is a weighted sum.
+"""Smooth fields over an image, stored as a few rows; every row of the image is a weighted sum of them.
 
-Stretching a coarse grid along its rows takes few values, as the grid has few rows; stretching it along the
-columns as well takes every pixel, but is then a sum of whole rows, which kernels do in passing. A full image
-of a field that only one kernel reads need never be stored.
+Stretching a coarse grid along its rows is cheap, because the grid has few rows. Stretching it along the
+columns touches every pixel, but is a sum of whole rows, which kernels compute as they go: the full image of
+a field that only one kernel reads is never stored.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -25,10 +25,10 @@ from digs_warp.sim.sensor.filters import enlarge
 start_warp()
 wp.set_module_options(vector_module_options())
 
-# Rows, and columns, that each value is a weighted sum of.
+# Each value is a weighted sum of this many rows and columns.
 TAPS = 4
 
-# Kernels go through the rows in pieces of so many pixels; stored rows are whole numbers of pieces.
+# Kernels process rows in pieces of this many pixels; stored rows are whole numbers of pieces.
 PIECE = 64
 _TAPS, _PIECE = wp.constant(TAPS), wp.constant(PIECE)
 
@@ -45,10 +45,10 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Where along an axis the values are that each place is a weighted sum of.
+    """Weights of a sum of TAPS neighbouring values, for each place along an axis.
 
     Attributes:
-        first: of TAPS neighbours, (size,), int32.
+        first: index of the first neighbour, (size,), int32.
         weights: of each of them, (size, TAPS), float32.
     """
 
@@ -61,8 +61,8 @@ class RowField:
     """A field over an image.
 
     Attributes:
-        rows: stored rows, (n, pitch), float32; the columns after the width of the image mean nothing.
-        taps: which of them make up each row of the image.
+        rows: stored rows, (n, pitch), float32; columns beyond the width of the image are padding.
+        taps: the weights of the stored rows in each row of the image.
         shape: (height, width) of the image.
     """
 
@@ -71,7 +71,7 @@ class RowField:
     shape: tuple[int, int]
 
     def for_kernels(self) -> Any:
-        """Return the field as kernels take it; it looks at the arrays of this one."""
+        """Return the field for kernels; it shares the memory of this one."""
         rows = Rows()
         rows.values = shared(self.rows)
         rows.pitch = self.rows.shape[1]
@@ -92,16 +92,16 @@ def stretched(grid: np.ndarray, down: Taps, across: Taps, shape: tuple[int, int]
 
     Args:
         grid: (n, m), float32.
-        down: which of its n rows make up each row of the image.
-        across: which of its m columns make up each column of the image.
+        down: weights of its n rows in each row of the image.
+        across: weights of its m columns in each column of the image.
         shape: (height, width) of the image.
     """
     count, columns = grid.shape
     pitch = -(-shape[1] // PIECE) * PIECE
     more = pitch - shape[1]
-    # What lies right of the image repeats its last column.
+    # The padding right of the image repeats its last column.
     first = np.pad(across.first, (0, more), mode="edge")
-    # One tap after the other: a piece of a row is then read and written as a whole.
+    # One tap after another: a piece of a row is then read and written as a whole.
     weights = np.ascontiguousarray(np.pad(across.weights, ((0, more), (0, 0)), mode="edge").T)
     rows = wp.empty(count * pitch, dtype=float, device="cpu")
     inputs = [
@@ -116,12 +116,12 @@ def stretched(grid: np.ndarray, down: Taps, across: Taps, shape: tuple[int, int]
 
 
 def interpolated(grid: np.ndarray, step: int, shape: tuple[int, int]) -> RowField:
-    """Return a grid as a field, linear between the middles of its cells.
+    """Return a grid as a field, interpolated linearly between the centres of its cells.
 
-    Before the first and after the last middle the value stays.
+    Beyond the first and the last centre the value is constant.
 
     Args:
-        grid: one value for each ``step`` x ``step`` pixels, the last of a row or column for fewer, float32.
+        grid: one value per ``step`` x ``step`` pixels, float32; the last cells may have fewer pixels.
         step: side of a cell [px], a divisor of PIECE.
         shape: (height, width) of the image.
     """
@@ -133,24 +133,23 @@ def interpolated(grid: np.ndarray, step: int, shape: tuple[int, int]) -> RowFiel
 
 
 def _linear_taps(size: int, cells: int, step: int) -> Taps:
-    """Return taps for linear interpolation between the middles of ``cells`` cells of ``step`` pixels."""
+    """Return taps for linear interpolation between the centres of ``cells`` cells of ``step`` pixels."""
     place = np.clip((np.arange(size) + 0.5) / step - 0.5, 0, cells - 1)
     first = np.minimum(place.astype(np.int32), max(cells - TAPS, 0))
-    # The weight of a cell falls to 0 within the distance of a cell.
+    # The weight of a cell falls to 0 at the centres of its neighbours.
     distance = np.abs(place[:, None] - first[:, None] - np.arange(TAPS))
     return Taps(first.astype(np.int32), np.maximum(1 - distance, 0).astype(np.float32))
 
 
 def spline_taps(size: int, step: float, offset: float) -> tuple[Taps, int]:
-    """Return taps of cubic B-splines on points ``step`` pixels apart, and the number of points.
+    """Return the taps of cubic B-splines on knots ``step`` pixels apart, and the number of knots.
 
-    Their weights are divided by their norm: independent values of variance 1 on the points give values of
-    variance 1 everywhere.
+    The weights are divided by their norm: independent knot values of variance 1 give variance 1 everywhere.
 
     Args:
         size: of the axis [px].
-        step: between the points [px].
-        offset: of the first place from the second point, 0 to 1 steps.
+        step: between the knots [px].
+        offset: of the first pixel from the second knot, 0 to 1 steps.
     """
     place = np.arange(size) / step + offset
     first = place.astype(np.int32)
@@ -165,7 +164,7 @@ def spline_taps(size: int, step: float, offset: float) -> tuple[Taps, int]:
 
 @wp.func
 def sum_rows(field: Rows, row: int, column: int, total: wp.array[float]):
-    """Write a piece of one row of the image, from a column on, to ``total``, [PIECE]."""
+    """Write PIECE pixels of one row of the image, starting at a column, to ``total``."""
     start = field.first[row] * field.pitch + column
     first = floats_from(field.values, start, _PIECE)
     second = floats_from(field.values, start + field.pitch, _PIECE)
@@ -208,8 +207,7 @@ def _stretch_kernel(
         w1 = floats_from(weights, pitch + column, _PIECE)
         w2 = floats_from(weights, 2 * pitch + column, _PIECE)
         w3 = floats_from(weights, 3 * pitch + column, _PIECE)
-        # Taken to memory of its own first: what is read at places that LLVM cannot foresee must not be
-        # what is written.
+        # Into separate memory first: LLVM vectorizes only if scattered reads cannot overlap the writes.
         memory = wp.zeros(shape=(_PIECE,), dtype=float)
         for x in range(_PIECE):
             at = starts[column + x]

@@ -1,4 +1,4 @@
-"""How far sensed disparity is from the truth, in the terms of the Middlebury stereo benchmark."""
+"""How far sensed disparity is from the truth, with the measures of the Middlebury stereo benchmark."""
 
 from dataclasses import dataclass
 
@@ -9,22 +9,22 @@ from digs_warp.sim.sensor.facts import STEP
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.steps import near_steps
 
-# Pixels this near to a depth step count as edge pixels.
+# Pixels this close to a depth step count as edge pixels.
 EDGE_RADIUS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scores:
-    """Shares are 0 to 1; NaN where there is nothing to count.
+    """Shares from 0 to 1; NaN where there is nothing to count.
 
     Attributes:
         fill: share of the pixels with true depth that have a value.
-        bad_1: share of the values that are wrong by more than a pixel.
+        bad_1: share of the values with errors above one pixel.
         rms: RMS error of the other values [px].
         edge_bad_1: ``bad_1`` within two pixels of a depth step.
         occluded_holes: share of the pixels hidden from the right eye that have no value.
         occluded_bad_1: ``bad_1`` among the hidden pixels.
-        visible_holes: share of the pixels that both eyes see that have no value.
+        visible_holes: share of the pixels seen by both eyes that have no value.
     """
 
     fill: float

@@ -1,4 +1,4 @@
-"""How fast disparity changes along a surface, without being fooled by the steps between surfaces.
+"""How fast disparity changes along a surface, ignoring the steps between surfaces.
 
 The kernels' formulas in NumPy: tests/reference/slopes_twin.py.
 """
@@ -24,7 +24,7 @@ _PIECE = wp.constant(64)
 
 @wp.func
 def slope_between(before: float, here: float, after: float) -> float:
-    """The smaller one of the differences to both neighbours; 0 where it is not known."""
+    """The smaller of the differences to both neighbours; 0 where it is unknown."""
     back = here - before
     forth = after - here
     slope = wp.where(wp.abs(back) < wp.abs(forth), back, forth)
@@ -33,7 +33,7 @@ def slope_between(before: float, here: float, after: float) -> float:
 
 @wp.kernel
 def _slope_kernel(first: int, disparity: wp.array[float], width: int, slopes: wp.array[float]):
-    """Slopes along one row of 2 pixels or more; at the ends the one neighbour counts, whatever its step."""
+    """Slopes along one row of 2 pixels or more; at the ends the only neighbour counts, whatever its step."""
     start = (first + wp.tid()) * width
     line = floats_from(disparity, start, width)
     out = floats_from(slopes, start, width)
@@ -64,10 +64,10 @@ def _steep_kernel(
         wp.uint8
     ],  # [height * width] 1 where a slope along rows or columns exceeds the limit
 ):
-    """Go through one row; its slopes along columns are those to the rows above and below."""
+    """Process one row; slopes along columns use the rows above and below."""
     row = first + wp.tid()
     start = row * width
-    # In the first and the last row the one neighbour counts: the other is infinitely far away.
+    # In the first and the last row only one neighbour counts: the other is infinitely far away.
     middle = wp.where(row == height - 1, wp.max(height - 2, 0), row)
     at_end = height > 1 and (row == 0 or row == height - 1)
     away = wp.where(at_end, wp.inf, 0.0)
@@ -96,8 +96,8 @@ def _steep_kernel(
 def surface_slope(disparity: np.ndarray) -> np.ndarray:
     """Return the change of disparity along rows, on the surface [px/px], same shape, float32.
 
-    Of the differences to either neighbour the smaller one is taken: at a step, that is the one that
-    stays on the surface. 0 where there is none.
+    The smaller of the differences to both neighbours: at a step, that is the one on the same surface. 0 where
+    there is none.
 
     Args:
         disparity: [px], (height, width), float32, NaN where there is nothing.
@@ -139,10 +139,10 @@ def slope_along_columns(disparity: np.ndarray, rows: np.ndarray, columns: np.nda
 
 
 def width_ratio(slope: np.ndarray) -> np.ndarray:
-    """Return ``|ln(1 - slope)|``: by what factor the eyes differ in the width of a patch, float32.
+    """Return ``|ln(1 - slope)|``, float32: the logarithm of the ratio of a patch's widths in the two eyes.
 
-    A patch one pixel wide on the left is ``1 - slope`` wide on the right, with ``slope`` the change of
-    disparity per pixel; from 1 on the right eye sees its back, and the result is inf.
+    A patch one pixel wide on the left is ``1 - slope`` wide on the right, where ``slope`` is the change of
+    disparity per pixel. From a slope of 1 on, the right eye sees its back, and the result is inf.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.abs(np.log(1 - slope))

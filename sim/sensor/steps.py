@@ -1,4 +1,4 @@
-"""Where disparity jumps from one pixel to the next, and lists and runs of marked pixels.
+"""Where disparity jumps from one pixel to the next; lists and runs of marked pixels.
 
 The kernel's formula in NumPy: tests/reference/slopes_twin.py.
 """
@@ -27,12 +27,12 @@ _PIECE = wp.constant(64)
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Places where disparity jumps between two neighbours along the last axis; all shapes (n,).
+    """Jumps of disparity between two neighbours along the last axis; all shapes (n,).
 
     Attributes:
         rows: row of the pair.
         near: column of the nearer pixel.
-        far: column of the farther pixel, next to ``near``.
+        far: column of the farther pixel, a neighbour of ``near``.
     """
 
     rows: np.ndarray
@@ -55,7 +55,7 @@ def _step_kernel(
     # outputs
     steps: wp.array[wp.uint8],  # [height * width] 1 where disparity jumps to the right or downward
 ):
-    """Go through one row."""
+    """Process one row."""
     row = first + wp.tid()
     start = row * width
     below = start + wp.where(row < height - 1, width, 0)
@@ -67,7 +67,7 @@ def _step_kernel(
         under = floats_from(disparity, below + piece * _PIECE, _PIECE)
         out = bytes_from(steps, column, _PIECE)
         for x in range(_PIECE):
-            # One after the other: the maximum of a jump and of one to a missing value may be either.
+            # One at a time: the maximum of a jump and of a NaN may be either.
             sideways = wp.where(wp.abs(right[x] - here[x]) > threshold, 1, 0)
             downward = wp.where(wp.abs(under[x] - here[x]) > threshold, 1, 0)
             out[x] = wp.uint8(wp.max(sideways, downward))
@@ -84,8 +84,8 @@ def _step_kernel(
 def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
     """Return the jumps of more than ``threshold`` pixels along the rows, and those along the columns.
 
-    Each in reading order along its axis; missing values have none. Along columns, ``Steps`` has rows and
-    columns exchanged, as the steps of the transposed image.
+    Both in reading order along their axis; missing values have no steps. Along columns, ``Steps`` has rows
+    and columns exchanged: they are the steps of the transposed image.
 
     Args:
         disparity: [px], (height, width), float32, NaN where there is nothing.
@@ -130,7 +130,7 @@ def near_steps(disparity: np.ndarray, threshold: float, radius: int) -> np.ndarr
 def pixels_where(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and columns of the true pixels of a (height, width) bool mask, in reading order.
 
-    The same as ``np.nonzero``, four times as fast: that walks an image pixel by pixel.
+    The same as ``np.nonzero``, four times as fast.
     """
     rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
     return rows, columns
@@ -143,7 +143,7 @@ class Runs:
     Attributes:
         rows: of each run.
         first: first marked column.
-        end: column after the last marked one; may be the width of the image.
+        end: column after the last marked one, up to the width of the image.
     """
 
     rows: np.ndarray
@@ -156,7 +156,7 @@ class Runs:
         return self.end - self.first
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return row, column and number of its run of every pixel in the runs, each shape (m,)."""
+        """Return row, column and run number of every pixel in the runs, each of shape (m,)."""
         run = np.repeat(np.arange(len(self.rows)), self.lengths)
         before = np.cumsum(self.lengths) - self.lengths
         columns = np.arange(len(run)) - before[run] + self.first[run]
@@ -169,7 +169,7 @@ def find_runs(marked: np.ndarray) -> Runs:
     at = np.flatnonzero(marked)
     if len(at) == 0:
         return Runs(at, at, at)
-    # A run ends where the next marked pixel is another one than the next pixel, or in another row.
+    # A run ends where the next pixel is not marked, or at the end of a row.
     ends = np.flatnonzero((np.diff(at) != 1) | (at[1:] % width == 0))
     first = at[np.concatenate(([0], ends + 1))]
     rows, columns = np.divmod(first, width)

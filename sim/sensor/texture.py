@@ -3,8 +3,8 @@
 Stereo matching compares along rows, so only gradients along x carry information. Thresholds are from
 experiments with semi-global matching (OpenCV StereoSGBM, window 5) on textures of known contrast.
 
-One kernel measures gradients in windows and in blocks. All its sums are of whole numbers below 2^24, exact in
-float32 in any order.
+One kernel measures gradients in windows and in blocks. All its sums are of whole numbers below 2^24, so they
+are exact in float32 in any order.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -24,32 +24,33 @@ from digs_warp.sim.sensor.filters import box_mean, distance_to
 
 wp.set_module_options(vector_module_options())
 
-# Gradient over image noise from which a patch is matched: 99 % of the pixels are at 0.24, 9 % at 0.12.
+# Gradient over image noise above which a patch is matched: 99 % of the pixels at 0.24, 9 % at 0.12.
 MATCHABLE_SNR = 0.25
 
-# Noise of the luma per noise of a channel: the root of the sum of the squared weights (Rec. 601).
+# Noise of the luma per noise of a channel: the root of the sum of squared weights (Rec. 601).
 LUMA_NOISE = float(np.hypot(np.hypot(0.299, 0.587), 0.114))
 
-# Steps of 8-bit images; no patch is less noisy than rounding.
+# Rounding to 8 bits; no patch has less noise.
 ROUNDING_NOISE = 1 / np.sqrt(12)
 
-# Pixels on each side of a block for which there is one value.
+# Side of a block, for which there is one value [px].
 BLOCK = 4
 
-# Gradients below this are lost in the rounding of 8-bit images, even in the mean over a region [DN/px].
+# Smaller gradients are lost in the rounding of 8-bit images, even in the mean over a region [DN/px].
 LEAST_GRADIENT = 0.1
 
 _BLOCK = wp.constant(BLOCK)
 _LEAST = wp.constant(LEAST_GRADIENT)
 
-# Only loops of fixed length become vector code: a row is walked in pieces of so many pixels, then one by one.
+# Only loops of fixed length become vector code: kernels walk a row in pieces of this many pixels, then pixel
+# by pixel.
 PIECE = 64
 _PIECE = wp.constant(PIECE)
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """How much the grey values change along the rows.
+    """How much grey values change along the rows.
 
     Attributes:
         gradient: RMS in the matching window [DN/px], (height, width), float32.
@@ -65,21 +66,21 @@ class Texture:
     def typical(self, size: int) -> np.ndarray:
         """Return the logarithm of the typical gradient of regions of ``size`` pixels, one for each block.
 
-        The geometric mean is what is typical: a few strong edges do not help the plain ground.
+        The geometric mean is typical: a few strong edges do not help a plain surface.
         """
         return box_mean(self.logarithms, size // BLOCK | 1)
 
 
 @wp.func
 def squared(left: wp.uint8, right: wp.uint8) -> float:
-    """Square of the difference of two grey values: of twice the gradient between them."""
+    """Squared difference of two grey values: four times the squared gradient between them."""
     difference = float(right) - float(left)
     return difference * difference
 
 
 @wp.func
 def fill(values: wp.array[float], count: int, value: float):
-    """Set the first ``count`` values, and up to a piece more."""
+    """Set the first ``count`` values, rounded up to whole pieces."""
     for piece in range((count + _PIECE - 1) // _PIECE):
         part = floats_from(values, piece * _PIECE, _PIECE)
         for x in range(_PIECE):
@@ -88,7 +89,7 @@ def fill(values: wp.array[float], count: int, value: float):
 
 @wp.func
 def add_row(gray: wp.array[wp.uint8], start: int, width: int, sign: float, sums: wp.array[float]):
-    """Add or subtract the squares of one row; those of its ends are 0, as the image is mirrored there."""
+    """Add or subtract the squares of one row; at its ends they are 0, because the image is mirrored there."""
     inner = wp.max(width - 2, 0)
     whole = inner // _PIECE
     for piece in range(whole):
@@ -103,7 +104,7 @@ def add_row(gray: wp.array[wp.uint8], start: int, width: int, sign: float, sums:
 
 @wp.func
 def multiply_row(gray: wp.array[wp.uint8], start: int, width: int, product: wp.array[float]):
-    """Multiply by the gradients of one row, each at least a little."""
+    """Multiply by the gradients of one row, each plus LEAST_GRADIENT."""
     product[0] *= _LEAST
     if width > 1:
         product[width - 1] *= _LEAST
@@ -144,7 +145,7 @@ def add(values: wp.array[float], total: wp.array[float]):
 
 @wp.func
 def write_roots(values: wp.array[float], roots: wp.array[float], count: int):
-    """Write the square roots of the first values of a piece."""
+    """Write the square roots of the first ``count`` values of a piece."""
     if count == _PIECE:
         source = floats_from(values, 0, _PIECE)
         out = floats_from(roots, 0, _PIECE)
@@ -169,10 +170,10 @@ def _texture_kernel(
     logarithms: wp.array[float],  # [blocks] mean of ln(gradient + LEAST_GRADIENT)
     energies: wp.array[float],  # [blocks] mean square of ``gradient``
 ):
-    """Go through the rows of a row of blocks."""
+    """Process one row of blocks."""
     block_row = first + wp.tid()
     half = window // 2
-    # One index after the other runs in a launch: they share the memory of its first one.
+    # The rows of a launch run one after another and share the scratch memory of the first one.
     memory = first * 4 * pitch
     columns = floats_from(
         scratch, memory, pitch
@@ -247,7 +248,7 @@ def measure_texture(gray: np.ndarray, window: int) -> Texture:
 
 
 def noise_of(image_noise: float) -> float:
-    """Return the noise of the luma that is matched, which a gradient must beat [DN].
+    """Return the noise of the luma, which a gradient must exceed to be matched [DN].
 
     Args:
         image_noise: of each colour channel [DN]; the channels' noise is independent.
@@ -256,5 +257,5 @@ def noise_of(image_noise: float) -> float:
 
 
 def texture_distance(snr: np.ndarray) -> np.ndarray:
-    """Return how far each pixel is from a matchable one [px], float32, inf where there is none."""
+    """Return the distance of each pixel to a matchable one [px], float32; inf where there is none."""
     return distance_to(snr > MATCHABLE_SNR)

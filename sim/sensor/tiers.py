@@ -27,18 +27,18 @@ def sense(
     strength: float = 1.0,
     recorded: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Sensed:
-    """Return what the sensor makes of a frame.
+    """Return the sensor's measurement of a frame.
 
     The same arguments give the same bytes, whatever was sensed before.
 
     Args:
         truth: of the frame.
         tier: "truth": perfect; "law": the closed-form law of stereo; "planned": the effects that the
-            plan has on; "matcher": semi-global matching of the two recorded images.
+            plan switches on; "matcher": semi-global matching of the two recorded images.
         plan: for the planned tier.
         seed: of the recording, >= 0.
         strength: factor on all effects, >= 0; 0 is the truth.
-        recorded: left and right image as the camera records them, for the matcher; None: those of the
+        recorded: left and right image as the camera records them, for the matcher; None: the images of the
             truth, without noise.
 
     Raises:
@@ -66,7 +66,7 @@ def sense_effects(
     effects = [effect for effect in EFFECTS if effect.name in wanted]
     sensed = Sensed.of(truth).own()
     with ThreadPoolExecutor(1, thread_name_prefix="look-ahead") as ahead:
-        # The longest single piece of work needs nothing of the effects before it.
+        # The longest piece of work does not depend on the effects before it.
         hidden = ahead.submit(lambda: truth.hidden) if Occlusion.name in wanted else None
         for effect in effects:
             if hidden is not None and effect.name == Occlusion.name:
@@ -77,7 +77,7 @@ def sense_effects(
 
 
 def effect_rng(seed: int, frame: int, name: str) -> np.random.Generator:
-    """Return the random numbers of one effect on one frame; no other effect or frame shares them."""
+    """Return the random generator of one effect on one frame; no other effect or frame shares it."""
     sequence = np.random.SeedSequence([seed, frame, zlib.crc32(name.encode())])
     # Twice as fast as the default, with the same statistical quality.
     return np.random.Generator(np.random.SFC64(sequence))
@@ -86,8 +86,8 @@ def effect_rng(seed: int, frame: int, name: str) -> np.random.Generator:
 def depth_of(sensed: Sensed, truth: FrameTruth) -> np.ndarray:
     """Return planar depth [m], (height, width), float32, coded as a ZED does.
 
-    NaN: nothing was matched; -inf: too near; +inf: too far. Where the sensor is right to the bit, so is
-    the depth.
+    NaN: nothing was matched; -inf: too near; +inf: too far. Where disparity equals
+    the truth to the bit, so does depth.
     """
     with np.errstate(divide="ignore"):
         depth = np.float32(truth.rig.focal_baseline) / sensed.disparity
@@ -102,7 +102,7 @@ def _sense_law(truth: FrameTruth, seed: int, strength: float) -> Sensed:
     rig = truth.rig
     depth = sense_depth(truth.depth, rig, seed, truth.number, strength)
     missing = np.isnan(depth) & np.isfinite(truth.depth)
-    # Depth outside the range is missing on that side to which it was closer.
+    # Depth outside the range counts as missing on the side it is closer to.
     is_near = truth.depth < np.sqrt(rig.min_depth * rig.max_depth)
     sensed = Sensed.of(truth)
     sensed = sensed.with_holes(missing & is_near, Cause.NEAR)

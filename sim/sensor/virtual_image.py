@@ -1,27 +1,27 @@
-"""Where a mirrored thing seems to be: the depth that matching a reflection gives."""
+"""Where a reflected object appears to be: the depth that matching a reflection gives."""
 
 import numpy as np
 
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.steps import pixels_where
 
-# Concave mirrors can throw the image to infinity or before the surface; it stays within this [m].
+# Concave mirrors can move the image to infinity or in front of the surface; this limits it [m].
 MAX_VIRTUAL_DISTANCE = 100.0
 
-# Neighbours whose depth differs by more than this share belong to another surface.
+# Neighbours whose depth differs by more than this share belong to different surfaces.
 SAME_SURFACE = 0.05
 
 
 def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
-    """Return the disparity [px] of what the surface mirrors, (height, width), float64.
+    """Return the disparity [px] of what the surface reflects, (height, width), float64.
 
-    Both eyes see the mirrored thing behind the surface. A flat mirror shows it as far behind as it lies
-    in front; a curved one at v with 1/v = 1/s + 2k (the mirror equation), s the distance of the thing
+    Both eyes see the reflected object behind the surface. A flat mirror shows it as far behind as it lies
+    in front; a curved one at v, where 1/v = 1/s + 2k (the mirror equation), s is the distance of the object
     and k the curvature of the surface along the baseline [1/m], positive where convex.
 
     Args:
-        truth: its rays are asked for the distance of what is mirrored.
-        where: the pixels that are wanted, (height, width), bool; the others are NaN.
+        truth: its rays give the distance of the reflected object.
+        where: pixels to compute, (height, width), bool; the others are NaN.
     """
     rows, columns = pixels_where(where)
     k = truth.camera.intrinsics
@@ -41,8 +41,8 @@ def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
 def curvature_along_rows(truth: FrameTruth, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return the curvature of the surface along the rows [1/m] at some pixels, shape (n,).
 
-    Positive where convex (a sphere of radius r seen from outside: 1/r). Measured between the neighbours
-    that show the same surface; 0 where neither does.
+    Positive where convex (a sphere of radius r seen from outside: 1/r). Measured between the neighbours on
+    the same surface; 0 if there are none.
     """
     last = truth.depth.shape[1] - 1
     left, right = (
@@ -64,7 +64,7 @@ def curvature_along_rows(truth: FrameTruth, rows: np.ndarray, columns: np.ndarra
 def _same_surface(
     truth: FrameTruth, rows: np.ndarray, columns: np.ndarray, others: np.ndarray
 ) -> np.ndarray:
-    """Return whether pixels show the same surface as others of their rows, shape (n,), bool."""
+    """Return whether pixels show the same surface as other pixels of their rows, shape (n,), bool."""
     depth = truth.depth[rows, columns]
     same_material = truth.material_ids[rows, others] == truth.material_ids[rows, columns]
     return same_material & (np.abs(truth.depth[rows, others] - depth) < SAME_SURFACE * depth)

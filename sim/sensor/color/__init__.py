@@ -1,4 +1,4 @@
-"""Effects on the colour path, one file each, in the order in which light meets them."""
+"""Effects on the images, in the order in which light meets them; see CONTRIBUTING.md to add one."""
 
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
@@ -10,7 +10,7 @@ from digs_warp.sim.sensor.color.vignetting import Vignetting
 ROLLING_SHUTTER = RollingShutter()
 IMAGE_BLUR = ImageBlur()
 
-# Applied to the finished images; the two above shape how the images are rendered.
+# Applied to the finished images; the two above change how the images are rendered.
 PIXEL_EFFECTS: tuple[PixelEffect, ...] = (Vignetting(), AutoExposure(), ShotNoise(), ReadNoise())
 
 COLOR_EFFECTS: tuple[ColorEffect, ...] = (ROLLING_SHUTTER, IMAGE_BLUR, *PIXEL_EFFECTS)

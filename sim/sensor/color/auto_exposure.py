@@ -10,13 +10,13 @@ from digs_warp.sim.sensor.color.protocol import MIDDLE_GREY, EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# Share of saturated and dark pixels above which a camera does not leave the exposure as it is [tuned].
+# Share of saturated and dark pixels above which a camera corrects the exposure [tuned].
 BADLY_EXPOSED = 0.1
 
-MAX_STOPS = 1.5  # how far the camera goes from the recording's common exposure [tuned]
+MAX_STOPS = 1.5  # largest correction of the recording's common exposure [tuned]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec. 709
-CLIPPED = 0.995  # linear; the two highest 8-bit values: how bright the scene was there is lost
+CLIPPED = 0.995  # linear; the two highest 8-bit values: the true brightness there is lost
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class AutoExposure:
     name: ClassVar[str] = "auto-exposure"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """It acts where much of the images is saturated or black."""
+        """On if much of the images is saturated or black."""
         return choose_above(
             self.name,
             "saturated_share + dark_share",
@@ -40,7 +40,7 @@ class AutoExposure:
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
-        """Bring the left image's mean luminance toward middle grey, by MAX_STOPS at most."""
+        """Move the left image's mean luminance toward middle grey, by at most MAX_STOPS."""
         luminance = float(eyes.left.mean(axis=(0, 1), dtype=np.float64) @ LUMINANCE)
         stops = np.log2(MIDDLE_GREY / luminance) if luminance > 0 else MAX_STOPS
         gain = np.float32(2.0 ** (strength * np.clip(stops, -MAX_STOPS, MAX_STOPS)))
@@ -48,5 +48,5 @@ class AutoExposure:
 
 
 def _exposed(linear: np.ndarray, gain: np.float32) -> np.ndarray:
-    """Return the image times the gain; what was white stays white, for it may have been any brightness."""
+    """Return the image times the gain; white stays white, because its true brightness is unknown."""
     return np.where(linear >= CLIPPED, linear, np.minimum(linear * gain, 1.0))

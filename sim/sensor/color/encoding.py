@@ -1,4 +1,4 @@
-"""Between 8-bit sRGB and linear light, by tables: every 8-bit value comes back unchanged."""
+"""Conversion between 8-bit sRGB and linear light, by tables: every 8-bit value survives the round trip."""
 
 from functools import cache
 
@@ -6,17 +6,17 @@ import numpy as np
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 
-# Steps of linear light: sRGB climbs fastest in the dark, where one step is a twentieth of an 8-bit step.
+# Steps of linear light: sRGB is steepest in the dark, where one step is a twentieth of an 8-bit step.
 LINEAR_STEPS = 65535
 
 
 def decode(image: np.ndarray) -> np.ndarray:
-    """Return linear light, float32, 0 to 1, of sRGB pixels, uint8."""
+    """Return sRGB pixels, uint8, as linear light, float32, 0 to 1."""
     return np.take(_decoding(), image)
 
 
 def encode(linear: np.ndarray) -> np.ndarray:
-    """Return sRGB pixels, uint8, of linear light; what lies outside 0 to 1 is cut off."""
+    """Return linear light as sRGB pixels, uint8; values outside 0 to 1 are clipped."""
     steps = np.clip(linear, 0.0, 1.0)
     steps *= LINEAR_STEPS
     steps += 0.5

@@ -1,7 +1,7 @@
 """Motion blur of the images: the camera moves while the shutter is open.
 
-The images are the mean of several views along the way, in linear light, so that edges, highlights and
-masks blur as they do in a camera. `digs_warp.sim.shutter` renders them; this file says how many are needed.
+An image is the mean of several views along the path, in linear light, so that edges, highlights and masks
+blur as in a camera. `digs_warp.sim.shutter` renders them; this file decides how many are needed.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,10 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# Blur below half a pixel hides behind the pixel's own size.
+# Blur below half a pixel does not show.
 VISIBLE_BLUR_PX = 0.5
 
-# Views per exposure: a pixel is as wide as itself, so views this far apart [px] leave no gap that one
-# could see; beyond 16 the cost outgrows the use.
+# Views per exposure: views this far apart [px] leave no visible gap; more than 16 are not worth their cost.
 VIEW_PX = 1.5
 MIN_VIEWS, MAX_VIEWS = 2, 16
 
@@ -29,7 +28,7 @@ class ImageBlur:
     name: ClassVar[str] = "image-blur"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """It acts where the image moves by a visible amount during the exposure."""
+        """On if the image moves visibly during the exposure."""
         return choose_above(
             self.name,
             "blur_px",
@@ -41,5 +40,5 @@ class ImageBlur:
         )
 
     def views(self, facts: SceneFacts, strength: float = 1.0) -> int:
-        """Return how many views make one exposure, ``strength`` times as long as the rig's."""
+        """Return the number of views per exposure, which is ``strength`` times as long as the rig's."""
         return int(np.clip(np.ceil(strength * facts.blur_px / VIEW_PX), MIN_VIEWS, MAX_VIEWS))

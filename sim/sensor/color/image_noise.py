@@ -82,7 +82,7 @@ class ReadNoise:
             read_sigma(rig) * STEPS_PER_LINEAR,
             0.0,
             "DN",
-            on="the electronics add noise of their own, which shows in the dark",
+            on="the electronics add noise, which shows in the dark",
             off="shot noise explains all image noise that the profile states",
         )
 

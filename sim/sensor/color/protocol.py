@@ -1,4 +1,4 @@
-"""What an effect on the colour path is: it says whether a scene calls for it, and changes the images."""
+"""What an effect on the images is: it decides whether a scene calls for it, and changes the images."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
@@ -15,7 +15,7 @@ MIDDLE_GREY = 0.18  # linear; what exposure meters take for the mean of a scene 
 
 @dataclass(frozen=True, eq=False)
 class EyeImages:
-    """What falls on the two sensors, in linear light, 1 is white.
+    """The light on the two sensors, linear; 1 is white.
 
     Attributes:
         intrinsics: of either eye.
@@ -27,15 +27,15 @@ class EyeImages:
     right: np.ndarray
 
     def with_images(self, left: np.ndarray, right: np.ndarray) -> "EyeImages":
-        """Return the same eyes with other images."""
+        """Return the same eyes with new images."""
         return replace(self, left=left, right=right)
 
 
 class ColorEffect(Protocol):
-    """Common to all effects on the colour path."""
+    """The part that all effects on the images share."""
 
     name: ClassVar[str]
-    """Kebab-case, as --effects takes it; also seeds its random numbers."""
+    """In kebab-case, as --effects takes it; also part of the seed of its random numbers."""
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """Return whether the scene calls for the effect, and why."""
@@ -43,7 +43,7 @@ class ColorEffect(Protocol):
 
 
 class PixelEffect(ColorEffect, Protocol):
-    """An effect that works on the images once they are rendered."""
+    """An effect that changes the rendered images."""
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0

@@ -1,4 +1,4 @@
-"""The two images as the camera records them: what the eyes see, after the colour path."""
+"""The two images as the camera records them: the rendered images after the effects on them."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from digs_warp.sim.sensor.tiers import effect_rng
 def recorded_images(
     truth: FrameTruth, effects: Sequence[PixelEffect], seed: int = 0, strength: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return left and right image, sRGB, (height, width, 3), uint8; without effects the bytes they had.
+    """Return left and right image, sRGB, (height, width, 3), uint8; unchanged if there are no effects.
 
     Args:
         truth: of the frame.

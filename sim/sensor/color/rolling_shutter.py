@@ -1,8 +1,8 @@
 """Rolling shutter: each row is exposed a little later than the one above it.
 
-Both eyes read the same row at the same time, so depth stays right for what a row sees; but the frame as
-a whole is bent against the one pose that is recorded with it. Rows are rendered in bands, each from
-where the camera was then (`digs_warp.sim.shutter`): depth, mask and images bend together.
+Both eyes read the same row at the same time, so the depth of each row is right; but the frame as a whole is
+distorted with respect to the one pose recorded with it. Rows are rendered in bands, each from the camera's
+pose at that time (`digs_warp.sim.shutter`): depth, mask and images are distorted together.
 """
 
 from dataclasses import dataclass
@@ -14,33 +14,33 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# Skew below half a pixel from first to last row bends nothing that anybody could measure.
+# A skew below half a pixel from the first to the last row cannot be measured.
 VISIBLE_SKEW_PX = 0.5
 
-# Between neighbouring bands the image jumps by this much: too little to see as a step.
+# Jump between neighbouring bands: too small to be seen.
 STEP_PX = 0.5
 MIN_BANDS, MAX_BANDS = 2, 32
 
 
 @dataclass(frozen=True)
 class RollingShutter:
-    """Shows each row from where the camera was when the row was read."""
+    """Renders each row from the pose at which it was read."""
 
     name: ClassVar[str] = "rolling-shutter"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """It acts where the image moves by a visible amount while the rows are read."""
+        """On if the image moves visibly while the rows are read."""
         return choose_above(
             self.name,
             "skew_px",
             facts.skew_px,
             VISIBLE_SKEW_PX,
             "px",
-            on="the hand moves far enough while the rows are read to bend the images",
-            off="the rows are read too fast, or all at once, for the hand to bend the images",
+            on="the hand moves far enough while the rows are read to distort the images",
+            off="the rows are read too fast, or all at once, for the hand to distort the images",
         )
 
     def bands(self, facts: SceneFacts, rig: StereoRig, strength: float = 1.0) -> int:
-        """Return into how many bands of rows the image is cut; ``strength`` stretches the read-out."""
+        """Return the number of bands of rows; ``strength`` stretches the read-out time."""
         bands = int(np.clip(np.ceil(strength * facts.skew_px / STEP_PX), MIN_BANDS, MAX_BANDS))
         return min(bands, rig.intrinsics.height)

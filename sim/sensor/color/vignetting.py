@@ -1,7 +1,7 @@
 """Vignetting: the image gets darker toward its corners.
 
-A lens gathers less light off its axis: cos^4 of the angle. Cameras brighten the corners again, never
-quite; the rig says how much light the corners lose in the end, the law how it fades toward them.
+A lens gathers less light off its axis: cos^4 of the angle. Cameras compensate for most of this. The rig
+states how much light the corners still lose; the law gives the shape of the loss.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# Loss in the corners below which nobody sees a difference: about one 8-bit step.
+# Smallest visible loss in the corners: about one 8-bit step.
 VISIBLE_LOSS = 0.01
 
 
@@ -27,7 +27,7 @@ class Vignetting:
     name: ClassVar[str] = "vignetting"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """It depends on the lens alone."""
+        """Depends on the lens alone."""
         return choose_above(
             self.name,
             "vignetting",
@@ -35,15 +35,15 @@ class Vignetting:
             VISIBLE_LOSS,
             "",
             on="the lens gives the corners visibly less light",
-            off="the corners lose too little light to see",
+            off="the corners lose too little light to notice",
         )
 
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
-        """Multiply both images by what the lens lets through."""
+        """Multiply both images by the lens's transmission."""
         gain = 1 - np.float32(strength * rig.vignetting) * _falloff(eyes.intrinsics)
-        gain = np.repeat(gain, 3, axis=2)  # four times as fast as broadcasting along the last axis
+        gain = np.repeat(gain, 3, axis=2)  # four times as fast as broadcasting
         return eyes.with_images(eyes.left * gain, eyes.right * gain)
 
 

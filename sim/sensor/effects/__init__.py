@@ -1,4 +1,7 @@
-"""The effects of the planned tier, one file each, and their physical order."""
+"""The effects of the planned tier, one file each, and their physical order.
+
+To add one: write its file (`protocol.DepthEffect`), and add a line to EFFECTS. CONTRIBUTING.md has the rest.
+"""
 
 from digs_warp.sim.sensor.effects.correlated_noise import CorrelatedNoise
 from digs_warp.sim.sensor.effects.depth_range import DepthRange
@@ -22,7 +25,7 @@ from digs_warp.sim.sensor.effects.transparency import Transparency
 from digs_warp.sim.sensor.effects.weak_texture import WeakTexture
 
 EFFECTS: tuple[DepthEffect, ...] = (
-    # What light brings to a pixel: another surface than the one in front.
+    # What a pixel shows: not always the surface in front.
     Transparency(),
     Mirror(),
     Specular(),
@@ -33,7 +36,7 @@ EFFECTS: tuple[DepthEffect, ...] = (
     WeakTexture(),
     Grazing(),
     Occlusion(),
-    # How exactly it compares.
+    # How precisely it compares.
     MotionBlur(),
     MisRectification(),
     Ripple(),

@@ -1,4 +1,4 @@
-"""Disparity noise: smooth from pixel to pixel, in part new in every frame, in part tied to the texture."""
+"""Disparity noise: smooth over pixels; one part changes with every frame, one belongs to the texture."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -21,28 +21,28 @@ from digs_warp.sim.sensor.filters import (
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.noise_field import smooth_normal
 
-# The texture's share follows the grey values in a band: details finer than the noise's own correlation
-# and shading coarser than twice that carry none of it.
+# The part that belongs to the texture follows the grey values in a band of scales: details finer than the
+# noise's correlation length and shading coarser than twice that length do not count.
 BAND_RATIO = 2.0
 
-# From this correlation length on, noise is drawn on a grid of half the size [px]: a quarter of the work.
+# At this correlation length and above, noise is drawn on a grid of half the size [px]: a quarter of the work.
 HALF_GRID_FROM = 4.0
 
-# What evens out the difference between the pixels of that grid and those between them, which would otherwise
-# show in a pattern that moves; its variance in pixels of the grid.
+# Evens out the difference between pixels on that grid and between its points, which would show as a moving
+# pattern; its variance in pixels of the grid.
 EVEN_KERNEL = np.array([1, 2, 1]) / 4
 EVEN_VARIANCE = 1 / 8
 
-# What `doubled` and it make of the grid at the grid's own pixels.
+# `doubled` and EVEN_KERNEL together, at the grid's own pixels.
 SEEN_KERNEL = np.array([3, 10, 3]) / 16
 
-# Region over which the band is brought to variance 1, in correlation lengths.
+# Region over which the band is normalized to variance 1, in correlation lengths.
 REGION = 8
 
-# Grey-level noise below which a band is no texture [DN].
+# Contrast below which a band is not texture [DN].
 NO_TEXTURE = 0.5
 
-# The texture's part is bounded: interpolation between pixels cannot err without limit.
+# Limit of the texture's part: the error of interpolation between pixels is bounded.
 LARGEST = 3.0
 
 
@@ -50,15 +50,15 @@ LARGEST = 3.0
 class CorrelatedNoise:
     """Noise with the standard deviation and correlation length of the rig.
 
-    Semi-global matching errs in patches of about its window (1/e at 4 px for windows of 3 to 5, 6 px for
-    9), and half of its error stays while camera and scene stand still: it comes from interpolating the
-    texture, not from image noise. White noise is wrong in kind.
+    The errors of semi-global matching are correlated over about its window (1/e at 4 px for windows of 3 to
+    5, at 6 px for 9). Half of the error stays the same while camera and scene stand still: it comes from
+    interpolating the texture, not from image noise. White noise would be the wrong kind of error.
     """
 
     name: ClassVar[str] = "correlated-noise"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for every rig that has noise."""
+        """On for every rig with noise."""
         return choose_above(
             self.name,
             "disparity_sigma",
@@ -103,13 +103,13 @@ def temporal_noise(
 
 
 def _share_left(correlation: float) -> float:
-    """Return the share of a field's variance that `doubled` leaves along one axis.
+    """Return the share of a field's variance that `doubled` keeps along one axis.
 
-    Between two pixels their mean is taken, at a pixel the weights are those of `DOUBLED_KERNEL`: the
-    variances differ by 1.5 %.
+    The mean of two cases that differ by 1.5 %: between two pixels, `doubled` takes their mean; at a pixel, it
+    applies `DOUBLED_KERNEL`.
 
     Args:
-        correlation: at which the correlation has fallen to 1/e as a Gaussian [px of the smaller image].
+        correlation: length at which the correlation, a Gaussian, is 1/e [px of the smaller image].
     """
     next_one, second = np.exp(-np.square(np.array([1.0, 2.0]) / correlation))
     side, middle, _ = DOUBLED_KERNEL
@@ -118,9 +118,9 @@ def _share_left(correlation: float) -> float:
 
 
 def texture_pattern(gray: np.ndarray, correlation: float) -> np.ndarray:
-    """Return a pattern of mean 0 and variance 1 that goes with the texture, (height, width), float32.
+    """Return a pattern of mean 0 and variance 1 that belongs to the texture, (height, width), float32.
 
-    It moves with the surface and does not change between frames; where there is no texture, it fades.
+    It moves with the surface and does not change between frames; without texture, it fades out.
 
     Args:
         gray: left image, (height, width), uint8.
@@ -142,6 +142,6 @@ def texture_pattern(gray: np.ndarray, correlation: float) -> np.ndarray:
 
 
 def _contrast(band: np.ndarray, correlation: float) -> np.ndarray:
-    """Return the standard deviation of ``band`` in the region around each pixel, with that of the noise."""
+    """Return the standard deviation of ``band`` in the region around each pixel, noise included."""
     energy = box_mean(np.square(band), int(REGION * correlation) | 1)
     return np.sqrt(np.maximum(energy, np.float32(0)) + np.float32(NO_TEXTURE**2))

@@ -1,4 +1,4 @@
-"""The range: too near for the search, or too far to be told from infinity."""
+"""The range: too near for the search, or too far to distinguish from infinity."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -17,12 +17,12 @@ MARGIN = 2.0
 
 @dataclass(frozen=True)
 class DepthRange:
-    """Holes where the sensed depth is outside the rig's range, coded too near or too far."""
+    """Holes where the sensed depth is outside the rig's range, marked as too near or too far."""
 
     name: ClassVar[str] = "depth-range"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when anything in view is near or beyond an end of the range."""
+        """On if anything in view is close to or beyond an end of the range."""
         smallest = rig.focal_baseline / rig.max_depth
         on = bool(
             facts.max_disparity > rig.largest_disparity - MARGIN
@@ -40,10 +40,10 @@ class DepthRange:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Drop what is out of range; ``strength`` leaves the range alone: it is a limit, not an error."""
+        """Drop values out of range; ``strength`` does not change the range: it is a limit, not an error."""
         rig = truth.rig
         smallest = rig.focal_baseline / rig.max_depth
         sensed = sensed.with_holes(sensed.disparity > np.float32(rig.largest_disparity), Cause.NEAR)
-        # Half a millionth: a depth right at the end counts as within, whatever its rounding.
+        # Tolerance of half a millionth: a depth right at the end is in range, however it is rounded.
         too_far = sensed.disparity < np.float32(smallest * (1 - 5e-7))
         return sensed.with_holes(too_far, Cause.FAR)

@@ -1,6 +1,6 @@
-"""Edge fattening: a matching window across a depth step takes the depth of the stronger texture.
+"""Edge fattening: a matching window across a depth step takes the depth of the side with more texture.
 
-Narrow gaps between near things close altogether; thin near things survive.
+Narrow gaps between near objects close completely; thin near objects survive.
 """
 
 from dataclasses import dataclass
@@ -21,48 +21,48 @@ from digs_warp.sim.sensor.texture import noise_of
 # Smallest jump that a window notices [px] (measured on textured steps of 10 to 40 px).
 STEP = 2.0
 
-# Displacement of the outline, in pixels, for a window of half-width h, where one side's texture is five
-# times as strong as the other's: least squares to semi-global matching of synthetic steps, windows 5, 9
+# Displacement of the outline [px] for a window of half-width h if one side's texture is five times as
+# strong as the other's: a least-squares fit to semi-global matching of synthetic steps with windows of 5, 9
 # and 15. A strong foreground grows by 2.3, 3.4 and 4.9 px, a weak one shrinks by 1.6, 2.2 and 2.9 px.
 GROWTH = (1.15, 0.53)
 EROSION = (1.0, 0.27)
 SATURATION = np.log(5.0)
 
-# Along columns the outline moves a third to a half as far as along rows, where both sides have texture; it
-# moves as far before a background whose gradient drowns in the image noise, as in rendered frames of four
-# meshes: there nothing but smoothness decides, which knows no direction.
+# Along columns the outline moves a third to a half as far as along rows if both sides have texture. It
+# moves as far in front of a background whose gradient is lost in the image noise (rendered frames of four
+# meshes): there only smoothness decides, which has no direction.
 VERTICAL_SNRS, VERTICAL_SHARES = (0.75, 2.0), (1.0, 0.5)
 
-# With equal texture the outline still wanders between -1 and +0.6 px.
+# With equal texture on both sides the outline still wanders between -1 and +0.6 px.
 EQUAL_SHIFT, WANDER = -0.2, 0.4
 COHERENCE = 5.0
 
-# On real and rendered outlines the displacement varies more than on synthetic ones: its quantiles 10, 50
-# and 90 % are about 0, 2 and 5 px for a mean of 2.2 px. A gamma distribution of this shape does that.
+# On real and rendered outlines the displacement varies more than on synthetic ones: its 10, 50 and 90 %
+# quantiles are about 0, 2 and 5 px for a mean of 2.2 px, as in a gamma distribution of this shape.
 SPREAD_SHAPE = 2.0
 
-# What becomes of a gap between two near things, by its width [px]: closed with their depth, or a hole.
-# Semi-global matching, window 5, of a real pair and of rendered frames of six meshes.
+# Shares of the gaps between two near objects that are closed with their depth, and that become holes, by
+# width [px]: semi-global matching with a window of 5, of a real pair and of rendered frames of six meshes.
 GAP_WIDTHS = (6.0, 10.0, 13.0, 20.0, 32.0, 41.0)
 GAP_CLOSED = (0.75, 0.65, 0.45, 0.25, 0.15, 0.0)
 GAP_LOST = (0.10, 0.25, 0.25, 0.15, 0.05, 0.0)
 GAP_COHERENCE = 16.0
 
-# Gradient of an evenly lit wall [DN/px]: below it texture is noise, and ratios mean nothing.
+# Gradient of an evenly lit wall [DN/px]: below it texture is noise, and ratios are meaningless.
 TEXTURE_FLOOR = 0.5
 
-# Share of the surface in view that must lie at a step before the effect shows.
+# The effect switches on if a larger share of the surface in view lies at a step.
 MIN_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
 class EdgeFattening:
-    """Near things that look too fat or too thin, according to the texture on both sides."""
+    """Near objects that look too fat or too thin, depending on the texture on both sides."""
 
     name: ClassVar[str] = "edge-fattening"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when there are steps."""
+        """On if there are depth steps."""
         way = "grow" if facts.step_contrast > 0 else "shrink"
         return choose_above(
             self.name,
@@ -70,14 +70,14 @@ class EdgeFattening:
             facts.step_share,
             MIN_SHARE,
             "",
-            on=f"the matching window straddles depth steps: near things mostly {way}",
+            on=f"the matching window straddles depth steps: near objects mostly {way}",
             off="no depth steps for the window to straddle",
         )
 
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Move the outlines of near things; ``strength`` is a factor on how far."""
+        """Move the outlines of near objects; ``strength`` is a factor on how far."""
         if strength <= 0:
             return sensed
         half = truth.rig.window // 2
@@ -104,16 +104,16 @@ class EdgeFattening:
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """A frame in work, seen along its rows; all (height, width).
+    """The frame being changed, along its rows; all (height, width).
 
     Attributes:
         steps: along its rows.
-        true: disparity that tells where the steps are [px].
+        true: disparity that has the steps [px].
         texture: strength of the texture [DN/px].
         noise: of the image [DN].
         source: sensed disparity before the effect [px].
-        disparity: the same, to be written to.
-        moved: what has been written, to be marked.
+        disparity: the same, after the effect.
+        moved: pixels that the effect has written.
     """
 
     steps: Steps
@@ -125,7 +125,7 @@ class _Work:
     moved: np.ndarray
 
     def turned(self, steps: Steps) -> "_Work":
-        """Return the frame with columns for rows, and its steps; writing to it writes to this one."""
+        """Return the transposed frame with its steps; writing to it writes to this one."""
         images = (self.source.T, self.disparity.T, self.moved.T)
         return _Work(steps, self.true.T, self.texture.T, self.noise, *images)
 
@@ -136,7 +136,7 @@ class _Work:
 
 
 def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) -> np.ndarray:
-    """Return how far an outline moves outward [px]; negative: the near thing shrinks.
+    """Return how far an outline moves outward [px]; negative: the near object shrinks.
 
     Args:
         near_texture: strength of the texture of the nearer side [DN/px], >= 0.
@@ -154,11 +154,11 @@ def outline_shift(near_texture: np.ndarray, far_texture: np.ndarray, half: int) 
 def _move(work: _Work, half: int, strengths: tuple[float, ...], rng: np.random.Generator) -> None:
     """Move the outlines along the rows, for a window of half-width ``half`` [px].
 
-    ``strengths`` are factors on how far, before a background without and with texture.
+    ``strengths`` are factors on how far, in front of a background without and with texture.
     """
     steps, texture, shape = work.steps, work.texture, work.true.shape
-    # The outline itself moves with the near side and is often its strongest texture: the window of the
-    # near side touches it, that of the far side does not.
+    # The outline moves with the near side and is often its strongest texture: the window on the near side
+    # touches it, the one on the far side does not.
     near_window = np.clip(steps.near - half * steps.away, 0, shape[1] - 1)
     far_window = np.clip(steps.far + (half + 2) * steps.away, 0, shape[1] - 1)
     far_texture = texture[steps.rows, far_window]
@@ -174,14 +174,14 @@ def _move(work: _Work, half: int, strengths: tuple[float, ...], rng: np.random.G
 
 @cache
 def _spread_quantiles() -> tuple[np.ndarray, np.ndarray]:
-    """Return shares of 0 to 1 and the quantiles there of a gamma distribution of mean 1.
+    """Return probabilities from 0 to 1 and the quantiles there of a gamma distribution of mean 1.
 
-    Its inverse takes longer for one outline than the rest of the effect; a table is exact to
-    1 %, but for one outline in ten thousand.
+    Computing its inverse would take longer than the rest of the effect. The table is exact to 1 %, except for
+    one outline in ten thousand.
     """
     from scipy.special import gammaincinv, ndtr
 
-    # Even steps of the normal distribution: fine at both ends.
+    # Evenly spaced in normal quantiles: fine at both ends.
     shares = ndtr(np.linspace(-4.0, 4.0, 257))
     return shares, gammaincinv(SPREAD_SHAPE, shares) / SPREAD_SHAPE
 
@@ -202,7 +202,7 @@ def _spread(work: _Work, giver: np.ndarray, taker: np.ndarray, pixels: np.ndarra
 def _close_gaps(work: _Work, strength: float, rng: np.random.Generator) -> None:
     """Close or lose narrow gaps along the rows."""
     steps = work.steps
-    # Steps come in reading order: a gap is a step down to the far side and the next one up from it.
+    # Steps are in reading order: a gap is a step down to the far side, followed by a step up.
     same_row = steps.rows[1:] == steps.rows[:-1]
     gap = np.flatnonzero(same_row & (steps.away[:-1] > 0) & (steps.away[1:] < 0))
     gaps = Runs(steps.rows[gap], steps.far[gap], steps.near[gap + 1])

@@ -1,4 +1,4 @@
-"""Exposure: saturated and black areas have no texture left."""
+"""Exposure: saturated and black areas have no texture."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,7 +12,7 @@ from digs_warp.sim.sensor.facts import DARK, SATURATED, TEXTURE_REACH, SceneFact
 from digs_warp.sim.sensor.filters import distance_to, erode
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
-# Share of the surface in view that must be too bright or too dark before the effect shows.
+# The effect switches on if a larger share of the surface in view is too bright or too dark.
 MIN_SHARE = 1e-3
 
 
@@ -20,14 +20,14 @@ MIN_SHARE = 1e-3
 class Exposure:
     """Holes where a whole matching window is saturated or black.
 
-    Some rigs drop all of these (ZED: remove_saturated_areas); with the others smoothness fills in from
-    the rim, as in any textureless area.
+    Some rigs drop all of these (ZED: remove_saturated_areas). On the others, smoothness fills in from the
+    rim, as in any textureless area.
     """
 
     name: ClassVar[str] = "exposure"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when part of the image is saturated or black."""
+        """On if part of the image is saturated or black."""
         on = max(facts.saturated_share, facts.dark_share) > MIN_SHARE
         reason = (
             "parts of the image are clipped or black: nothing to match"
@@ -42,7 +42,7 @@ class Exposure:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Make holes; ``strength`` moves the limits into the range of grey values."""
+        """Make holes; ``strength`` moves both limits toward the middle of the grey values."""
         bright = 255 - (255 - SATURATED) * strength
         window = truth.rig.window
         clipped = erode(truth.gray > bright, window) | erode(truth.gray < DARK * strength, window)

@@ -1,4 +1,4 @@
-"""Flying pixels: a filter after the matcher blends near and far into points in mid-air."""
+"""Flying pixels: a filter after the matcher blends near and far depth into points in mid-air."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,13 +12,13 @@ from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.steps import Steps, find_steps
 
-# Smaller jumps blend into something that is hardly wrong [px].
+# Blends across smaller jumps are hardly wrong [px].
 STEP = 3.0
 
-# Share of the surface in view that must lie at a large step before the effect shows.
+# The effect switches on if at least this share of the surface in view lies at a large step.
 MIN_SHARE = 1e-4
 
-# Blends closer than this to either side are no flying pixels.
+# Blends closer than this to either side do not count as flying pixels.
 MARGIN = 0.15
 
 
@@ -27,16 +27,16 @@ class FlyingPixels:
     """Interpolated depth at the steps, for sensors that smooth or enlarge their disparity.
 
     Attributes:
-        width: flying pixels per pixel of outline. Measured: 0.65 to 1.65 for disparity at half size
-            enlarged linearly; 0.003 to 0.016 for plain semi-global matching with left-right check, which
-            is why only profiles with a post-filter have them.
+        width: flying pixels per pixel of outline. Measured: 0.65 to 1.65 for disparity that was computed at
+            half size and enlarged linearly; 0.003 to 0.016 for plain semi-global matching with a left-right
+            check. So only profiles with a post-filter have them.
     """
 
     name: ClassVar[str] = "flying-pixels"
     width: float = 1.15
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for rigs with a post-filter when there are large steps."""
+        """On for rigs with a post-filter if there are large steps."""
         on = rig.post_filter and facts.large_step_share >= MIN_SHARE
         if not rig.post_filter:
             reason = "the sensor has no filter after the matcher: it makes no flying pixels"
@@ -57,7 +57,7 @@ class FlyingPixels:
             return sensed
         disparity = sensed.disparity.copy()
         blended = np.zeros(disparity.shape, dtype=bool)
-        # Transposed views: columns become rows, and writing to them writes to the frame.
+        # The transposed arrays are views: writing to them writes to the frame.
         along_rows, along_columns = find_steps(sensed.disparity, STEP)
         for steps, source, target, mark in (
             (along_rows, sensed.disparity, disparity, blended),
@@ -80,7 +80,7 @@ def _blend(
     far = source[steps.rows, steps.far]
     count = np.floor(width + rng.random(len(near)))
     for place in range(int(count.max(initial=0))):
-        # Alternate sides: the first blend falls on the far side, the second on the near side.
+        # Sides alternate: the first blend is on the far side, the second on the near side.
         start, way = (steps.far, 1) if place % 2 == 0 else (steps.near, -1)
         column = start + way * (place // 2) * steps.away
         inside = (count > place) & (column >= 0) & (column < source.shape[1])

@@ -1,4 +1,4 @@
-"""Grazing surfaces: the two eyes see a patch in different widths, and its texture does not match."""
+"""Grazing surfaces: the two eyes see a patch with different widths, and its texture does not match."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,26 +13,27 @@ from digs_warp.sim.sensor.facts import GRAZING_RATIO, SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.slopes import slope_along_columns, steep_pixels, width_ratio
 
-# Semi-global matching of slanted planes, window 5: matched shares of 99, 75, 19 and 2 % at a slope along
-# rows of 0.35, 0.40, 0.45 and 0.50, that is |ln(1 - slope)| = 0.43, 0.51, 0.60, 0.69: a logistic curve.
+# Semi-global matching of slanted planes, window 5: 99, 75, 19 and 2 % of the pixels are matched at slopes
+# along rows of 0.35, 0.40, 0.45 and 0.50, that is |ln(1 - slope)| = 0.43, 0.51, 0.60, 0.69: a logistic
+# curve.
 HALF_RATIO, RATIO_WIDTH = 0.548, 0.035
-# Surfaces that widen toward the right eye hold longer: 94 % at -0.8.
+# Surfaces that are wider in the right eye match longer: 94 % at -0.8.
 HALF_RATIO_WIDENING = 0.686
-# A window of 9 fails from 0.1 earlier.
+# A window of 9 fails 0.1 earlier.
 RATIO_PER_WINDOW = 0.025
 # Along columns: 82 % at 0.6, 7 % at 0.8.
 HALF_SLOPE, SLOPE_WIDTH = 0.673, 0.049
 
-# Below, less than one pixel in 500 fails, with windows up to 9.
+# Below this slope, less than one pixel in 500 fails, for windows up to 9.
 SAFE_SLOPE = 0.2
 
 
-# Up to this distance from better ground, smoothness carries in the disparity of the rim, and a wrong one
-# it is: at the rims of round things, in rendered scenes and a real pair, the matcher has a value for 70 to
-# 90 % of the hopeless pixels, off by more than 1 px for 40 to 90 % of them [px].
+# Up to this distance, smoothness carries in the disparity of the matchable rim [px], and it is wrong: at
+# the rims of round objects, in rendered scenes and a real pair, the matcher has a value for 70 to 90 % of
+# the hopeless pixels, and 40 to 90 % of these are off by more than 1 px.
 BRIDGE = 8
 
-# Ground whose disparity differs by more than this per pixel of distance belongs to something else.
+# A rim whose disparity differs by more than this per pixel of distance belongs to another surface.
 SAME_SURFACE = 2.0
 
 MIN_SHARE = 1e-3
@@ -40,26 +41,26 @@ MIN_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Grazing:
-    """Holes, and wrong depth in narrow strips, where texture is much compressed in one eye."""
+    """Holes, and wrong depth in narrow strips, where one eye sees the texture strongly compressed."""
 
     name: ClassVar[str] = "grazing"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when a share of the surface has |ln(1 - slope)| above 0.4."""
+        """On if part of the surface has |ln(1 - slope)| above 0.4."""
         return choose_above(
             self.name,
             f"share with width ratio above {GRAZING_RATIO}",
             facts.grazing_share,
             MIN_SHARE,
             "",
-            on="surfaces are seen so flatly that the eyes see them in different widths",
-            off="no surface is seen flatly enough to look different to the two eyes",
+            on="some surfaces are so slanted that the eyes see them with different widths",
+            off="no surface is slanted enough to look different to the two eyes",
         )
 
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Drop or bridge pixels; ``strength`` divides the slopes that matching bears."""
+        """Drop or bridge pixels; ``strength`` divides the slopes that can be matched."""
         at = steep_pixels(truth.disparity, truth.slope, SAFE_SLOPE / strength)
         if len(at) == 0:
             return sensed
@@ -81,11 +82,11 @@ class Grazing:
 
 
 def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed:
-    """Return the frame without the failed pixels, but with the hopeless ones filled from the rim.
+    """Return the frame without the failed pixels, with the hopeless ones filled from the rim.
 
     Args:
         sensed: before.
-        failed: flat indices of what is not matched, (n,).
+        failed: flat indices of the pixels that are not matched, (n,).
         hopeless: surface on which most pixels fail, (height, width), bool.
     """
     known = failed[~np.isnan(sensed.disparity.reshape(-1)[failed])]
@@ -100,7 +101,7 @@ def _bridged(sensed: Sensed, failed: np.ndarray, hopeless: np.ndarray) -> Sensed
 def _rim_values(
     disparity: np.ndarray, hopeless: np.ndarray, rows: np.ndarray, columns: np.ndarray
 ) -> np.ndarray:
-    """Return the disparity of the nearest better ground along rows or columns; NaN: too far, shape (n,)."""
+    """Return the disparity of the nearest matchable pixel along rows or columns, (n,); NaN: too far."""
     height, width = hopeless.shape
     found = np.full(len(rows), np.nan, dtype=np.float32)
     for distance in range(1, BRIDGE + 1):

@@ -1,4 +1,4 @@
-"""The invalid band: what the left eye sees beyond the right eye's view has no match."""
+"""The invalid band: the left margin of the image lies outside the right eye's view and has no match."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,7 +19,7 @@ class InvalidBand:
     name: ClassVar[str] = "invalid-band"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when anything in view shifts by half a pixel: then a column may be lost."""
+        """On if anything in view has a disparity of half a pixel: then a column may be lost."""
         return choose_above(
             self.name,
             "max_disparity",
@@ -33,7 +33,7 @@ class InvalidBand:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Drop what lands left of the right image; ``strength`` leaves the width alone: it is geometry."""
+        """Drop points that land left of the right image; ``strength`` does not matter: this is geometry."""
         columns = np.arange(truth.depth.shape[1], dtype=np.float32) + np.float32(0.5)
         # Only columns left of the largest disparity can be lost.
         reach = truth.disparity.max(initial=0.0, where=~np.isnan(truth.disparity))

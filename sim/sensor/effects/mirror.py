@@ -14,7 +14,7 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.materials import is_mirror, pixels_of
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
-# Share of the surface in view that must mirror before the effect shows.
+# The effect switches on if a larger share of the surface in view is a mirror.
 MIN_SHARE = 1e-4
 
 
@@ -25,21 +25,21 @@ class Mirror:
     name: ClassVar[str] = "mirror"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when smooth metal is in view."""
+        """On if smooth metal is in view."""
         return choose_above(
             self.name,
             "mirror_share",
             facts.mirror_share,
             MIN_SHARE,
             "",
-            on="smooth metal mirrors the scene: the reflection is matched, not the surface",
+            on="smooth metal reflects the scene: the reflection is matched, not the surface",
             off="no smooth metal in view",
         )
 
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Replace the surface by what it mirrors; ``strength`` below 1 is the share of it."""
+        """Replace the surface by its reflection; ``strength`` below 1 is the share that is replaced."""
         mirrors = pixels_of(truth, is_mirror) if strength > 0 else None
         if mirrors is None or not mirrors.any():
             return sensed

@@ -1,4 +1,4 @@
-"""Mis-rectification: a knock or warm lenses, and the rows of the two eyes no longer meet."""
+"""Mis-rectification: after a knock, or with warm lenses, the rows of the two eyes are no longer aligned."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,13 +12,13 @@ from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.noise_field import smooth_normal
 
-# RMS disparity error [px] and share of matched pixels by row offset [px], semi-global matching of pairs
-# shifted on purpose; a rectified pair has 0.13 px.
+# RMS disparity error [px] and share of matched pixels by row offset [px]: semi-global matching of pairs
+# that were shifted on purpose. A rectified pair has 0.13 px.
 OFFSETS = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0)
 RMS = (0.13, 0.143, 0.164, 0.243, 0.359, 0.443)
 FILL = (1.0, 1.0, 1.0, 1.0, 0.94, 0.28)
 
-# Smallest offset of rows or columns that shows [px].
+# Smallest offset of rows or columns that matters [px].
 MIN_OFFSET = 0.05
 
 
@@ -29,10 +29,10 @@ class MisRectification:
     name: ClassVar[str] = "mis-rectification"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for rigs whose calibration has drifted."""
+        """On for rigs whose calibration has drifted."""
         on = max(abs(rig.row_offset), abs(rig.column_offset)) > MIN_OFFSET
         reason = (
-            "the calibration has drifted: rows of the two eyes do not meet, or columns are off"
+            "the calibration has drifted: rows of the two eyes are not aligned, or columns are off"
             if on
             else "the rig is well calibrated"
         )
@@ -47,7 +47,7 @@ class MisRectification:
 
         rig = truth.rig
         rows = abs(rig.row_offset) * strength
-        # Excess over the noise of a rectified pair, which has an effect of its own.
+        # Excess over the noise of a rectified pair, which is a separate effect.
         excess = np.sqrt(np.interp(rows, OFFSETS, RMS) ** 2 - RMS[0] ** 2)
         if excess > 0:
             noise = smooth_normal(rng, truth.depth.shape, rig.noise_correlation)

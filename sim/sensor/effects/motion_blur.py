@@ -1,4 +1,4 @@
-"""Motion blur: an image smeared along the rows is matched less precisely, and at last wrongly."""
+"""Motion blur: images smeared along the rows are matched less precisely, or wrongly."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -14,15 +14,15 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.motion import image_motion
 from digs_warp.sim.sensor.steps import pixels_where
 
-# Blur along the rows [px] up to which a matcher does not mind; along the columns even 41 px do no harm.
+# Blur along the rows that does not affect matching [px]; along the columns even 41 px do no harm.
 HARMLESS = 9.0
 
-# Measured by semi-global matching of blurred pairs: RMS error [px] by blur [px]; a sharp pair has 0.13.
+# RMS error [px] by blur [px], semi-global matching of blurred pairs; a sharp pair has 0.13 px.
 BLURS = (HARMLESS, 15.0, 25.0, 41.0)
 RMS = (0.19, 0.24, 0.35, 0.47)
 SHARP_RMS = 0.13
 
-# Share of matches that are wrong by more than a pixel; the table knows 0 at 25 px and 0.11 at 41 px.
+# Share of matches that are wrong by more than a pixel: measured 0 at 25 px and 0.11 at 41 px.
 WRONG_SHARES = (0.0, 0.0, 0.0, 0.11)
 
 # A wrong match lands on a neighbouring structure of the smeared texture [px] [tuned].
@@ -36,14 +36,14 @@ class MotionBlur:
     name: ClassVar[str] = "motion-blur"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when the image moves so far that the matcher notices."""
+        """On if the image moves far enough to affect matching."""
         return choose_above(
             self.name,
             "blur_px",
             facts.blur_px,
             HARMLESS,
             "px",
-            on="the camera moves fast enough to smear the texture that is matched",
+            on="the camera moves fast enough to smear the texture",
             off="the camera moves too slowly to blur depth",
         )
 
@@ -63,10 +63,10 @@ class MotionBlur:
             return sensed
         length = blur[rows, columns]
         shape = truth.depth.shape
-        # Smeared texture repeats itself over the length of the blur, and so does the error.
+        # Smeared texture is correlated over the length of the blur, and so is the error.
         cell = truth.rig.noise_correlation + 0.5 * float(np.median(length))
         noise = coherent_normal(rng, shape, rows, columns, cell)
-        # Excess over the noise of a sharp pair, which has an effect of its own.
+        # Excess over the noise of a sharp pair, which is a separate effect.
         error = noise * np.sqrt(np.interp(length, BLURS, RMS) ** 2 - SHARP_RMS**2)
         wrong = np.interp(length, BLURS, WRONG_SHARES)
         drawn = coherent_normal(rng, shape, rows, columns, cell)

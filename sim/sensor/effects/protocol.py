@@ -1,4 +1,4 @@
-"""What an effect is: a frozen value that says whether a scene calls for it, and applies itself."""
+"""What an effect is: a frozen value that decides whether a scene calls for it, and applies itself."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -12,14 +12,14 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 @dataclass(frozen=True)
 class Choice:
-    """The planner's word on one effect.
+    """The planner's decision on one effect.
 
     Attributes:
         effect: its name.
         on: whether it is simulated.
         statistic: what was measured, for example "textureless_radius = 34.2 px".
         threshold: the rule, for example "> 20 px".
-        reason: a sentence for a reader.
+        reason: a sentence for the user.
     """
 
     effect: str
@@ -30,10 +30,10 @@ class Choice:
 
 
 class DepthEffect(Protocol):
-    """An effect on the depth path. Its fields are its parameters; 0 strength is no effect at all."""
+    """An effect on depth. Its fields are its parameters; strength 0 has no effect at all."""
 
     name: ClassVar[str]
-    """Kebab-case, as --effects takes it; also seeds its random numbers."""
+    """In kebab-case, as --effects takes it; also part of the seed of its random numbers."""
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """Return whether the scene calls for the effect, and why."""
@@ -49,16 +49,16 @@ class DepthEffect(Protocol):
 def choose_above(
     effect: str, statistic: str, value: float, limit: float, unit: str, *, on: str, off: str
 ) -> Choice:
-    """Return the choice "on where ``value`` exceeds ``limit``".
+    """Return the choice "on if ``value`` exceeds ``limit``".
 
     Args:
         effect: its name.
         statistic: name of the value, as in `SceneFacts` or `StereoRig`.
-        value: of the statistic; a NaN (nothing to measure) leaves the effect off.
+        value: of the statistic; NaN (nothing to measure) leaves the effect off.
         limit: the threshold.
         unit: of both, for example "px"; empty for shares.
-        on: the reason when it is on.
-        off: the reason when it is off.
+        on: the reason if it is on.
+        off: the reason if it is off.
     """
     above = bool(value > limit)
     unit = f" {unit}" if unit else ""

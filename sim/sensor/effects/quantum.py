@@ -1,4 +1,4 @@
-"""The quantum: disparity is reported in steps of a fraction of a pixel."""
+"""Quantization: disparity is reported in steps of a fraction of a pixel."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -18,7 +18,7 @@ class Quantum:
     name: ClassVar[str] = "quantum"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for every rig that has a step."""
+        """On for every rig with disparity steps."""
         return choose_above(
             self.name,
             "disparity_step",

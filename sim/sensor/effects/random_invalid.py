@@ -1,4 +1,4 @@
-"""Random invalid pixels: real sensors drop a few per cent without a visible reason."""
+"""Random invalid pixels: real sensors drop a few percent for no visible reason."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,14 +19,14 @@ class RandomInvalid:
     name: ClassVar[str] = "random-invalid"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for every rig that drops pixels."""
+        """On for every rig that drops pixels."""
         return choose_above(
             self.name,
             "random_invalid",
             rig.random_invalid,
             0.0,
             "",
-            on="this sensor drops pixels without a visible reason",
+            on="this sensor drops pixels for no visible reason",
             off="the rig drops no pixels at random",
         )
 
@@ -39,8 +39,8 @@ class RandomInvalid:
         if share >= 1:
             dropped[:] = True
         else:
-            # A Poisson number of hits, some of them on the same pixel, leave each pixel untouched with
-            # probability exp(-rate) on its own; far fewer draws than one per pixel.
+            # A Poisson number of hits, several of which may fall on the same pixel, misses each pixel with
+            # probability exp(-rate), independently; far fewer draws than one per pixel.
             hits = rng.poisson(-dropped.size * np.log1p(-share))
             dropped.reshape(-1)[rng.integers(0, dropped.size, hits)] = True
         return sensed.with_holes(dropped, Cause.RANDOM)

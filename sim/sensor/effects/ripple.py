@@ -13,16 +13,16 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
 @dataclass(frozen=True)
 class Ripple:
-    """An error that is a sine of the disparity's fraction, of period 1 px.
+    """An error that is a sine of the disparity's fractional part, with a period of 1 px.
 
-    Measured by octant of the fraction, on ideal pairs: -.024 -.076 -.112 -.062 +.111 +.174 +.139 +.067
-    px; on a real pair half of that. It stays from frame to frame and averages out over views.
+    Measured on ideal pairs, by octant of the fraction: -.024 -.076 -.112 -.062 +.111 +.174 +.139 +.067 px;
+    half of that on a real pair. It does not change from frame to frame and averages out over views.
     """
 
     name: ClassVar[str] = "ripple"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for every rig that has a ripple."""
+        """On for every rig with a ripple."""
         return choose_above(
             self.name,
             "ripple",
@@ -37,8 +37,8 @@ class Ripple:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Add the ripple of the sensed disparity; ``strength`` is a factor on its amplitude."""
-        # The fraction first: the sine of a small float32 angle is exact enough, that of a large one not.
-        # In place: every further image in memory costs as much as the arithmetic.
+        # The fraction first: the sine of a large float32 angle would not be exact enough.
+        # In place: every extra image in memory costs as much as the arithmetic.
         error = np.floor(sensed.disparity)
         np.subtract(sensed.disparity, error, out=error)
         error *= np.float32(2 * np.pi)

@@ -1,4 +1,4 @@
-"""Specular match: on glossy surfaces with little texture the matcher locks on to the highlight."""
+"""Specular match: on glossy surfaces with little texture the matcher locks onto the highlight."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -16,21 +16,22 @@ from digs_warp.sim.sensor.materials import highlights_on, is_glossy, pixels_of
 from digs_warp.sim.sensor.steps import pixels_where
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
-# Share of the surface in view that must be glossy before the effect shows.
+# The effect switches on if at least this share of the surface in view is glossy.
 MIN_SHARE = 1e-4
 
-# Smallest shift between highlight and surface that a matcher can be wrong about [px].
+# Smallest shift between highlight and surface that causes wrong matches [px].
 MIN_SHIFT = 1.0
 
-# Share of wrong, confident matches by the shift [px]: measured with a highlight moved over a plane of weak
-# texture (3 DN); with strong texture (20 DN) the surface holds, and shifts from 5 px on leave holes.
+# Share of confident wrong matches by shift [px], measured with a highlight that moves over a plane with
+# weak texture (3 DN). With strong texture (20 DN) the surface mostly wins, and shifts of 5 px and more
+# leave holes.
 SHIFTS = (1.0, 2.0, 5.0, 10.0)
 WRONG_SHARES_WEAK = (0.0, 0.57, 0.79, 0.91)
 WRONG_SHARES_STRONG = (0.0, 0.0, 0.10, 0.36)
 HOLE_SHARES_STRONG = (0.0, 0.0, 0.19, 0.20)
 WEAK_TEXTURE, STRONG_TEXTURE = 3.0, 20.0  # [DN]
 
-# RMS contrast of a texture per mean gradient along the rows [px]: textures here vary over some pixels.
+# RMS contrast of a texture per mean gradient along the rows [px]: textures here vary over a few pixels.
 CONTRAST_PER_GRADIENT = 2.0
 
 COHERENCE = 6.0
@@ -38,19 +39,19 @@ COHERENCE = 6.0
 
 @dataclass(frozen=True)
 class Specular:
-    """Confident wrong depth, and some holes, in the highlights of glossy surfaces."""
+    """Confidently wrong depth, and some holes, in the highlights of glossy surfaces."""
 
     name: ClassVar[str] = "specular"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when highlights on glossy surfaces move between the eyes."""
+        """On if highlights on glossy surfaces differ between the eyes."""
         on = facts.specular_share >= MIN_SHARE and facts.highlight_shift >= MIN_SHIFT
         if facts.specular_share < MIN_SHARE:
             reason = "no glossy surface in view"
         elif on:
-            reason = "highlights sit elsewhere in the other eye: the matcher follows them"
+            reason = "highlights move between the two eyes: the matcher follows them"
         else:
-            reason = "highlights sit where the surface is: following them does no harm"
+            reason = "highlights stay on the surface: following them does no harm"
         statistic = (
             f"specular_share = {facts.specular_share:.2%}, "
             f"highlight_shift = {facts.highlight_shift:.1f} px"

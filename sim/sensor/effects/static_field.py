@@ -1,4 +1,4 @@
-"""The static field: what is left of the lenses after calibration, smooth and the same in every frame."""
+"""The static field: the lens error that remains after calibration, smooth and the same in every frame."""
 
 import zlib
 from dataclasses import dataclass
@@ -23,24 +23,24 @@ POINTS = 4
 
 @dataclass(frozen=True)
 class StaticField:
-    """A smooth disparity error that belongs to the specimen: ``rig.unit`` chooses it.
+    """A smooth disparity error that belongs to the unit: ``rig.unit`` selects it.
 
-    On a real pair with ground truth, 0.15 to 0.2 px of error varies over 40 px and more; ideal pairs lack
-    it.
+    On a real pair with ground truth, 0.15 to 0.2 px of error varies over 40 px and more; ideal pairs do not
+    have it.
     """
 
     name: ClassVar[str] = "static-field"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on for every rig that has a field."""
+        """On for every rig with a static field."""
         return choose_above(
             self.name,
             "static_field",
             rig.static_field,
             0.0,
             "px",
-            on="calibration leaves a smooth error of its own in every camera",
-            off="the rig is calibrated without remainder",
+            on="calibration leaves a smooth error, different in every camera",
+            off="the rig is calibrated perfectly",
         )
 
     def apply(
@@ -54,9 +54,9 @@ class StaticField:
 
 @lru_cache(maxsize=4)
 def unit_field(unit: int, width: int, height: int) -> np.ndarray:
-    """Return the field of a specimen, of mean 0 and variance 1, (height, width), float32.
+    """Return the field of one unit, of mean 0 and variance 1, (height, width), float32.
 
-    It is shared between frames: not to be written to.
+    Frames share it: do not write to it.
     """
     rng = np.random.default_rng([unit, zlib.crc32(StaticField.name.encode())])
     grid = max(1.0, SCALE * width / POINTS)

@@ -1,4 +1,4 @@
-"""Textureless areas: smoothness carries disparity in from the rim, but only so far."""
+"""Textureless areas: smoothness carries disparity in from the rim, but not far."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,17 +12,17 @@ from digs_warp.sim.sensor.facts import TEXTURE_REACH, SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.noise_field import patchy_uniform
 
-# Semi-global matching of plain discs in good texture: a radius of 20 px is filled and right; 40, 80, 120
-# px fail over 6, 34 and 53 % of the area. Failure at a distance t from the last window with texture, of
-# probability 1 - exp(-(t - 20) / 14), gives 7, 34 and 51 %.
+# Semi-global matching of plain discs in good texture: a radius of 20 px is filled correctly; radii of 40,
+# 80 and 120 px fail over 6, 34 and 53 % of the area. A probability of failure of 1 - exp(-(t - 20) / 14) at
+# a distance t from the nearest window with texture gives 7, 34 and 51 %.
 DECAY = 14.0  # [px]
 
-# On a slope of 0.05 px/px the same discs fail over 37, 74 and 92 %: smoothness wants constant disparity.
+# On a slope of 0.05 px/px the same discs fail over 37, 74 and 92 %: smoothness prefers constant disparity.
 # Reach and decay divided by 1 + 30 |slope| give 43, 67 and 77 %.
 SLOPE_GAIN = 30.0
 
-# Of the failed pixels of these discs 0 to a half become holes, of those in rendered scenes two thirds; the
-# rest is wrong and confident.
+# Up to half of the failed pixels of these discs become holes, and two thirds of those in rendered scenes; the
+# others are wrong and confident.
 HOLE_SHARE = 0.45
 
 # Failures come in patches of this size, wrong by 1 px and up to this much more [px] [tuned].
@@ -31,12 +31,12 @@ PATCH, WRONG_ERROR = 24.0, 3.0
 
 @dataclass(frozen=True)
 class Textureless:
-    """Holes and wrong depth far from any texture; thresholding the local gradient would get it wrong."""
+    """Holes and wrong depth far from any texture; thresholding the local gradient would be wrong."""
 
     name: ClassVar[str] = "textureless"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when something is farther from texture than smoothness reaches."""
+        """On if something is farther from texture than smoothness reaches."""
         return choose_above(
             self.name,
             "textureless_radius",
@@ -51,7 +51,7 @@ class Textureless:
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Make holes and wrong values; ``strength`` divides the reach of smoothness."""
-        # In place: every further image in memory costs as much as the arithmetic.
+        # In place: every extra image in memory costs as much as the arithmetic.
         beyond = np.abs(truth.slope)
         beyond *= np.float32(strength * SLOPE_GAIN)
         beyond += np.float32(strength)
@@ -64,7 +64,7 @@ class Textureless:
         excess = beyond.reshape(-1)[at] - np.float32(TEXTURE_REACH)
         draw = patchy_uniform(rng, shape, PATCH).reshape(-1)[at]
         failed = draw < -np.expm1(excess / np.float32(-DECAY))
-        # Another draw, so that the fate does not depend on how likely the failure was.
+        # A new draw, so that the outcome does not depend on how likely the failure was.
         at, draw = at[failed], draw[failed]
         fate = patchy_uniform(rng, shape, PATCH).reshape(-1)[at]
         lost, farther = fate < HOLE_SHARE, fate > 0.5 * (1 + HOLE_SHARE)

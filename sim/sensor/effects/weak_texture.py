@@ -32,15 +32,15 @@ from digs_warp.sim.sensor.texture import BLOCK, noise_of
 
 wp.set_module_options(vector_module_options())
 
-# Disparity error [px] by typical gradient / image noise: semi-global matching (window 5, image noise 2 DN)
-# of rendered scenes, between a brick wall (0.75 times as much) and a blurred photograph (1.3 times). The
-# typical gradient is the geometric mean over a region: a few strong edges do not help the plain ground.
+# Disparity error [px] by typical gradient / image noise: semi-global matching (window 5, image noise 2 DN) of
+# rendered scenes, between a brick wall (0.75 times as much) and a blurred photograph (1.3 times). The typical
+# gradient is the geometric mean over a region: a few strong edges do not help a plain surface.
 SNRS = (0.05, 0.09, 0.18, 0.37, 0.75, 1.5, 3.0, 6.0)
 ERRORS = (1.10, 0.85, 0.57, 0.41, 0.29, 0.22, 0.16, 0.10)
 
-# Beyond that, whole strips along the rows go wrong together, or are lost: semi-global matching carries a
-# disparity from pixel to pixel. Share of the pixels by SNR that are wrong beyond what such noise explains,
-# and of holes, in the recorded images of four meshes; seven in ten of all wrong pixels read too far.
+# In addition, whole strips along the rows are wrong or lost together: semi-global matching carries
+# disparity from pixel to pixel. Shares of pixels by SNR that are wrong beyond such noise, and of holes, in
+# the recorded images of four meshes; 70 % of all wrong pixels are too far.
 STRIP_SNRS = (0.05, 0.09, 0.12, 0.18, 0.37, 0.75, 1.5, 2.2)
 STRIP_WRONG = (0.30, 0.18, 0.12, 0.075, 0.05, 0.047, 0.005, 0.0)
 STRIP_LOST = (0.60, 0.45, 0.05, 0.005, 0.0, 0.0, 0.0, 0.0)
@@ -49,33 +49,33 @@ STRIP_LOST = (0.60, 0.45, 0.05, 0.005, 0.0, 0.0, 0.0, 0.0)
 # correlated by 0.2 at 32 px along rows, by 0.1 along columns.
 STRIP_LENGTHS = (48.0, 5.0)
 
-# Holes need weak texture over this many pixels.
+# Holes need weak texture over a region of this size [px].
 STRIP_SURROUNDINGS = 81
 
-# Half of the wrong pixels are off by more than 1.4 px, one in ten by more than 2.5 px: error at the rim of a
-# strip [px], and its growth per unit of the field of which the strips are the peaks.
+# Half of the wrong pixels are off by more than 1.4 px, one in ten by more than 2.5 px. Error at the rim of
+# a strip [px], and its growth per unit of the field whose peaks are the strips.
 STRIP_ERROR, STRIP_GROWTH = 1.05, 1.6
 
-# Errors above this have a label [px].
+# Errors above this get a label [px].
 WRONG = 1.0
 
-# In weak texture noise is smooth over more pixels: 10 along rows, 5 along columns were seen, not 4.
+# In weak texture noise is smooth over more pixels: measured 10 along rows and 5 along columns instead of 4.
 CORRELATION_GAIN = (1.25, 2.5)  # columns, rows
 
-# SNR is that of a region: semi-global matching gathers evidence beyond its window [windows].
+# Size of the region that the SNR is of [windows]: semi-global matching gathers evidence beyond its window.
 REGION = 4
 
-# Share of matched pixels by SNR where the texture is weak all round.
+# Share of matched pixels by SNR where the texture is weak all around.
 FILL_SNRS = (0.0, 0.06, 0.12, 0.24, 0.47)
 FILL = (0.0, 0.003, 0.09, 0.99, 1.0)
 
-# "All round": a plain patch smaller than this is filled from its rim [px].
+# "All around": a plain patch smaller than this is filled from its rim [px].
 SURROUNDINGS = 161
 
-# Mean square gradient below which nothing is there to match [DN^2/px^2].
+# Mean square gradient below which there is nothing to match [DN^2/px^2].
 TINY = np.float32(1e-6)
 
-# Share of the surface with an SNR below 0.5 from which the effect shows.
+# The effect switches on if a larger share of the surface has an SNR below 0.5.
 MIN_SHARE = 0.01
 
 # The curves above over ln(SNR).
@@ -122,7 +122,7 @@ def _weak_texture_kernel(
     cause: wp.array[wp.uint8],  # [height * width]
     confidence: wp.array[float],  # [height * width]
 ):
-    """Go through one row."""
+    """Process one row."""
     row = first + wp.tid()
     memory = wp.zeros(shape=(_MEMORY,), dtype=float)
     error = wp.array(ptr=memory.ptr, shape=(_PIECE,), dtype=float)
@@ -171,15 +171,15 @@ def _weak_texture_kernel(
 
 @dataclass(frozen=True, eq=False)
 class WeakTextureFields:
-    """What decides about each pixel.
+    """The fields that decide about each pixel.
 
     Attributes:
         noise: normal field, the shape of the error.
         sigma: its size [px].
-        strips: normal field; above a level it fails in strips.
-        wrong_level: above which it is wrong.
-        lost_level: above which it has no value.
-        patches: normal field; above a level patches are lost.
+        strips: normal field; pixels above a level fail, in strips.
+        wrong_level: level above which they are wrong.
+        lost_level: level above which they have no value.
+        patches: normal field; pixels above a level are lost, in patches.
         patch_level: that level.
     """
 
@@ -202,12 +202,12 @@ def apply_weak_texture(sensed: Sensed, fields: WeakTextureFields) -> None:
 
 @dataclass(frozen=True)
 class WeakTexture:
-    """More noise where the gradient is close to the image noise, holes where it drowns in it."""
+    """More noise where the gradient is close to the image noise, holes where it is below."""
 
     name: ClassVar[str] = "weak-texture"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """Switch on when part of the surface is weakly textured."""
+        """On if part of the surface is weakly textured."""
         return choose_above(
             self.name,
             "weak_texture_share",
@@ -247,7 +247,7 @@ class WeakTexture:
 
 def _strip_levels(snr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the levels above which a normal field is wrong, and is lost, for ln(SNR)."""
-    # What is lost in a small plain patch is filled from its rim.
+    # Small plain patches are filled from their rims.
     wider = box_mean(snr, STRIP_SURROUNDINGS // BLOCK | 1)
     lost = _LOST.at(wider)
     wrong = lost + (1 - lost) * _WRONG.at(snr)
@@ -255,12 +255,12 @@ def _strip_levels(snr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _patch_level(energy: np.ndarray) -> np.ndarray:
-    """Return the level above which a normal field is lost, for 2 ln(SNR) all round."""
+    """Return the level above which a normal field is lost, for 2 ln(SNR) all around."""
     return level_above(1 - _FILL.at(np.float32(0.5) * energy))
 
 
 def _excess_noise(snr: np.ndarray, rig: StereoRig) -> np.ndarray:
-    """Return the error that good texture would not have [px], for ln(SNR), float32."""
+    """Return the error in excess of that of good texture [px], for ln(SNR), float32."""
     excess = np.square(_ERROR.at(snr))
     excess -= np.float32(rig.disparity_sigma**2 * rig.temporal_share)
     return np.sqrt(np.maximum(excess, 0, out=excess), out=excess)
