@@ -20,7 +20,9 @@ FLOORS = {
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 3),
     **dict.fromkeys(("digs_warp.losses", "digs_warp.interchange"), 3),
     **dict.fromkeys(("digs_warp.sim", "digs_warp.usd"), 3),
-    **dict.fromkeys(("digs_warp.train", "digs_warp.surface", "digs_warp.film"), 4),
+    **dict.fromkeys(
+        ("digs_warp.train", "digs_warp.surface", "digs_warp.film", "digs_warp.torch"), 4
+    ),
     "digs_warp.pipeline": 5,
     "digs_warp.report": 6,
     **dict.fromkeys(("digs_warp.api", "digs_warp.cli", "digs_warp.commands", "digs_warp.study"), 7),

@@ -1,5 +1,5 @@
 # torch is an extra that type checking need not have:
-# pyright: reportMissingImports=false
+# pyright: reportMissingImports=false, reportAttributeAccessIssue=false
 """LPIPS: an image distance from the features of a network (Zhang et al. 2018, version 0.1).
 
 An extra: ``pip install 'digs-warp[lpips]'`` brings torch. Two files of weights are needed, which this

@@ -20,8 +20,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import check_shape
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.geometry import matrix_from_rotation_vector
-from digs_warp.splat.camera_gradient import CameraGradient
+from digs_warp.splat.camera_motion import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -85,7 +84,7 @@ def rasterize(
     Raises:
         DigsError: pose, intrinsics or background have another shape, or the camera cannot be.
     """
-    moved = _moved_camera(camera, pose, intrinsics)
+    moved = moved_camera(camera, _to_numpy(pose), _to_numpy(intrinsics))
     if near is None:
         means = gaussians.means.numpy()
         center = means.mean(axis=0) if len(means) else np.zeros(3)
@@ -120,21 +119,6 @@ def rasterize(
     if tape is not None:
         _record(tape, renderer, outputs, pose, intrinsics)
     return view
-
-
-def _moved_camera(camera: Camera, pose: wp.array | None, intrinsics: wp.array | None) -> Camera:
-    """Return the camera with the motion and the intrinsics of the arrays."""
-    if pose is not None:
-        check_shape("pose", pose.numpy(), (6,))
-        motion = np.eye(4)
-        motion[:3, :3] = matrix_from_rotation_vector(pose.numpy()[:3])
-        motion[:3, 3] = pose.numpy()[3:]
-        camera = replace(camera, world_from_cam=camera.world_from_cam @ motion)
-    if intrinsics is not None:
-        check_shape("intrinsics", intrinsics.numpy(), (4,))
-        fx, fy, cx, cy = (float(value) for value in intrinsics.numpy())
-        camera = replace(camera, intrinsics=replace(camera.intrinsics, fx=fx, fy=fy, cx=cx, cy=cy))
-    return camera
 
 
 def _output(
@@ -178,38 +162,18 @@ def _record(
         for array, gradient in pairs:
             _add(gradient, array.grad)
         if pose is not None or intrinsics is not None:
-            _add_camera_gradient(renderer.camera_gradient(), pose, intrinsics)
+            gradient = renderer.camera_gradient()
+            if pose is not None:
+                _add_numpy(pose_gradient(gradient, pose.numpy()), pose.grad)
+            if intrinsics is not None:
+                _add_numpy(np.concatenate([gradient.focal, gradient.center]), intrinsics.grad)
 
     differentiable = [array for array in inputs if array.grad is not None]
     tape.record_func(backward, [*differentiable, *(output.pixels for output in outputs)])
 
 
-def _add_camera_gradient(
-    gradient: CameraGradient, pose: wp.array | None, intrinsics: wp.array | None
-) -> None:
-    """Add the gradient at the moved camera, turned back to where the motion starts."""
-    if pose is not None:
-        turn = pose.numpy()[:3]
-        back = matrix_from_rotation_vector(turn) @ gradient.translation
-        _add_numpy(np.concatenate([rotation_jacobian(turn).T @ gradient.rotation, back]), pose.grad)
-    if intrinsics is not None:
-        _add_numpy(np.concatenate([gradient.focal, gradient.center]), intrinsics.grad)
-
-
-def rotation_jacobian(vector: np.ndarray) -> np.ndarray:
-    """Return J with R(w + dw) = R(w) R(J dw) to first order, shape (3, 3); w in rad, shape (3,).
-
-    The right Jacobian of SO(3) (Chirikjian 2011, section 10.6.7): with the angle a and the cross-product
-    matrix W of w, J = I - (1 - cos a) / a^2 W + (a - sin a) / a^3 W^2.
-    """
-    x, y, z = np.asarray(vector, dtype=np.float64)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = float(np.sqrt(x * x + y * y + z * z))
-    if angle < 1e-4:  # the series, where the quotients cancel
-        return np.eye(3) - 0.5 * cross + cross @ cross / 6.0
-    first = (1.0 - np.cos(angle)) / angle**2
-    second = (angle - np.sin(angle)) / angle**3
-    return np.eye(3) - first * cross + second * cross @ cross
+def _to_numpy(array: wp.array | None) -> np.ndarray | None:
+    return None if array is None else array.numpy()
 
 
 def _add_numpy(values: np.ndarray, target: wp.array | None) -> None:

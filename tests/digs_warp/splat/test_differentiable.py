@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.splat.camera_motion import rotation_jacobian
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.differentiable import RasterizedView, rasterize, rotation_jacobian
+from digs_warp.splat.differentiable import RasterizedView, rasterize
 from digs_warp.splat.render import SplatRenderer, render
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 
