@@ -1,4 +1,4 @@
-"""Rigid transforms and quaternions, in float64 NumPy.
+"""Rigid transforms and quaternions, in float64 NumPy; and boxes of pixels.
 
 A transform is a (4, 4) matrix named ``b_from_a``: ``points_b = transform_points(b_from_a, points_a)``.
 Quaternions are xyzw (as in Warp and in USD buffers); COLMAP and PLY use wxyz and convert at their door.
@@ -8,6 +8,17 @@ import numpy as np
 
 # Flips y and z of a camera's axes: OpenCV (x right, y down, z forward) <-> OpenGL (x right, y up, z back).
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+PixelBox = tuple[int, int, int, int]
+"""Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1); empty when x0 >= x1 or y0 >= y1."""
+
+
+def mask_box(mask: np.ndarray) -> PixelBox:
+    """Return the box of the pixels above 0, (0, 0, 0, 0) when there is none."""
+    ys, xs = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(xs):
+        return 0, 0, 0, 0
+    return int(xs[0]), int(ys[0]), int(xs[-1]) + 1, int(ys[-1]) + 1
 
 
 def transform_points(b_from_a: np.ndarray, points_a: np.ndarray) -> np.ndarray:

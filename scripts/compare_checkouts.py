@@ -1,10 +1,11 @@
-"""Compare the rasterizer of this checkout with that of another one: the same bits, and at what speed.
+"""Compare the hot kernels of this checkout with those of another one: the same bits, and at what speed.
 
     git worktree add /tmp/before COMMIT
     python scripts/compare_checkouts.py /tmp/before
 
-Each checkout draws the same random splats in a process of its own. The two processes take turns, stage by
-stage, so that whatever else the machine does disturbs both. Printed are medians, and the median of the ratios
+Each checkout draws the same random splats, computes the loss, back-projects the drawn depth and filters its
+edges, in a process of its own. The two processes take turns, stage by stage, so that whatever else the
+machine does disturbs both. Printed are medians, and the median of the ratios
 of neighbouring turns; processor time suffers least from other programs. Compilation is not counted.
 """
 
@@ -26,7 +27,6 @@ import numpy as np
 WIDTH, HEIGHT, SPLATS = 1600, 900, 50_000
 NEAR = 0.1
 ROUNDS = 15
-STEP = "step"
 
 
 def say(line: str) -> None:
@@ -60,7 +60,7 @@ class Worker:
         self.hashes = self._hash("color", absolute=False)
         self.hashes |= self._hash("depth", absolute=True, antialias=True)
         self.hashes |= self._hash("normals", absolute=True, camera_gradient=True)
-        self.stages = self._stages()
+        self.stages = {**self._stages(), **self._initialization()}
 
     def serve(self) -> None:
         """Print the hashes and the stages, then time each stage that is asked for."""
@@ -108,10 +108,7 @@ class Worker:
         arrays |= {name: a.numpy() for name, a in vars(renderer.statistics).items()}
         if camera_gradient:
             arrays |= {f"camera {k}": v for k, v in vars(renderer.camera_gradient()).items()}
-        return {
-            f"{outputs}: {name}": hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
-            for name, array in arrays.items()
-        }
+        return {f"{outputs}: {name}": hash_of(array) for name, array in arrays.items()}
 
     def _stages(self) -> dict[str, Callable[[], object]]:
         """Return what is timed: the stages of a view, a whole one, and one with a loss, as in training."""
@@ -130,8 +127,39 @@ class Worker:
             loss.run((WIDTH, HEIGHT), blocks)
             renderer.backward()
 
-        stages = {**renderer.stages(), "loss": lambda: loss.run((WIDTH, HEIGHT), blocks)}
-        return {**stages, STEP: step}
+        step()
+        self.hashes["loss"] = hash_of(np.array(loss.value()))
+        self.hashes["d/d loss"] = hash_of(renderer.adj_image.data.numpy())
+        every = self._renderer("normals", absolute=True, camera_gradient=True)
+        more = {f"{name}, all outputs": stage for name, stage in every.stages().items()}
+        return {
+            **renderer.stages(),
+            "loss": lambda: loss.run((WIDTH, HEIGHT), blocks),
+            "step": step,
+            **more,
+        }
+
+    def _initialization(self) -> dict[str, Callable[[], object]]:
+        """Return the kernels that make points from depth maps."""
+        from digs_warp.init.back_project import back_project
+        from digs_warp.init.edges import edge_magnitude
+
+        renderer = self._renderer("depth", absolute=False, camera_gradient=False)
+        depth = renderer.depth.to_numpy()[..., 0]
+        image = (255 * renderer.image.to_numpy().clip(0, 1)).astype(np.uint8)
+        weights = (depth > 0).astype(np.float32)
+
+        def project() -> Any:
+            return back_project(self.camera, image, depth, weights, 0.005, image)
+
+        self.hashes |= {f"voxels: {k}": hash_of(v) for k, v in vars(project()).items()}
+        self.hashes["edges"] = hash_of(edge_magnitude(depth)[0])
+        return {"back-project": project, "edges": lambda: edge_magnitude(depth)}
+
+
+def hash_of(array: np.ndarray) -> str:
+    """Return a hash of the bits of an array."""
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
 
 
 GRADIENTS = ("means", "log_scales", "quats", "opacity_logits", "sh")

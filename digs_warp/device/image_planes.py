@@ -1,7 +1,11 @@
 """Float images on a device, in the layout that the hot kernels read: planar, padded, rows aligned."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
+
+from digs_warp.device.parallel import packed
 
 # Rows and columns are rounded up to one 512-bit vector of float32, the size of a raster tile.
 ALIGNMENT = 16
@@ -9,6 +13,17 @@ ALIGNMENT = 16
 # A border of zeros on each side: windows that reach over the image edge read zeros. At least the 13 px that
 # `digs_warp.measure.ssim` reads beyond the edge: two SSIM windows, one of them rounded up to whole vectors.
 PADDING = 16
+
+
+@wp.struct
+class PlaneLayout:
+    """Where the pixels of `ImagePlanes` lie, for kernels."""
+
+    width: int  # of the present image
+    height: int
+    pitch: int  # floats from one image row to the next
+    plane: int  # floats from one channel to the next
+    origin: int  # index of pixel (0, 0)
 
 
 class ImagePlanes:
@@ -41,6 +56,10 @@ class ImagePlanes:
         planes = ImagePlanes(pixels.shape[1], pixels.shape[0], pixels.shape[2], device)
         planes.assign(pixels)
         return planes
+
+    def layout(self) -> Any:
+        """Return the `PlaneLayout` of the present image."""
+        return packed(PlaneLayout, **{name: getattr(self, name) for name in PlaneLayout.vars})
 
     def resize(self, width: int, height: int) -> None:
         """Hold an image of another size; what lay outside of it becomes border.

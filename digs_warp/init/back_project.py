@@ -1,10 +1,13 @@
 """Pixels with depth -> coloured points in the world, summed up per voxel (paper eq. 8 and 10)."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.device.parallel import packed
 from digs_warp.init.edges import on_device
 from digs_warp.init.voxel import VoxelSums
 from digs_warp.init.voxel_kernel import (
@@ -15,6 +18,9 @@ from digs_warp.init.voxel_kernel import (
     STATUS,
     TOO_FAR,
     VOXELS,
+    PixelRays,
+    PixelValues,
+    VoxelTable,
     accumulate_kernel,
 )
 
@@ -43,45 +49,64 @@ def back_project(
         DigsError: the voxel size is not positive, or so small that voxel indices overflow.
     """
     check_positive("voxel size", voxel_size)
-    height, width = depth.shape
     channels = 0 if extra is None else extra.shape[2]
     flat_extra = np.zeros((0, 0)) if extra is None else extra.reshape(-1, channels)
-    k = camera.intrinsics
-    axes = camera.world_from_cam[:3, :3]
-    corner = axes @ [-k.cx / k.fx, -k.cy / k.fy, 1.0]
-    inputs = [
-        _flat(depth, np.float32),
-        _flat(image, np.uint8),
-        _flat(weights, np.float32),
-        on_device(np.ascontiguousarray(flat_extra, dtype=np.float32)),
-        height,
-        width,
-        wp.vec3d(*camera.center_world),
-        wp.vec3d(*corner),
-        wp.vec3d(*(axes[:, 0] / k.fx)),
-        wp.vec3d(*(axes[:, 1] / k.fy)),
-        1.0 / voxel_size,
-    ]
+    pixels = packed(
+        PixelValues,
+        height=depth.shape[0],
+        width=depth.shape[1],
+        depth=_flat(depth, np.float32),
+        image=_flat(image, np.uint8),
+        weights=_flat(weights, np.float32),
+        extra=on_device(np.ascontiguousarray(flat_extra, dtype=np.float32)),
+    )
+    inputs = [pixels, _pixel_rays(camera), 1.0 / voxel_size]
     slot_bits = FIRST_SLOT_BITS
     while True:
-        capacity = 1 << (slot_bits - 1)
-        keys, counts = np.zeros(capacity, np.int64), np.zeros(capacity, np.int64)
-        sums = np.zeros((capacity, 1 + EXTRA + channels))
-        slots, report = np.zeros(1 << slot_bits, np.int32), np.zeros(2, np.int32)
-        outputs = [on_device(array) for array in (slots, keys, counts, sums, report)]
-        wp.launch(
-            accumulate_kernel, dim=1, inputs=[*inputs, slot_bits], outputs=outputs, device="cpu"
-        )
-        if report[STATUS] == TOO_FAR:
+        table = _empty_table(slot_bits, channels)
+        arrays = {name: on_device(array) for name, array in table.items()}
+        output = packed(VoxelTable, slot_bits=slot_bits, **arrays)
+        wp.launch(accumulate_kernel, dim=1, inputs=inputs, outputs=[output], device="cpu")
+        if table["report"][STATUS] == TOO_FAR:
             raise _too_far(camera, depth, weights, voxel_size)
-        if report[STATUS] == DONE:
-            break
+        if table["report"][STATUS] == DONE:
+            return _sums_of(table)
         slot_bits += 1
-    found = int(report[VOXELS])
-    order = np.argsort(keys[:found])
-    sums = sums[:found][order]
+
+
+def _pixel_rays(camera: Camera) -> Any:
+    """Return the camera's `PixelRays`."""
+    k = camera.intrinsics
+    axes = camera.world_from_cam[:3, :3]
+    return packed(
+        PixelRays,
+        center=wp.vec3d(*camera.center_world),
+        corner=wp.vec3d(*(axes @ [-k.cx / k.fx, -k.cy / k.fy, 1.0])),
+        right=wp.vec3d(*(axes[:, 0] / k.fx)),
+        down=wp.vec3d(*(axes[:, 1] / k.fy)),
+    )
+
+
+def _empty_table(slot_bits: int, channels: int) -> dict[str, np.ndarray]:
+    """Return the arrays of a `VoxelTable` that holds half as many voxels as it has slots."""
+    capacity = 1 << (slot_bits - 1)
+    return {
+        "slots": np.zeros(1 << slot_bits, np.int32),
+        "keys": np.zeros(capacity, np.int64),
+        "counts": np.zeros(capacity, np.int64),
+        "sums": np.zeros((capacity, 1 + EXTRA + channels)),
+        "report": np.zeros(2, np.int32),
+    }
+
+
+def _sums_of(table: dict[str, np.ndarray]) -> VoxelSums:
+    """Return the voxels of a table in the order of their keys."""
+    found = int(table["report"][VOXELS])
+    keys = table["keys"][:found]
+    order = np.argsort(keys)
+    sums = table["sums"][:found][order]
     sums[:, 1 + COLOR : 1 + EXTRA] /= 255.0
-    return VoxelSums(keys[:found][order], counts[:found][order], sums)
+    return VoxelSums(keys[order], table["counts"][:found][order], sums)
 
 
 def _flat(array: np.ndarray, dtype: type) -> wp.array:

@@ -28,6 +28,16 @@ _NEAR = wp.constant((TILE_WIDTH + 2 * REACH) * (TILE_HEIGHT + 2 * REACH))
 _ROW_MASK = wp.constant(TILE_HEIGHT - 1)
 
 
+@wp.struct
+class ImagePart:
+    """A part of an image [px]."""
+
+    top: int
+    left: int
+    height: int
+    width: int
+
+
 @wp.func
 def known(bend: float) -> float:
     """Return 1 where both members of a pair are measured, else 0."""
@@ -49,13 +59,9 @@ def laplacian_kernel(
     tile_columns: int,
     total_weight: float,  # of all pairs
     min_weight: float,  # below which a pixel is not judged
-    # the part of the image whose magnitudes are wanted
-    box_top: int,
-    box_left: int,
-    box_height: int,
-    box_width: int,
+    part: ImagePart,  # whose magnitudes are wanted
     # outputs
-    magnitude: wp.array[float],  # [box_height * box_width] |E|, NaN where not judged
+    magnitude: wp.array[float],  # [size of the part] |E|, NaN where not judged
     sums: wp.array2d[
         wp.float64
     ],  # [tiles, 3] number, sum and sum of squares of |E|, over the whole image
@@ -78,8 +84,8 @@ def laplacian_kernel(
                 if row >= 0 and row < height and column >= 0 and column < width:
                     loaded = depth[row * width + column]
                 near[load_y * _STRIDE + edge_x] = loaded
-    from_x = wp.max(box_left - left, 0)
-    to_x = wp.min(box_left + box_width - left, _WIDTH)
+    from_x = wp.max(part.left - left, 0)
+    to_x = wp.min(part.left + part.width - left, _WIDTH)
     line = wp.zeros(shape=(_WIDTH,), dtype=float)
     count = wp.float64(0.0)
     total = wp.float64(0.0)
@@ -127,8 +133,8 @@ def laplacian_kernel(
             count += wp.float64(row_count)
             total += wp.float64(row_total)
             squares += wp.float64(row_squares)
-            if top + y >= box_top and top + y < box_top + box_height:
-                box_row = (top + y - box_top) * box_width + left + from_x - box_left
+            if top + y >= part.top and top + y < part.top + part.height:
+                box_row = (top + y - part.top) * part.width + left + from_x - part.left
                 line_out = floats_from(magnitude, box_row, to_x - from_x)
                 for write_x in range(to_x - from_x):
                     line_out[write_x] = line[from_x + write_x]

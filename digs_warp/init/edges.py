@@ -15,7 +15,8 @@ across it remain.
 import numpy as np
 import warp as wp
 
-from digs_warp.init.edge_kernel import TILE_HEIGHT, TILE_WIDTH, laplacian_kernel
+from digs_warp.device.parallel import packed
+from digs_warp.init.edge_kernel import TILE_HEIGHT, TILE_WIDTH, ImagePart, laplacian_kernel
 
 # Rows and columns of a part of an image; starts and stops are given.
 Box = tuple[slice, slice]
@@ -53,6 +54,10 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
     tiles = tile_columns * -(-height // TILE_HEIGHT)
     magnitude = np.empty((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
     sums = np.empty((tiles, 3))
+    inner_height, inner_width = magnitude.shape
+    part = packed(
+        ImagePart, top=rows.start, left=columns.start, height=inner_height, width=inner_width
+    )
     wp.launch(
         laplacian_kernel,
         dim=tiles,
@@ -64,9 +69,7 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
             tile_columns,
             _TOTAL_WEIGHT,
             MIN_PAIR_WEIGHT * _TOTAL_WEIGHT,
-            rows.start,
-            columns.start,
-            *magnitude.shape,
+            part,
         ],
         outputs=[on_device(magnitude.reshape(-1)), on_device(sums)],
         device="cpu",

@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.data.capture import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
+from digs_warp.init.local_scales import pixels_at
 
 
 def unmasked_points_in_box(
@@ -35,8 +36,7 @@ def unmasked_points_in_box(
         k = sfm.cameras[index].intrinsics
         height, width = mask.shape
         px = sfm.observations.px[mine] * np.array([width / k.width, height / k.height])
-        columns = np.clip(np.floor(px[:, 0]).astype(np.int64), 0, width - 1)
-        rows = np.clip(np.floor(px[:, 1]).astype(np.int64), 0, height - 1)
+        columns, rows = pixels_at(px, width, height)
         seen[points] = True
         rejected[points[mask[rows, columns] <= mask_threshold]] = True
     positions = sfm.points.points_world

@@ -83,7 +83,7 @@ def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarr
     usable = np.isfinite(measured) & (sfm_depths > 0)
     in_mask = np.ones(len(px), dtype=bool)
     if frame.has(Layer.MASK):
-        columns, rows = _nearest(px[usable], width, height)
+        columns, rows = pixels_at(px[usable], width, height)
         in_mask = frame.load_mask()[rows, columns] > config.mask_level
     else:
         in_mask = in_mask[usable]
@@ -99,7 +99,7 @@ def depth_at(depth: np.ndarray, px: np.ndarray) -> np.ndarray:
     height, width = depth.shape
     px = np.asarray(px, dtype=np.float64)
     inside = np.all((px >= 0) & (px < [width, height]), axis=1)
-    columns, rows = _nearest(px, width, height)
+    columns, rows = pixels_at(px, width, height)
     found = np.where(inside, depth[rows, columns].astype(np.float64), np.nan)
     # Pixel centres lie at +0.5.
     left = np.clip(np.floor(px[:, 0] - 0.5).astype(np.int64), 0, max(width - 2, 0))
@@ -117,7 +117,7 @@ def depth_at(depth: np.ndarray, px: np.ndarray) -> np.ndarray:
     return np.where(inside & agree, upper * (1 - y) + lower * y, found)
 
 
-def _nearest(px: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+def pixels_at(px: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     """Return column and row of the pixel that each place falls into, moved into the image."""
     columns = np.clip(np.floor(px[:, 0]).astype(np.int64), 0, width - 1)
     rows = np.clip(np.floor(px[:, 1]).astype(np.int64), 0, height - 1)

@@ -8,6 +8,7 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
+from digs_warp.geometry import mask_box
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
@@ -107,14 +108,13 @@ def box_of(in_mask: np.ndarray) -> Box:
 
     Of an empty mask it is the first pixel.
     """
-    rows = np.flatnonzero(in_mask.any(axis=1))
-    columns = np.flatnonzero(in_mask.any(axis=0))
-    if rows.size == 0:
+    x0, y0, x1, y1 = mask_box(in_mask)
+    if x0 == x1:
         return slice(0, 1), slice(0, 1)
-    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    height, width = in_mask.shape
     return (
-        slice(max(0, int(top) - REACH), min(in_mask.shape[0], int(bottom) + REACH)),
-        slice(max(0, int(left) - REACH), min(in_mask.shape[1], int(right) + REACH)),
+        slice(max(0, y0 - REACH), min(height, y1 + REACH)),
+        slice(max(0, x0 - REACH), min(width, x1 + REACH)),
     )
 
 

@@ -12,7 +12,8 @@ import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.losses.regions import Box, union
+from digs_warp.geometry import PixelBox
+from digs_warp.losses.regions import union
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
@@ -80,7 +81,7 @@ class CoverageLoss:
             threads,
         )
 
-    def run(self, size: tuple[int, int], content: Box, drawn: Box) -> None:
+    def run(self, size: tuple[int, int], content: PixelBox, drawn: PixelBox) -> None:
         """Compute the term and its gradient; arguments as in `PhotometricLoss.run`."""
         self._scale = self.weight / (size[0] * size[1])
         self._region.assign(np.array(union(content, drawn), dtype=np.int32))

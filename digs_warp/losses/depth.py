@@ -20,7 +20,7 @@ import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.losses.regions import Box
+from digs_warp.geometry import PixelBox
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
@@ -144,7 +144,7 @@ class DepthLoss:
             threads,
         )
 
-    def run(self, target: DepthTarget, box: Box, drawn: Box) -> None:
+    def run(self, target: DepthTarget, box: PixelBox, drawn: PixelBox) -> None:
         """Compute the term and its gradient.
 
         Args:

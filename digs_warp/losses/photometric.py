@@ -17,7 +17,7 @@ from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, simi
 DSSIM_WEIGHT = 0.2
 
 # Positions of the arguments that change from view to view.
-_WIDTH, _HEIGHT, _WEIGHTED, _L1_WEIGHT, _DSSIM_WEIGHT = 2, 3, 10, 12, 13
+_LAYOUT, _WEIGHTED, _L1_WEIGHT, _DSSIM_WEIGHT = 0, 4, 6, 7
 
 
 class PhotometricLoss:
@@ -48,12 +48,12 @@ class PhotometricLoss:
         strips = 3 * blocks_x * -(-height // SEGMENT_ROWS)
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
         self._sums = wp.zeros((strips, 2), dtype=float, device=device)
-        shape = [blocks_x, blocks_y, width, height, image.pitch, image.plane, image.origin]
+        self._layout = image.layout()
         read = [image.data, target.data, 0, weights.data]
         self._similarity = ParallelLaunch(
             similarity_kernel,
             strips,
-            [*shape, self._active.flatten(), *read, 0.0, 0.0, adj_image.data, self._sums],
+            [self._layout, self._active, *read, 0.0, 0.0, adj_image.data, self._sums],
             device,
             threads,
         )
@@ -92,7 +92,7 @@ class PhotometricLoss:
     def _resize(self, width: int, height: int) -> None:
         self._size = width, height
         self._count = 3 * width * height
-        self._similarity.set_param(_WIDTH, width)
-        self._similarity.set_param(_HEIGHT, height)
+        self._layout.width, self._layout.height = width, height
+        self._similarity.set_param(_LAYOUT, self._layout)
         self._similarity.set_param(_L1_WEIGHT, (1.0 - self.dssim_weight) / self._count)
         self._similarity.set_param(_DSSIM_WEIGHT, self.dssim_weight / self._count)

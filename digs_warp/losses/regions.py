@@ -3,16 +3,14 @@
 import numpy as np
 
 from digs_warp.device.image_planes import ALIGNMENT
+from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, REACH
 
 # Tiles are those of the rasterizer.
 TILE_SIZE = ALIGNMENT
 
-Box = tuple[int, int, int, int]
-"""Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1); empty when x0 >= x1 or y0 >= y1."""
 
-
-def union(a: Box, b: Box) -> Box:
+def union(a: PixelBox, b: PixelBox) -> PixelBox:
     """Return the smallest box around two boxes; an empty one does not count."""
     if a[0] >= a[2] or a[1] >= a[3]:
         return b
@@ -54,24 +52,16 @@ def loss_blocks(content: np.ndarray, drawn: np.ndarray) -> np.ndarray:
     return blocks_of(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
 
 
-def read_region(blocks: np.ndarray, size: tuple[int, int]) -> Box:
+def read_region(blocks: np.ndarray, size: tuple[int, int]) -> PixelBox:
     """Return the pixels that the loss of ``blocks`` reads: a window further on every side."""
     x0, y0, x1, y1 = mask_box(blocks)
     pixels = (x0 * BLOCK_COLUMNS, y0 * BLOCK_ROWS, x1 * BLOCK_COLUMNS, y1 * BLOCK_ROWS)
     return grown(pixels, REACH, *size)
 
 
-def grown(box: Box, margin: int, width: int, height: int) -> Box:
+def grown(box: PixelBox, margin: int, width: int, height: int) -> PixelBox:
     """Return the box with ``margin`` pixels more on each side, inside an image of the given size."""
     if box[0] >= box[2] or box[1] >= box[3]:
         return 0, 0, 0, 0
     x0, y0 = max(box[0] - margin, 0), max(box[1] - margin, 0)
     return x0, y0, min(box[2] + margin, width), min(box[3] + margin, height)
-
-
-def mask_box(mask: np.ndarray) -> Box:
-    """Return the box of the pixels above 0, (0, 0, 0, 0) when there is none."""
-    ys, xs = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(xs):
-        return 0, 0, 0, 0
-    return int(xs[0]), int(ys[0]), int(xs[-1]) + 1, int(ys[-1]) + 1

@@ -9,8 +9,8 @@ import warp as wp
 from digs_warp.checks import check_shape
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.geometry import PixelBox
 from digs_warp.losses.compose import compose_kernel
-from digs_warp.losses.regions import Box
 
 # Positions of the arguments that change from view to view in the inputs of `compose_kernel`.
 _PIXELS, _KEEPS_COLOR = 4, 6
@@ -51,9 +51,9 @@ class Target:
     def compose(
         self,
         pixels: wp.array,
-        box: Box,
+        box: PixelBox,
         background: np.ndarray,
-        region: Box,
+        region: PixelBox,
         size: tuple[int, int],
         keep_color: bool = False,
     ) -> None:

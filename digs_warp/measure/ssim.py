@@ -36,6 +36,7 @@ import math
 import warp as wp
 
 from digs_warp.device.contiguous import floats_from, prefetch_floats
+from digs_warp.device.image_planes import PlaneLayout
 
 # Products and sums are not contracted, but for those of a window: fused, the variance of two equal constants
 # would not cancel, and SSIM would miss 1 by 1e-4.
@@ -127,14 +128,8 @@ def ring_place(row: int) -> int:
 @wp.kernel
 def similarity_kernel(
     first: int,
-    blocks_x: int,
-    blocks_y: int,
-    width: int,
-    height: int,
-    pitch: int,
-    plane: int,
-    origin: int,
-    active: wp.array[int],  # [blocks_y * blocks_x] not 0 where the loss counts
+    layout: PlaneLayout,  # of all planes
+    active: wp.array2d[int],  # [blocks_y, blocks_x] not 0 where the loss counts
     image: wp.array[float],  # 3 padded planes
     target: wp.array[float],  # 3 padded planes
     weighted: int,  # whether pixels count as much as ``weights`` say; otherwise all count 1
@@ -150,6 +145,12 @@ def similarity_kernel(
     The gradient holds where the next 10 pixels on each side are compared or are background in both images.
     """
     strip = first + wp.tid()
+    blocks_x = active.shape[1]
+    blocks_y = active.shape[0]
+    width = layout.width
+    height = layout.height
+    pitch = layout.pitch
+    origin = layout.origin
     segments = (blocks_y + _SEGMENT_BLOCKS - 1) // _SEGMENT_BLOCKS
     channel = strip // (blocks_x * segments)
     block_x = strip % blocks_x
@@ -159,14 +160,14 @@ def similarity_kernel(
     top = int(blocks_y * _ROWS)
     end = int(0)
     for block in range(first_block, wp.min(first_block + _SEGMENT_BLOCKS, blocks_y)):
-        if active[block * blocks_x + block_x] != 0:
+        if active[block, block_x] != 0:
             top = wp.min(top, block * _ROWS)
             end = wp.min((block + 1) * _ROWS, height)
     if top >= end:
         return
     left = block_x * _COLUMNS
     columns = wp.min(_COLUMNS, width - left)
-    base = origin + channel * plane + left
+    base = origin + channel * layout.plane + left
     line = wp.zeros(shape=(_LINES_TWICE,), dtype=float)
     moments = wp.zeros(shape=(_MOMENT_RINGS,), dtype=float)
     rows = wp.zeros(shape=(_ROW_MEMORY,), dtype=float)
@@ -263,7 +264,7 @@ def similarity_kernel(
                 rows[present + 3 * _WIDE + col] = weight * (1.0 - ssim)
             counts = row >= top and row < end
             if counts:
-                counts = active[row // _ROWS * blocks_x + block_x] != 0
+                counts = active[row // _ROWS, block_x] != 0
             if counts:
                 image_row = floats_from(image, base + row * pitch, _COLUMNS)
                 target_row = floats_from(target, base + row * pitch, _COLUMNS)

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from digs_warp.geometry import PixelBox
 from digs_warp.splat.config import TILE_SIZE
-from digs_warp.splat.footprint import ViewParams, Window
+from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import Planes
 
 wp.set_module_options({"enable_backward": False})
@@ -23,7 +24,7 @@ _TILE = wp.constant(TILE_SIZE)
 FILLED_AROUND = 5
 
 
-def tiles_with_background(boxes: Sequence[Window] | None, columns: int, rows: int) -> np.ndarray:
+def tiles_with_background(boxes: Sequence[PixelBox] | None, columns: int, rows: int) -> np.ndarray:
     """Return the tile columns first .. end and rows first .. end that show the background, (4,) int32.
 
     Args:

@@ -18,6 +18,7 @@ import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import ParallelLaunch, default_threads, run_together
+from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.splat.bin_kernels import (
     MAX_TILE_COLUMNS,
     emit_kernel,
@@ -137,14 +138,9 @@ class TileBinner:
         starts = self.lists.tile_starts.numpy()[: self.tiles + 1]
         return np.diff(starts).reshape(self.rows, self.columns) > 0
 
-    def drawn_box(self) -> tuple[int, int, int, int]:
+    def drawn_box(self) -> PixelBox:
         """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
-        filled = self.drawn_tiles()
-        ys, xs = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
-        if not len(xs):
-            return 0, 0, 0, 0
-        x0, y0 = int(xs[0]) * TILE_SIZE, int(ys[0]) * TILE_SIZE
-        x1, y1 = (int(xs[-1]) + 1) * TILE_SIZE, (int(ys[-1]) + 1) * TILE_SIZE
+        x0, y0, x1, y1 = (edge * TILE_SIZE for edge in mask_box(self.drawn_tiles()))
         return x0, y0, min(x1, self.width), min(y1, self.height)
 
     def _bin_by_counting(self) -> None:

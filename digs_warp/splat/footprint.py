@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
+from digs_warp.geometry import PixelBox
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.elementary import exp_of, larger, smaller
 
@@ -57,12 +58,8 @@ def near_plane(
     return max(1e-6, share * float(np.linalg.norm(camera.center_world - scene_center)))
 
 
-Window = tuple[int, int, int, int]
-"""Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1)."""
-
-
 def view_params(
-    camera: Camera, near: float, options: RasterOptions, window: Window | None = None
+    camera: Camera, near: float, options: RasterOptions, window: PixelBox | None = None
 ) -> np.ndarray:
     """Return a one-element structured array for `ViewParams`.
 

@@ -103,6 +103,10 @@ def backward_kernel(
         tile_splats = pairs.splats
         tile_pairs = pairs.records
         plane = drawn.plane
+        image = drawn.image
+        transmittance = drawn.transmittance
+        adj_image = adjoint.image
+        adj_transmittance = adjoint.transmittance
         columns = views[0].columns
         tile_column = tile % columns
         tile_row = tile // columns
@@ -130,17 +134,13 @@ def backward_kernel(
                 p = base + xx
                 side = (xx >> BLOCK_SHIFT) * HALF_PIXELS
                 q = side + yy * BLOCK_COLUMNS + (xx & COLUMN_MASK)
-                adj_r = adjoint.image[p]
-                adj_g = adjoint.image[plane + p]
-                adj_b = adjoint.image[2 * plane + p]
-                ahead = (
-                    drawn.image[p] * adj_r
-                    + drawn.image[plane + p] * adj_g
-                    + drawn.image[2 * plane + p] * adj_b
-                )
-                ahead += drawn.transmittance[p] * adjoint.transmittance[p]
+                adj_r = adj_image[p]
+                adj_g = adj_image[plane + p]
+                adj_b = adj_image[2 * plane + p]
+                ahead = image[p] * adj_r + image[plane + p] * adj_g + image[2 * plane + p] * adj_b
+                ahead += transmittance[p] * adj_transmittance[p]
                 if wp.static(with_depth):
-                    through = drawn.transmittance[p]
+                    through = transmittance[p]
                     adj_sum = wp.where(through < 1.0, adjoint.depth[p] / (1.0 - through), 0.0)
                     # T e E / (1 - T) for the transmittance, and sum w z . v = e E for the sum.
                     ahead += drawn.depth[p] * adj_sum

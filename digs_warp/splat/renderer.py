@@ -14,13 +14,14 @@ from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import launch_parallel, packed
+from digs_warp.geometry import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
 from digs_warp.splat.background import add_background_kernel, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.footprint import ViewParams, Window, view_params
+from digs_warp.splat.footprint import ViewParams, view_params
 from digs_warp.splat.records import GradientLayout, PairGradients, Planes, Splats, TilePairs
 from digs_warp.splat.statistics import SplatStatistics
 
@@ -125,8 +126,8 @@ class SplatRenderer:
         near: float,
         background: tuple[float, float, float] | np.ndarray | ImagePlanes = WHITE,
         sh_degree: int | None = None,
-        window: Window | None = None,
-        content: Window | None = None,
+        window: PixelBox | None = None,
+        content: PixelBox | None = None,
     ) -> None:
         """Render one view into ``image``, ``transmittance`` and what else the options ask for.
 

@@ -9,8 +9,9 @@ import warp as wp
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.losses.depth import DepthTarget, depth_weights
-from digs_warp.losses.regions import Box, mask_box, tiles_of
+from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 
 
@@ -31,7 +32,7 @@ class View:
     name: str
     camera: Camera
     pixels: wp.array
-    box: Box
+    box: PixelBox
     tiles: np.ndarray
     depth: DepthTarget | None = None
     half: "View | None" = None
@@ -123,7 +124,7 @@ def scene_extent(cameras: Sequence[Camera]) -> float:
     return 1.1 * spread if spread > 0 else 1.0
 
 
-def _pack_depth(depth: np.ndarray, weights: np.ndarray, box: Box, device: str) -> DepthTarget:
+def _pack_depth(depth: np.ndarray, weights: np.ndarray, box: PixelBox, device: str) -> DepthTarget:
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     measured = np.nan_to_num(depth[inside]).astype(np.float32).reshape(-1)
     shares = weights[inside].reshape(-1)

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.losses.regions import (
-    Box,
     blocks_of,
     grown,
     loss_blocks,
-    mask_box,
     read_region,
     tiles_of,
     union,
@@ -20,7 +19,7 @@ BACKGROUND = np.array([0.1, 0.6, 0.9])
 
 
 def composed(
-    image: np.ndarray, mask: np.ndarray, region: Box, keep_color: bool = False
+    image: np.ndarray, mask: np.ndarray, region: PixelBox, keep_color: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     height, width = mask.shape
     box = mask_box(mask)

@@ -9,7 +9,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture, Frame, read_capture
 from digs_warp.data.layers import Layer
-from digs_warp.losses.regions import mask_box
+from digs_warp.geometry import mask_box
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
 from digs_warp.train.views import View, half_size, halved, load_view
