@@ -10,12 +10,14 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-import tyro
 from tqdm import tqdm
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.registry import COMMANDS, Command
+from digs_warp.commands.command import Command
+from digs_warp.commands.common_flags import CommonFlags, take_common_flags
+from digs_warp.commands.parse import PROGRAM, read_command, write_completion
 from digs_warp.record.progress import show_progress
+from digs_warp.record.run_log import source_commit, versions
 
 EXIT_OK = 0
 EXIT_BAD_INPUT = 1
@@ -23,12 +25,9 @@ EXIT_WRONG_USAGE = 2  # tyro's own code
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
 EXIT_NO_READER = 141  # 128 + SIGPIPE
 
-PROGRAM = "digs-warp"
-DESCRIPTION = """Simulate a handheld stereo depth camera, reconstruct what it recorded as
-Gaussian splats, and write them as a USD scene.
-
-Start with 'digs-warp run --out out/demo': it needs no input, takes a few minutes
-and ends by saying where the results are. Every command explains its flags with --help."""
+# Loggers whose news are always worth a line: the first run compiles kernels for minutes, and a log file
+# shows no progress bars.
+TALKATIVE = ("digs_warp.kernels", "digs_warp.record.progress")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,14 +49,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        command = parse(arguments)
+        common, command = _read(arguments)
     except SystemExit as stop:  # tyro has printed the help or what is wrong
-        return stop.code if isinstance(stop.code, int) else EXIT_WRONG_USAGE
+        return stop.code if isinstance(stop.code, int) else EXIT_OK
     except DigsError as error:  # a value that its settings refuse
         _complain(str(error))
         return EXIT_WRONG_USAGE
-    _log_to_stderr()
-    show_progress()
+    _log_to_stderr(common)
+    show_progress(not common.quiet)
     try:
         result = command.execute()
     except (DigsError, OSError) as error:
@@ -74,16 +73,20 @@ def parse(arguments: Sequence[str]) -> Command:
     """Return the command that ``arguments`` describe, without running it.
 
     Raises:
-        SystemExit: with code 0 after printing help, with 2 after explaining wrong usage.
-        DigsError: a value out of its range.
+        SystemExit: with code 0 after printing help or the version, with 2 after explaining wrong usage.
+        DigsError: an unknown command, or a value out of its range.
     """
-    return tyro.extras.subcommand_cli_from_dict(
-        COMMANDS,
-        prog=PROGRAM,
-        description=DESCRIPTION,
-        args=list(arguments),
-        config=(tyro.conf.DisallowNone,),
-    )
+    return _read(arguments)[1]
+
+
+def _read(arguments: Sequence[str]) -> tuple[CommonFlags, Command]:
+    if arguments and arguments[0].endswith("-completion"):
+        write_completion(arguments)
+    common, words = take_common_flags(arguments)
+    if common.version:
+        print(f"{PROGRAM} {versions()['digs-warp']}, commit {(source_commit() or 'unknown')[:10]}")
+        raise SystemExit(EXIT_OK)
+    return common, read_command(words, common)
 
 
 def _complain(message: str) -> None:
@@ -106,9 +109,12 @@ class _BesideTheBars(logging.Handler):
         tqdm.write(self.format(record), file=sys.stderr)
 
 
-def _log_to_stderr() -> None:
+def _log_to_stderr(common: CommonFlags) -> None:
     handler = _BesideTheBars()
     handler.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
-    # The first run compiles kernels for a while: say so.
-    logging.getLogger("digs_warp.kernels").setLevel(logging.INFO)
+    usual = logging.ERROR if common.quiet else logging.WARNING
+    logging.basicConfig(level=usual, handlers=[handler], force=True)
+    logging.getLogger("digs_warp").setLevel(logging.DEBUG if common.verbose else logging.NOTSET)
+    for name in TALKATIVE:
+        talk = logging.NOTSET if common.quiet or common.verbose else logging.INFO
+        logging.getLogger(name).setLevel(talk)

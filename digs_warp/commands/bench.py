@@ -1,55 +1,69 @@
-"""`digs-warp bench`: run a benchmark, print its tables."""
+"""`digs-warp bench NAME`: run a benchmark, print its tables."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.record.files import write_atomically
-from digs_warp.study.benchmarks import BENCHMARKS, find_benchmark
+from digs_warp.study.benchmarks import BENCHMARKS, Benchmark, find_benchmark
+
+if TYPE_CHECKING:
+    from digs_warp.study.results import Result
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
-    """Measure a part of the package on this machine and print the results as tables."""
+class Bench(Command):
+    """Run a benchmark and print its tables."""
 
-    name: Annotated[
-        str,
-        tyro.conf.Positional,
-        tyro.conf.arg(
-            metavar="NAME",
-            help="What to measure. "
-            + "; ".join(f"{b.name}: {b.summary}" for b in BENCHMARKS)
-            + ".",
-        ),
-    ]
+    name: Annotated[str, tyro.conf.Suppress]
+
     json: Path | None = None
     """Also write the results to this file: one JSON object per case and line with labels and values."""
 
-    plot: Path | None = None
-    """Also draw the results into this PNG file; for scaling, convergence and sim."""
-
-    can_resume: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        benchmark = find_benchmark(self.name)
-        if self.plot is not None and not benchmark.chart_function:
-            raise DigsError(f"bench '{self.name}': has no picture; leave out --plot")
-
     def execute(self) -> str:
         """Measure, write the files, return the tables."""
-        from digs_warp.study.charts import side_by_side
         from digs_warp.study.results import format_tables, write_json_lines
 
-        benchmark = find_benchmark(self.name)
-        results = benchmark.run()
+        results = find_benchmark(self.name).run()
         parts = [format_tables(results)]
         if self.json is not None:
             write_json_lines(results, self.json)
             parts.append(f"{len(results)} results, also in {self.json}")
-        if self.plot is not None:
-            write_atomically(self.plot, side_by_side(benchmark.charts(results)))
-            parts.append(f"drawn in {self.plot}")
-        return "\n\n".join(parts)
+        return "\n\n".join([*parts, *self._draw(results)])
+
+    def _draw(self, results: "Sequence[Result]") -> list[str]:
+        return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchWithPicture(Bench):
+    """Run a benchmark whose results can be drawn."""
+
+    plot: Path | None = None
+    """Also draw the results into this PNG file."""
+
+    def _draw(self, results: "Sequence[Result]") -> list[str]:
+        from digs_warp.study.charts import side_by_side
+
+        if self.plot is None:
+            return []
+        write_atomically(self.plot, side_by_side(find_benchmark(self.name).charts(results)))
+        return [f"drawn in {self.plot}"]
+
+
+def _preset(benchmark: Benchmark) -> Preset:
+    kind = BenchWithPicture if benchmark.chart_function else Bench
+    measured = benchmark.summary[0].upper() + benchmark.summary[1:]
+    return Preset(
+        kind(name=benchmark.name), f"{measured}.\n\nMeasures this and prints the results as tables."
+    )
+
+
+BENCH = Group(
+    "Measure how fast a part of the package is on this machine.",
+    {benchmark.name: _preset(benchmark) for benchmark in BENCHMARKS},
+)

@@ -4,11 +4,12 @@ import os
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import tyro
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.output import OutputFolder
 from digs_warp.data.capture import INDEX_NAME
@@ -20,7 +21,7 @@ RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "re
 
 
 @dataclass(frozen=True, kw_only=True)
-class Convert:
+class Convert(Command):
     """Write a capture or Gaussians in another program's format; what the source is decides.
 
     Gaussians: digs-warp convert out/reconstruction scene.spz, or a.ply b.usdz: any two of .npz, .ply, .spz,
@@ -51,8 +52,6 @@ class Convert:
     gaussians: Annotated[SplatConversion, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SplatConversion
     )
-
-    can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if (self.target is None) == (self.out is None):

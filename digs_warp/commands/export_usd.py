@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.usd_capture import scene_metadata, write_capture_package
 from digs_warp.record.layout import find_gaussians
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportUsd:
+class ExportUsd(Command):
     """Write reconstructed Gaussians as a USD scene, for USD viewers and simulators.
 
     With --capture the scene also holds the cameras, the initial points, the recorded object and levels of
@@ -45,8 +46,6 @@ class ExportUsd:
     storage: Annotated[WriteOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=WriteOptions
     )
-
-    can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.surface and self.capture is None:

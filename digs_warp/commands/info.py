@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command
 from digs_warp.commands.facts import Facts, format_facts
 from digs_warp.commands.output import is_ours
 from digs_warp.data.capture import INDEX_NAME
@@ -16,13 +17,11 @@ from digs_warp.record.files import read_json
 
 
 @dataclass(frozen=True, kw_only=True)
-class Info:
+class Info(Command):
     """Say what a file or folder holds: a capture, a reconstruction, Gaussians, a USD scene, a mesh."""
 
     path: Annotated[Path, tyro.conf.Positional]
     """A folder that a command wrote, Gaussians (.npz, .ply, .spz, .splat), a USD file, or a mesh."""
-
-    can_resume: ClassVar[bool] = False
 
     def execute(self) -> str:
         """Look and return the facts, one per line."""

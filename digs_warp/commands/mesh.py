@@ -4,11 +4,12 @@ import logging
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.command import Command
 from digs_warp.commands.extract_mesh import MOST_VIEWS, extract_mesh
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
@@ -23,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mesh:
+class Mesh(Command):
     """Turn Gaussians into a coloured triangle mesh.
 
     Depth is rendered from the cameras of the capture and fused (TSDF). For a simulated capture it says how
@@ -51,8 +52,6 @@ class Mesh:
     """How many cameras to use at most, evenly spread; more fill small holes and take longer."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
-
-    can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.voxel_size is not None:

@@ -57,6 +57,10 @@ class OutputFolder:
         return self.out
 
 
+# Stands for a folder that is still to be named.
+ANY_FOLDER = OutputFolder(out=tyro.MISSING)
+
+
 def check_output_file(path: Path, overwrite: bool) -> None:
     """Raise a `DigsError` when ``path`` exists and may not be replaced."""
     if path.is_dir():

@@ -1,13 +1,16 @@
 """`digs-warp plan`: which effects a sensor would show on a scene, and why, without recording it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import tyro
 
+from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import check_output_file
 from digs_warp.record.files import to_json, write_atomically
+from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
 
 
@@ -20,7 +23,7 @@ class _PlanOptions(SimulateConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class Plan(SettingsCommand):
     """Look at a few frames of a scene and say which effects of the depth camera it calls for, and why."""
 
     recording: Annotated[_PlanOptions, tyro.conf.OmitArgPrefixes] = field(
@@ -32,7 +35,16 @@ class Plan:
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace that file if it exists."""
 
-    can_resume: ClassVar[bool] = False
+    recorded_as: ClassVar[str] = "simulate"
+    main_flags: ClassVar[tuple[str, ...]] = (
+        *("mesh", "environment", "frames", "profile", "width", "tier", "effects", "strength"),
+        *("seed", "json", "overwrite"),
+    )
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """Return the command with the settings of a capture's run.json."""
+        return cls(recording=settings_from_json(_PlanOptions, settings))
 
     def execute(self) -> str:
         """Measure, choose, and return the choices as two tables."""

@@ -2,17 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import OutputFolder
 from digs_warp.record.layout import find_gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
-class MakeKit:
+class MakeKit(Command):
     """Film four reconstructions side by side, in four versions, with answer sheets and a secret key."""
 
     items: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="ITEM")]
@@ -68,7 +69,7 @@ class MakeKit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateSheets:
+class EvaluateSheets(Command):
     """Count filled answer sheets and test whether the preference can be chance (chi-square)."""
 
     sheets: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SHEET")]
@@ -88,25 +89,14 @@ class EvaluateSheets:
         return evaluate(answers, strategies).text()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Preference:
-    """Ask people which of four reconstructions they prefer, without telling them which is which."""
-
-    action: Annotated[
-        Annotated[MakeKit, tyro.conf.subcommand("make")]
-        | Annotated[EvaluateSheets, tyro.conf.subcommand("evaluate")],
-        tyro.conf.arg(name=""),
-    ]
-
-    can_resume: ClassVar[bool] = False
-
-    def execute(self) -> str:
-        """Do what was asked for."""
-        return self.action.execute()
-
-
 def _reconstructions(item: Path) -> dict[str, Path]:
     if not item.is_dir():
         raise DigsError(f"'{item}': no such folder; expected four reconstructions in it")
     folders = sorted(path for path in item.iterdir() if path.is_dir())
     return {folder.name: find_gaussians(folder) for folder in folders}
+
+
+PREFERENCE = Group(
+    "Ask people which of four reconstructions they prefer, without telling them which is which.",
+    {"make": MakeKit, "evaluate": EvaluateSheets},
+)

@@ -3,9 +3,10 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
 
@@ -17,7 +18,7 @@ FLAGS = {"train.density.strategy": "density"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recommend:
+class Recommend(Command):
     """Pick settings for a time, from what 'digs-warp study run tradeoff' measured."""
 
     time_budget: Annotated[float, DURATION]
@@ -26,8 +27,6 @@ class Recommend:
     study: Path | None = None
     """Folder of the study. Default: out/study/tradeoff; without it, in a clone of the repository, the
     published results in docs/study/tradeoff, whose seconds are those of another machine."""
-
-    can_resume: ClassVar[bool] = False
 
     def execute(self) -> str:
         """Return the settings as flags, with the time and quality that they had."""

@@ -1,20 +1,23 @@
 """`digs-warp reconstruct`: a capture folder -> Gaussians."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import tyro
 
-from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.command import SettingsCommand
+from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.record import layout
+from digs_warp.record.settings import settings_from_json
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reconstruct(ReconstructionOptions):
+class Reconstruct(ReconstructionOptions, SettingsCommand):
     """Reconstruct a capture as Gaussian splats.
 
     The depth maps give the points to start from, the images of the training views give everything else; every
@@ -29,6 +32,33 @@ class Reconstruct(ReconstructionOptions):
     """Decides everything random: matching of images, order of the views, backgrounds."""
 
     can_resume: ClassVar[bool] = True
+    recorded_as: ClassVar[str] = "reconstruct"
+    main_flags: ClassVar[tuple[str, ...]] = (
+        "capture",
+        "out",
+        "resume",
+        "overwrite",
+        "seed",
+        "device",
+        "poses",
+        "masks",
+        "mask_folder",
+        "strategy",
+        "voxel_size",
+        "target_points",
+        "iterations",
+        "time_budget",
+        "density",
+        "sh_degree",
+    )
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
+        options = settings_from_json(ReconstructionOptions, settings)
+        return cls(
+            capture=tyro.MISSING, output=ANY_FOLDER, seed=options.train.seed, **vars(options)
+        )
 
     def execute(self) -> str:
         """Reconstruct and say how well it went."""

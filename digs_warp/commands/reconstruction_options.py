@@ -61,16 +61,14 @@ class _TrainOptions(TrainConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class ReconstructionOptions:
-    """The part of a command that says how a capture becomes Gaussians."""
+    """The part of a command that says how a capture becomes Gaussians; named as in `ReconstructConfig`."""
 
-    poses: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=_SfmOptions)
-    masks: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes] = field(
+    sfm: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=_SfmOptions)
+    segment: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=_SegmentOptions
     )
-    initialization: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=InitConfig
-    )
-    training: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes] = field(
+    init: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=InitConfig)
+    train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=_TrainOptions
     )
     test_every: int = 8
@@ -80,15 +78,15 @@ class ReconstructionOptions:
         """Return the settings; ``seed`` serves all stages."""
         from digs_warp.pipeline.reconstruct import ReconstructConfig
 
-        strategy = self.training.density.strategy
+        strategy = self.train.density.strategy
         if strategy == "auto":
-            strategy = STRATEGIES[self.initialization.strategy].density
-        density = _plain(self.training.density, Density, strategy=strategy)
+            strategy = STRATEGIES[self.init.strategy].density
+        density = _plain(self.train.density, Density, strategy=strategy)
         return ReconstructConfig(
-            sfm=_plain(self.poses, SfmConfig, sfm_seed=seed),
-            segment=_plain(self.masks, SegmentConfig, mask_seed=seed),
-            init=self.initialization,
-            train=_plain(self.training, TrainConfig, seed=seed, density=density),
+            sfm=_plain(self.sfm, SfmConfig, sfm_seed=seed),
+            segment=_plain(self.segment, SegmentConfig, mask_seed=seed),
+            init=self.init,
+            train=_plain(self.train, TrainConfig, seed=seed, density=density),
             test_every=self.test_every,
         )
 

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError, check_positive
+from digs_warp.commands.command import Command
 from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
 from digs_warp.record.layout import RUN_RECORD
@@ -31,7 +32,7 @@ OTHER_FILES = (".avi", ".mov", ".mkv", ".webm", ".m4v", ".apng", ".webp", ".png"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Render:
+class Render(Command):
     """Film a scene: an orbit around the object, or along the path of a capture.
 
     Says how many frames per second were rendered; writing the video is timed apart.
@@ -71,8 +72,6 @@ class Render:
     """Red, green and blue of the background, 0 to 1."""
 
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
-
-    can_resume: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_positive("--seconds", self.seconds)

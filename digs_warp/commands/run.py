@@ -1,26 +1,36 @@
 """`digs-warp run`: from a mesh to a USD scene, all stages in one go."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import tyro
 
+from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts
-from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.usd_capture import write_capture_package
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
+from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.usd.writer import WriteOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(ReconstructionOptions):
+class _Settings:
+    """The settings in a run.json."""
+
+    recording: SimulateConfig = field(default_factory=SimulateConfig)
+    reconstruction: ReconstructionOptions = field(default_factory=ReconstructionOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(ReconstructionOptions, SettingsCommand):
     """Do everything: record an object, reconstruct it, write the USD scene and a report.
 
     Without --mesh and --environment it takes the built-in object in the built-in room.
@@ -32,6 +42,30 @@ class Run(ReconstructionOptions):
     )
 
     can_resume: ClassVar[bool] = True
+    recorded_as: ClassVar[str] = "run"
+    main_flags: ClassVar[tuple[str, ...]] = (
+        "out",
+        "resume",
+        "overwrite",
+        "mesh",
+        "environment",
+        "frames",
+        "width",
+        "profile",
+        "tier",
+        "seed",
+        "poses",
+        "strategy",
+        "voxel_size",
+        "iterations",
+        "time_budget",
+    )
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
+        record = settings_from_json(_Settings, settings)
+        return cls(output=ANY_FOLDER, recording=record.recording, **vars(record.reconstruction))
 
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""

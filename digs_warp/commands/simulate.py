@@ -1,22 +1,33 @@
 """`digs-warp simulate`: mesh and environment -> a capture folder, or many of them -> a data set."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import tyro
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.many_scenes import ManyScenes, format_summary
-from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.record.layout import DATA_SET, RUN_RECORD
 from digs_warp.record.run_log import RunLog
+from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class Simulate:
+class _Settings:
+    """The settings in the run.json of a folder of captures."""
+
+    recording: SimulateConfig = field(default_factory=SimulateConfig)
+    scenes: ManyScenes = field(default_factory=ManyScenes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulate(SettingsCommand):
     """Record an object with a simulated handheld stereo depth camera.
 
     Writes a capture folder: left and right images, depth, masks and poses. nerfstudio reads it, too.
@@ -30,11 +41,36 @@ class Simulate:
     many: Annotated[ManyScenes, tyro.conf.OmitArgPrefixes] = field(default_factory=ManyScenes)
 
     can_resume: ClassVar[bool] = True
+    recorded_as: ClassVar[str] = "simulate"
+    main_flags: ClassVar[tuple[str, ...]] = (
+        "out",
+        "resume",
+        "overwrite",
+        "mesh",
+        "environment",
+        "frames",
+        "width",
+        "profile",
+        "tier",
+        "effects",
+        "strength",
+        "seed",
+        "meshes",
+        "environments",
+        "trajectories",
+    )
 
     def __post_init__(self) -> None:
         for one, several in (("mesh", "meshes"), ("environment", "environments")):
             if getattr(self.recording, one) and getattr(self.many, several):
                 raise DigsError(f"--{one} and --{several} contradict each other; give one of them")
+
+    @classmethod
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
+        is_of_many = "recording" in settings  # else the record of one capture
+        record = settings_from_json(_Settings, settings if is_of_many else {"recording": settings})
+        return cls(output=ANY_FOLDER, recording=record.recording, many=record.scenes)
 
     def execute(self) -> str:
         """Record and say what was recorded."""

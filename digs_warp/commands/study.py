@@ -1,4 +1,4 @@
-"""`digs-warp study list|run|report`: list the studies, run one, draw its report."""
+"""`digs-warp study list|run|report`: which studies there are, run one, draw its report."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,19 +7,16 @@ from typing import Annotated, ClassVar
 import tyro
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
-from digs_warp.study.catalogue import STUDIES, find_study
+from digs_warp.study.catalogue import STUDIES, Study, find_study
 
-Name = Annotated[
-    str,
-    tyro.conf.Positional,
-    tyro.conf.arg(metavar="NAME", help=f"One of: {', '.join(s.name for s in STUDIES)}."),
-]
+Name = Annotated[str, tyro.conf.Suppress]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ListStudies:
+class ListStudies(Command):
     """List the studies and the question of each."""
 
     def execute(self) -> str:
@@ -28,7 +25,7 @@ class ListStudies:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunStudy:
+class RunStudy(Command):
     """Measure the cases that have no result yet, then draw the report of all results.
 
     Run it again after an interruption, or with more objects, seeds or time: finished cases are kept.
@@ -36,31 +33,31 @@ class RunStudy:
 
     name: Name
 
+    out: Path
+    """Folder of the results and the report."""
+
+    objects: int
+    """How many objects; sample meshes come first, the built-in object last."""
+
+    iterations: int
+    """Training steps of each case. The paper's 12,000 would take days."""
+
     time_budget: Annotated[float | None, DURATION] = None
     """Start no case that would likely end later than this, for example 60s, 20min or 2h. The most important
     cases come first. Default: no limit."""
 
-    out: Path | None = None
-    """Folder of the results and the report. Default: out/study/NAME."""
-
-    objects: int | None = None
-    """How many objects; sample meshes come first, the built-in object last. Default: depends on the study."""
-
     seeds: int = 1
     """How often to repeat each case with another walk and other noise, to measure the spread."""
-
-    iterations: int | None = None
-    """Training steps of each case. Default: as many as the study uses; the paper's 12000 would take days."""
 
     workers: int = 1
     """Cases to run at the same time. They share the cores, so times are only meaningful with 1."""
 
+    can_resume: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
-        find_study(self.name)
         for name in ("objects", "seeds", "iterations", "workers"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise DigsError(f"study: --{name} {value}, expected at least 1")
+            if getattr(self, name) < 1:
+                raise DigsError(f"--{name} {getattr(self, name)}: expected at least 1")
 
     def execute(self) -> str:
         """Measure, and say how many cases there are and where the report is."""
@@ -68,51 +65,49 @@ class RunStudy:
         from digs_warp.study.engine.runner import run_cases
 
         study = find_study(self.name)
-        folder = self.out or study.folder
-        cases = study.cases(
-            self.objects or study.objects, self.seeds, self.iterations or study.iterations
-        )
         outcome = run_cases(
-            cases,
-            folder,
+            study.cases(self.objects, self.seeds, self.iterations),
+            self.out,
             measure=run_case,
             workers=self.workers,
             budget=self.time_budget,
         )
-        return f"{outcome}\nreport: {study.report(folder)}"
+        return f"{outcome}\nreport: {study.report(self.out)}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportStudy:
+class ReportStudy(Command):
     """Draw the report from existing results, without measuring."""
 
     name: Name
 
-    out: Path | None = None
-    """Folder of the results; the report is written there. Default: out/study/NAME."""
-
-    def __post_init__(self) -> None:
-        find_study(self.name)
+    out: Path
+    """Folder of the results; the report goes there, too."""
 
     def execute(self) -> str:
         """Draw, and say where the report is."""
-        study = find_study(self.name)
-        return f"report: {study.report(self.out or study.folder)}"
+        return f"report: {find_study(self.name).report(self.out)}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class StudyCommand:
-    """Measure costs and gains of settings over many runs of the whole chain, and draw a report."""
+def _run_preset(study: Study) -> Preset:
+    command = RunStudy(
+        name=study.name, out=study.folder, objects=study.objects, iterations=study.iterations
+    )
+    return Preset(command, f"{study.title}: {study.summary}.\n\n{RunStudy.__doc__}")
 
-    action: Annotated[
-        Annotated[ListStudies, tyro.conf.subcommand("list")]
-        | Annotated[RunStudy, tyro.conf.subcommand("run")]
-        | Annotated[ReportStudy, tyro.conf.subcommand("report")],
-        tyro.conf.arg(name=""),
-    ]
 
-    can_resume: ClassVar[bool] = True
+def _report_preset(study: Study) -> Preset:
+    command = ReportStudy(name=study.name, out=study.folder)
+    return Preset(command, f"{study.title}: {study.summary}.\n\n{ReportStudy.__doc__}")
 
-    def execute(self) -> str:
-        """Do what was asked for."""
-        return self.action.execute()
+
+STUDY = Group(
+    "Measure what settings cost and bring over many runs of the whole pipeline, and draw a report.",
+    {
+        "list": ListStudies,
+        "run": Group("Run a study.", {study.name: _run_preset(study) for study in STUDIES}),
+        "report": Group(
+            "Draw the report of a study.", {study.name: _report_preset(study) for study in STUDIES}
+        ),
+    },
+)

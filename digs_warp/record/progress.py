@@ -1,32 +1,91 @@
-"""Progress bars with a time estimate."""
+"""Progress with a time estimate: bars on a terminal, a line now and then in a log."""
 
+import logging
+import os
 import sys
-from typing import Any
+import time
+from typing import Any, Protocol, Self
 
 from tqdm import tqdm
 
-# Library calls are silent; the command line turns the bars on.
+logger = logging.getLogger(__name__)
+
+# Short stages leave no line in a log.
+SECONDS_BETWEEN_LINES = 30.0
+
+# Library calls are silent; the command line turns progress on.
 _show_progress = False
 
 
+class Progress(Protocol):
+    """The part of `tqdm` that this package uses."""
+
+    n: Any
+    total: Any
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, exc_type: Any, exc_value: Any, traceback: Any, /) -> Any: ...
+
+    def update(self, n: int = 1) -> Any:
+        """Count ``n`` more."""
+        ...
+
+    def set_postfix_str(self, s: str, refresh: bool = True) -> None:
+        """Show ``s`` behind the numbers."""
+        ...
+
+
 def show_progress(shown: bool = True) -> None:
-    """Turn progress bars on stderr on or off for the whole process."""
+    """Turn progress on stderr on or off for the whole process."""
     global _show_progress
     _show_progress = shown
 
 
-def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> "tqdm[Any]":
-    """Return a progress bar with a time estimate; use it as a context manager and `update` it."""
-    interactive = sys.stderr.isatty()
+def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> Progress:
+    """Return a progress bar, or lines in a log; use it as a context manager and `update` it.
+
+    There are no bars where stderr is no terminal, and nothing at all where TQDM_DISABLE is set.
+    """
+    shown = _show_progress and os.environ.get("TQDM_DISABLE", "0") in ("", "0")
+    if shown and not sys.stderr.isatty():
+        return _LogLines(total, label, unit, initial)
     return tqdm(
         total=total,
         initial=initial,
         desc=label,
         unit=unit,
-        disable=not _show_progress,
-        # In a log file every refresh is a line: a few are enough, and a bar inside another moves no cursor.
-        mininterval=0.2 if interactive else 15.0,
-        position=None if interactive else 0,
-        ascii=not interactive,
-        dynamic_ncols=interactive,
+        disable=not shown,
+        mininterval=0.2,
+        dynamic_ncols=True,
     )
+
+
+class _LogLines:
+    """Logs how far a long stage is, every half minute."""
+
+    def __init__(self, total: int, label: str, unit: str, initial: int) -> None:
+        self.n, self.total = initial, total
+        self._initial, self._label, self._unit, self._postfix = initial, label, unit, ""
+        self._start = self._last_line = time.monotonic()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, exc_type: Any, exc_value: Any, traceback: Any, /) -> None:
+        pass
+
+    def set_postfix_str(self, s: str, refresh: bool = True) -> None:
+        self._postfix = f", {s}" if s else ""
+
+    def update(self, n: int = 1) -> None:
+        self.n += n
+        now = time.monotonic()
+        if now - self._last_line < SECONDS_BETWEEN_LINES or self.n <= self._initial:
+            return
+        self._last_line = now
+        left = (now - self._start) * (self.total - self.n) / (self.n - self._initial)
+        logger.info(
+            "%s: %d of %d %s, about %.0f s left%s",
+            *(self._label, self.n, self.total, self._unit, left, self._postfix),
+        )

@@ -1,4 +1,4 @@
-"""run.json, atomic writing, progress bars."""
+"""run.json and atomic writing."""
 
 import json
 import math
@@ -13,7 +13,6 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.record import files
 from digs_warp.record.files import read_json, to_json, write_atomically
-from digs_warp.record.progress import progress, show_progress
 from digs_warp.record.run_log import RunLog, source_commit
 
 
@@ -132,19 +131,6 @@ def test_a_run_with_other_settings_is_not_continued(tmp_path: Path) -> None:
     assert run.seconds == {}
 
 
-def test_bars_are_silent_until_turned_on(capfd: pytest.CaptureFixture[str]) -> None:
-    with progress(3, "quiet") as bar:
-        bar.update(3)
-    assert capfd.readouterr().err == ""
-    show_progress()
-    try:
-        with progress(3, "loud") as bar:
-            bar.update(3)
-    finally:
-        show_progress(False)
-    assert "loud: 100%" in capfd.readouterr().err
-
-
 def git(folder: Path, *arguments: str) -> str:
     command = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@b", *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
@@ -165,18 +151,3 @@ def test_the_commit_is_that_of_the_checkout(tmp_path: Path) -> None:
     assert source_commit(tree / "package") == expected
     git(repository, "checkout", "--detach")
     assert source_commit(repository / "package") == expected
-
-
-def test_a_bar_inside_another_moves_no_cursor_in_a_file(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    show_progress()
-    try:
-        with progress(2, "outer") as outer, progress(2, "inner") as inner:
-            inner.update()
-            outer.update()
-    finally:
-        show_progress(False)
-    written = capsys.readouterr().err
-    assert "outer" in written and "inner" in written
-    assert "\x1b" not in written

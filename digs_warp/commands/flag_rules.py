@@ -1,0 +1,140 @@
+"""How flags look in the help, and how wrong values are explained: rules for tyro."""
+
+import difflib
+import re
+from collections.abc import Collection, Iterable
+from dataclasses import is_dataclass, replace
+from functools import wraps
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import tyro
+from tyro.constructors import (
+    MISSING_NONPROP,
+    ConstructorRegistry,
+    PrimitiveConstructorSpec,
+    PrimitiveTypeInfo,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
+
+from digs_warp.checks import DigsError
+
+
+class RefusedSettings(Exception):
+    """Settings that a dataclass refuses. No ValueError: tyro would put the name of the class before it."""
+
+
+class FlagRules(ConstructorRegistry):
+    """Rules for one command line.
+
+    Attributes:
+        hidden: flags that the help leaves for --help-all; filled while tyro reads the command.
+    """
+
+    def __init__(self, shown: Collection[str] = (), useless: Collection[str] = ()) -> None:
+        """Make the rules.
+
+        Args:
+            shown: the flags that the help shows; empty: all. The others cannot be parsed.
+            useless: flags that make no sense for this command.
+        """
+        super().__init__()
+        self.hidden: set[str] = set()
+        self._shown = shown
+        self._useless = useless
+        self._inside = False
+        self.struct_rule(self._struct)
+        self.primitive_rule(_choice)
+
+    def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
+        """Return tyro's own reading of a dataclass, with our look."""
+        if self._inside:  # asked below for tyro's own
+            return None
+        self._inside = True
+        try:
+            spec = ConstructorRegistry.get_struct_spec(info)
+        finally:
+            self._inside = False
+        if not isinstance(spec, StructConstructorSpec):
+            return None
+        fields = tuple(self._field(field) for field in spec.fields)
+        return replace(spec, fields=fields, instantiate=_explaining(spec.instantiate))
+
+    def _field(self, field: StructFieldSpec) -> StructFieldSpec:
+        is_annotated = get_origin(field.type) is Annotated
+        kind, *markers = get_args(field.type) if is_annotated else (field.type,)
+        if is_dataclass(kind) or tyro.conf.Suppress in markers:
+            return field
+        is_switch = field.default is False and tyro.conf.FlagCreatePairsOff in markers
+        if is_switch or field.default in (None, "", ()):
+            markers.append(tyro.conf.arg(help_behavior_hint=""))  # no "(default: None)"
+        elif field.default is MISSING_NONPROP and get_origin(kind) is tuple:
+            markers.append(tyro.conf.arg(help_behavior_hint="(one or more)"))
+        names = [name for marker in markers if (name := getattr(marker, "name", None))]
+        flag = names[0].replace("-", "_") if names else field.name
+        if flag in self._useless:
+            markers.append(tyro.conf.Suppress)
+        elif self._shown and flag not in self._shown:
+            markers.append(tyro.conf.Suppress)
+            self.hidden.add(flag)
+        text = field.helptext() if callable(field.helptext) else field.helptext
+        kind = Annotated[(kind, *markers)] if markers else kind
+        return replace(field, type=kind, helptext=text and paragraphs(text))
+
+
+def paragraphs(text: str) -> str:
+    """Return a docstring with each paragraph in one line; the terminal wraps it."""
+    return "\n\n".join(" ".join(part.split()) for part in re.split(r"\n\s*\n", text.strip()))
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'KNOWN'?" where ``word`` is close to one of the known; else what there is."""
+    known = list(known)
+    close = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean '{close[0]}'?" if close else f"; expected one of {', '.join(known)}"
+
+
+def _choice(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+    """Read one of a few words, and suggest the nearest one for a wrong word."""
+    choices = _choices(info.type)
+    if not choices:
+        return None
+    by_name = {str(choice): choice for choice in choices}
+
+    def read(words: list[str]) -> Any:
+        if words[0] not in by_name:
+            raise ValueError(f"no choice '{words[0]}'{did_you_mean(words[0], by_name)}")
+        return by_name[words[0]]
+
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="{" + ",".join(by_name) + "}",
+        instance_from_str=read,
+        is_instance=lambda value: value is None or value in choices,
+        str_from_instance=lambda value: [str(value)],
+        # tyro takes "-y" for a flag, unless it knows it as a choice; it then explains wrong ones itself.
+        choices=tuple(by_name) if any(name.startswith("-") for name in by_name) else None,
+    )
+
+
+def _choices(kind: Any) -> tuple[Any, ...]:
+    """Return the values of a Literal, or of one that can be None; else nothing."""
+    if get_origin(kind) in (Union, UnionType):
+        options = [option for option in get_args(kind) if option is not NoneType]
+        kind = options[0] if len(options) == 1 else None
+    return get_args(kind) if get_origin(kind) is Literal else ()
+
+
+def _explaining(instantiate: Any) -> Any:
+    """Make a constructor raise `RefusedSettings` where it raises a `DigsError`."""
+
+    @wraps(instantiate, updated=())  # tyro reads the description of a group of flags from it
+    def make(**values: Any) -> Any:
+        try:
+            return instantiate(**values)
+        except DigsError as error:
+            raise RefusedSettings(str(error)) from error
+
+    return make

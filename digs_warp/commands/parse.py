@@ -1,0 +1,145 @@
+"""From words to a command: follows the tree of commands, then lets tyro read the flags."""
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import field, fields, make_dataclass
+from typing import Annotated, Any, NoReturn, Union
+
+import tyro
+
+from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command, Group, Node, Preset, SettingsCommand
+from digs_warp.commands.common_flags import CommonFlags
+from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, did_you_mean, paragraphs
+from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.settings_file import read_defaults
+
+PROGRAM = "digs-warp"
+HELP = ("-h", "--help")
+COMMON_FLAGS = tuple(each.name for each in fields(CommonFlags))
+CONFIG = (tyro.conf.DisallowNone,)
+
+
+def read_command(words: Sequence[str], common: CommonFlags) -> Command:
+    """Return the command that ``words`` describe, without running it.
+
+    Raises:
+        SystemExit: with code 0 after printing help, with 2 after explaining wrong usage.
+        DigsError: an unknown command, or a value out of its range.
+    """
+    node, path, rest = _follow(words)
+    if common.help_all:
+        rest = ["--help"]
+    program = " ".join([PROGRAM, *path])
+    if isinstance(node, Group):
+        _show_group(node, program, rest)
+    kind, default = (type(node.command), node.command) if isinstance(node, Preset) else (node, None)
+    if common.config is not None:
+        if not issubclass(kind, SettingsCommand):
+            raise DigsError(f"'{program}' takes no --config; leave it out")
+        default = read_defaults(kind, common.config)
+    is_short_help = not common.help_all and any(word in HELP for word in rest)
+    rules = _rules(kind, is_short_help)
+    try:
+        return _read_flags(kind, default, rest, rules, program, about(node))
+    except RefusedSettings as error:
+        raise DigsError(str(error)) from error
+    except SystemExit as stop:
+        if not stop.code and rules.hidden:
+            print(f"'{program} --help-all' shows {len(rules.hidden)} more flags.")
+        raise
+
+
+def write_completion(arguments: Sequence[str]) -> None:
+    """Write the completions for a shell that tyro's own flags ask for, and exit.
+
+    Raises:
+        SystemExit: always, with code 0 when they are written.
+    """
+    tyro.cli(_union(COMMANDS), prog=PROGRAM, args=arguments, config=CONFIG)
+
+
+def about(node: Node) -> str:
+    """Return what a command does."""
+    is_named = isinstance(node, Preset | Group)
+    return paragraphs(node.about if is_named else inspect.getdoc(node) or "")
+
+
+def _follow(words: Sequence[str]) -> tuple[Node, list[str], list[str]]:
+    """Return the command or group that the first words name, those words, and the rest."""
+    node: Node = COMMANDS
+    path: list[str] = []
+    for word in words:
+        if not isinstance(node, Group) or word.startswith("-"):
+            break
+        path.append(word)
+        if word not in node.members:
+            raise DigsError(f"no command '{' '.join(path)}'{did_you_mean(word, node.members)}")
+        node = node.members[word]
+    return node, path, list(words[len(path) :])
+
+
+def _show_group(group: Group, program: str, rest: Sequence[str]) -> NoReturn:
+    """Print the help of a group when it is asked for, else raise."""
+    if not rest:
+        raise DigsError(f"'{program}' needs the name of a command: {', '.join(group.members)}")
+    if rest[0] not in HELP:
+        flags = [f"--{name.replace('_', '-')}" for name in COMMON_FLAGS]
+        hint = did_you_mean(rest[0], flags)
+        raise DigsError(f"no flag '{rest[0]}' before the name of a command{hint}")
+    union, text = _union(group), about(group)
+    tyro.cli(union, prog=program, description=text, args=["--help"], config=CONFIG)
+    raise SystemExit(0)
+
+
+def _rules(kind: type[Command], is_short_help: bool) -> FlagRules:
+    if not issubclass(kind, SettingsCommand):
+        return FlagRules(useless=("version", "config", "help_all"))
+    shown = (*kind.main_flags, *COMMON_FLAGS) if is_short_help else ()
+    return FlagRules(shown, useless=("version",))
+
+
+def _read_flags(
+    kind: type[Command],
+    default: Command | None,
+    words: Sequence[str],
+    rules: FlagRules,
+    program: str,
+    text: str,
+) -> Command:
+    line = _line(kind)
+    return tyro.cli(
+        line,
+        prog=program,
+        description=text,
+        args=words,
+        default=tyro.MISSING_NONPROP if default is None else line(command=default),
+        config=CONFIG,
+        registry=rules,
+    ).command
+
+
+def _line(kind: type[Command]) -> Any:
+    """Return the type of a whole command line: the command and the common flags."""
+    command = Annotated[kind, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="")]
+    common = Annotated[CommonFlags, tyro.conf.OmitArgPrefixes]
+    entries = [("command", command), ("common", common, field(default_factory=CommonFlags))]
+    return make_dataclass("Line", entries, kw_only=True)
+
+
+def _union(group: Group) -> Any:
+    """Return the type that tyro reads as a choice of subcommands."""
+    return Union[tuple(_subcommand(name, node) for name, node in group.members.items())]  # noqa: UP007
+
+
+def _subcommand(name: str, node: Node) -> Any:
+    first_line = about(node).partition("\n")[0]
+    if isinstance(node, Group):
+        return Annotated[_union(node), tyro.conf.subcommand(name, description=first_line)]
+    if isinstance(node, Preset):
+        line = _line(type(node.command))
+        default = line(command=node.command)
+        option = tyro.conf.subcommand(name, default=default, description=first_line)
+    else:
+        line, option = _line(node), tyro.conf.subcommand(name, description=first_line)
+    return Annotated[line, option]

@@ -1,0 +1,49 @@
+"""``--config FILE``: the settings of an earlier run as the defaults of a command."""
+
+from pathlib import Path
+from typing import Any
+
+from digs_warp.checks import DigsError
+from digs_warp.commands.command import SettingsCommand
+from digs_warp.record.files import read_json
+
+
+def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
+    """Return a command with the settings in a file; its required flags are `tyro.MISSING`.
+
+    Args:
+        kind: the command.
+        path: a run.json, or JSON or YAML with its "settings" and, if it likes, its "command".
+
+    Raises:
+        DigsError: the file cannot be read, or holds settings that are not the command's.
+    """
+    record = _read(path)
+    command = record.get("command", kind.recorded_as)
+    if command != kind.recorded_as:
+        raise DigsError(
+            f"--config '{path}': settings of 'digs-warp {command}'; expected those of "
+            f"'digs-warp {kind.recorded_as}'"
+        )
+    if "settings" not in record:
+        raise DigsError(
+            f"--config '{path}': no \"settings\" in it; expected the form of a run.json"
+        )
+    try:
+        return kind.from_settings(record["settings"])
+    except DigsError as error:
+        raise DigsError(f"--config '{path}': {error}") from error
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return read_json(path, "--config")
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise DigsError(f"--config '{path}': cannot be read as YAML ({error})") from error
+    if not isinstance(content, dict):
+        raise DigsError(f"--config '{path}': expected settings, found {type(content).__name__}")
+    return content

@@ -1,0 +1,228 @@
+"""From words to commands: help, the flags of every command, and suggestions for what is misspelled."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from digs_warp import cli
+from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.bench import Bench, BenchWithPicture
+from digs_warp.commands.command import Group
+from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.simulate import Simulate
+from digs_warp.commands.study import RunStudy
+from digs_warp.study.benchmarks import BENCHMARKS
+from digs_warp.study.catalogue import STUDIES
+
+
+def names_below(group: Group) -> Iterator[list[str]]:
+    for name, node in group.members.items():
+        if isinstance(node, Group):
+            yield from ([name, *words] for words in names_below(node))
+        else:
+            yield [name]
+
+
+ALL = list(names_below(COMMANDS))
+GROUPS = [[], ["usd"], ["bench"], ["study"], ["study", "run"], ["study", "report"], ["preference"]]
+each_command = pytest.mark.parametrize("command", ALL, ids=" ".join)
+
+
+# Help
+
+
+def help_lines(words: list[str], capsys: pytest.CaptureFixture[str]) -> list[str]:
+    assert main(words) == EXIT_OK
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    # Boxes have a border, which becomes spaces where the terminal knows no such signs.
+    return captured.out.replace("│", " ").splitlines()
+
+
+def flags_in(lines: list[str]) -> list[str]:
+    return [line.split()[0].strip(",") for line in lines if re.match("  --[a-z]", line)]
+
+
+@each_command
+def test_help_explains_every_flag_and_names_no_empty_default(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = help_lines([*command, "--help-all"], capsys)
+    numbers = [n for n, line in enumerate(lines) if re.match(r"  (--[a-z]|[A-Z]{4,} )", line)]
+    assert numbers
+    for number in numbers:
+        # The explanation stands behind the flag or, behind a long one, in the next line.
+        words = f"{lines[number]} {lines[number + 1]}".split("(")[0].split()
+        assert len(words) >= 4, f"{command}: no help for '{lines[number]}'"
+    text = " ".join(line.strip() for line in lines)
+    assert not re.search(r"\(default: *(None|''|\"\")?\)", text)
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda words: " ".join(words) or "all")
+def test_help_of_a_group_lists_its_commands(
+    group: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "\n".join(help_lines([*group, "--help"], capsys))
+    for words in ALL:
+        if words[: len(group)] == group:
+            assert re.search(rf"• {words[len(group)]}\b", text)
+
+
+@pytest.mark.parametrize("name", ["run", "simulate", "reconstruct"])
+def test_help_shows_the_main_flags_and_counts_the_rest(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = help_lines([name, "--help"], capsys)
+    full = help_lines([name, "--help-all"], capsys)
+    hidden = set(flags_in(full)) - set(flags_in(short))
+    assert set(flags_in(short)) < set(flags_in(full))
+    assert len(flags_in(short)) <= 15 + 4  # and those of every command
+    assert short[-1] == f"'digs-warp {name} --help-all' shows {len(hidden)} more flags."
+    assert "--help-all' shows" not in full[-1]
+
+
+def test_hidden_flags_still_work() -> None:
+    command = cli.parse(["simulate", "--out", "x", "--samples-per-pixel", "7", "--mesh", "a.glb"])
+    assert isinstance(command, Simulate)
+    assert command.recording.samples_per_pixel == 7
+    assert command.recording.mesh == Path("a.glb")
+    assert command.output == OutputFolder(out=Path("x"))
+
+
+def test_a_benchmark_says_what_it_measures(capsys: pytest.CaptureFixture[str]) -> None:
+    for benchmark in BENCHMARKS:
+        text = "\n".join(help_lines(["bench", benchmark.name, "--help"], capsys))
+        assert benchmark.summary[1:] in text
+        assert ("--plot" in text) == bool(benchmark.chart_function)
+
+
+# Commands of commands
+
+
+def test_every_benchmark_and_study_is_a_command() -> None:
+    for benchmark in BENCHMARKS:
+        command = cli.parse(["bench", benchmark.name])
+        assert isinstance(command, BenchWithPicture if benchmark.chart_function else Bench)
+        assert command.name == benchmark.name
+    for study in STUDIES:
+        command = cli.parse(["study", "run", study.name, "--seeds", "3"])
+        assert isinstance(command, RunStudy)
+        assert (command.name, command.seeds) == (study.name, 3)
+        assert (command.objects, command.iterations) == (study.objects, study.iterations)
+
+
+# Suggestions
+
+
+@pytest.mark.parametrize(
+    ("words", "suggestion"),
+    [
+        (["simulte"], "did you mean 'simulate'?"),
+        (["bench", "rastr"], "did you mean 'raster'?"),
+        (["study", "run", "tradof"], "did you mean 'tradeoff'?"),
+        (["usd", "vaildate"], "did you mean 'validate'?"),
+        (["run", "--out", "x", "--strategy", "fussion"], "did you mean 'fusion'?"),
+        (["convert", "a", "--out", "x", "--to", "colmp"], "did you mean 'colmap'?"),
+        (["run", "--out", "x", "--meshh", "a.glb"], "--mesh PATH"),
+        (["run", "--out", "x", "--samples-per-pixl", "2"], "--samples-per-pixel INT"),  # hidden
+        (["run", "--out", "x", "--quite"], "--quiet"),
+        (["--quite", "run", "--out", "x"], "did you mean '--quiet'?"),
+    ],
+)
+def test_a_close_miss_is_suggested_in_a_few_lines(
+    words: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == EXIT_WRONG_USAGE
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert suggestion in captured.err
+    assert len(captured.err.splitlines()) <= 16
+
+
+@pytest.mark.parametrize(
+    ("words", "known"), [(["qqq"], "reconstruct"), (["bench", "qqq"], "raster"), (["usd"], "diff")]
+)
+def test_without_a_close_miss_the_error_says_what_there_is(
+    words: list[str], known: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == EXIT_WRONG_USAGE
+    error = capsys.readouterr().err
+    assert known in error
+    assert len(error.splitlines()) == 1
+
+
+def test_refused_settings_are_explained_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--out", "x", "--frames", "0"]) == EXIT_WRONG_USAGE
+    error = capsys.readouterr().err
+    assert error.startswith("digs-warp: ")
+    assert len(error.splitlines()) == 1
+
+
+# The flags of every command
+
+
+@pytest.mark.parametrize("words", [["--version"], ["info", "--version"], ["--version", "nonsense"]])
+def test_version(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == EXIT_OK
+    assert re.match(r"digs-warp \d+\.\d+", capsys.readouterr().out)
+
+
+def run_in_process(*words: str) -> subprocess.CompletedProcess[str]:
+    program = (
+        "import sys, logging; from digs_warp.cli import main\n"
+        "from digs_warp.commands.info import Info\n"
+        "def execute(self):\n"
+        "    for name in ('digs_warp.x', 'digs_warp.kernels', 'PIL'):\n"
+        "        for level in (10, 20, 30, 40): logging.getLogger(name).log(level, name)\n"
+        "    return 'result'\n"
+        "Info.execute = execute; sys.exit(main())"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", program, *words], capture_output=True, text=True, check=True
+    )
+
+
+USUAL = ["WARNING: digs_warp.x", "ERROR: digs_warp.x", "INFO: digs_warp.kernels"]
+
+
+@pytest.mark.parametrize(
+    ("words", "logged"),
+    [
+        (["info", "x"], USUAL),
+        (["--quiet", "info", "x"], ["ERROR: digs_warp.x"]),
+        (["info", "x", "--quiet"], ["ERROR: digs_warp.x"]),
+        (["--verbose", "info", "x"], [*USUAL, "DEBUG: digs_warp.x", "DEBUG: digs_warp.kernels"]),
+    ],
+)
+def test_quiet_and_verbose_change_the_log_and_not_the_result(
+    words: list[str], logged: list[str]
+) -> None:
+    done = run_in_process(*words)
+    assert done.stdout == "result\n"
+    lines = done.stderr.splitlines()
+    assert set(logged) <= set(lines)
+    assert ("WARNING: digs_warp.x" in lines) == ("--quiet" not in words)
+    assert ("DEBUG: digs_warp.x" in lines) == ("--verbose" in words)
+    assert "INFO: PIL" not in lines
+
+
+def test_words_after_two_dashes_are_no_flags() -> None:
+    command = cli.parse(["info", "--", "--verbose"])
+    assert getattr(command, "path", None) == Path("--verbose")
+
+
+# Completion
+
+
+def test_completion_for_bash_is_written(tmp_path: Path) -> None:
+    script = tmp_path / "digs-warp"
+    assert main(["--tyro-write-completion", "bash", str(script)]) == EXIT_OK
+    text = script.read_text()
+    assert "complete -F" in text
+    for word in ("simulate", "tradeoff", "raster", "samples-per-pixel", "--quiet"):
+        assert word in text

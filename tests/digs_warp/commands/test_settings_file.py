@@ -1,0 +1,137 @@
+"""--config: the settings of an earlier run as defaults."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from digs_warp import cli
+from digs_warp.checks import DigsError
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.commands.plan import Plan
+from digs_warp.commands.reconstruct import Reconstruct
+from digs_warp.commands.run import Run
+from digs_warp.commands.simulate import Simulate
+from digs_warp.record.run_log import RunLog
+
+RECORDING = ["--frames", "7", "--mesh", "a b.glb", "--strength", "0.1", "--seed", "3", "--normals"]
+RECONSTRUCTION = [
+    *("--poses", "sfm", "--strategy", "fusion", "--voxel-size", "0.0037", "--no-edge-filter"),
+    *("--iterations", "12", "--time-budget", "3min", "--density", "mcmc", "--means-rate", "1e-5"),
+    *("--evaluate-at", "3", "5", "--test-every", "4", "--masks", "folder", "--mask-folder", "m"),
+]
+
+
+def save(path: Path, command: str, settings: Any) -> Path:
+    RunLog(command, settings).save(path)
+    return path
+
+
+def settings_of(command: object) -> Any:
+    """What the command writes into its run.json."""
+    if isinstance(command, Run):
+        config = command.reconstruct_config(command.recording.seed)
+        return {"recording": command.recording, "reconstruction": config}
+    if isinstance(command, Reconstruct):
+        return command.reconstruct_config(command.seed)
+    assert isinstance(command, Simulate)
+    is_one = not command.many.asked_for
+    return command.recording if is_one else {"recording": command.recording, "scenes": command.many}
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "flags"),
+    [
+        ("run", [], [*RECORDING, *RECONSTRUCTION]),
+        ("run", [], []),
+        ("reconstruct", ["capture"], ["--seed", "9", *RECONSTRUCTION]),
+        ("simulate", [], RECORDING),
+        ("simulate", [], ["--meshes", "*.glb", "--trajectories", "2", "--frames", "3"]),
+    ],
+)
+def test_settings_come_back_identical(
+    name: str, source: list[str], flags: list[str], tmp_path: Path
+) -> None:
+    first = cli.parse([name, *source, "--out", "a", *flags])
+    record = save(tmp_path / "run.json", name, settings_of(first))
+    second = cli.parse([name, *source, "--config", str(record), "--out", "b"])
+    assert settings_of(second) == settings_of(first)
+    assert second != first  # the folder
+
+
+def test_a_run_can_be_repeated_from_its_record(tmp_path: Path) -> None:
+    tiny = ["--frames", "2", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]
+    assert main(["simulate", "--out", str(tmp_path / "a"), *tiny]) == EXIT_OK
+    again = ["simulate", "--config", str(tmp_path / "a" / "run.json"), "--out", str(tmp_path / "b")]
+    assert main(again) == EXIT_OK
+    records = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("a", "b")]
+    assert records[0]["settings"] == records[1]["settings"]
+    assert records[0]["results"] == records[1]["results"]
+
+
+def test_flags_override_the_file(tmp_path: Path) -> None:
+    first = cli.parse(["run", "--out", "a", *RECORDING, *RECONSTRUCTION])
+    record = save(tmp_path / "run.json", "run", settings_of(first))
+    flags = ["--frames", "9", "--strategy", "depth", "--edge-filter"]
+    command = cli.parse(["--config", str(record), "run", "--out", "b", *flags])
+    assert isinstance(command, Run)
+    assert (command.recording.frames, command.recording.strength) == (9, 0.1)
+    assert (command.init.strategy, command.init.edge_filter) == ("depth", True)
+
+
+def test_yaml_with_a_few_settings_is_enough(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "settings:\n  recording: {frames: 7}\n  reconstruction: {init: {voxel_size: 1e-3}}\n"
+    )
+    command = cli.parse(["run", "--config", str(path), "--out", "x"])
+    assert isinstance(command, Run)
+    assert (command.recording.frames, command.init.voxel_size) == (7, 1e-3)
+    assert command.recording.tier == "planned"
+
+
+def test_a_plan_takes_the_settings_of_a_recording(tmp_path: Path) -> None:
+    first = cli.parse(["simulate", "--out", "a", *RECORDING])
+    record = save(tmp_path / "run.json", "simulate", settings_of(first))
+    command = cli.parse(["plan", "--config", str(record)])
+    assert isinstance(command, Plan)
+    assert (command.recording.frames, command.recording.mesh) == (7, Path("a b.glb"))
+
+
+@pytest.mark.parametrize(
+    ("command", "settings", "message"),
+    [
+        ("simulate", {"frames": 3}, "settings of 'digs-warp simulate'.*'digs-warp run'"),
+        ("run", {"recording": {"framse": 3}}, "unknown setting 'framse'.*frames"),
+        ("run", {"recordings": {}}, "unknown setting 'recordings'"),
+        ("run", {"recording": {"frames": "many"}}, "recording.frames: 'many', expected int"),
+        ("run", {"recording": {"tier": "x"}}, "recording.tier: 'x', expected truth, law"),
+        ("run", {"recording": 3}, "expected names with values, found 3"),
+        ("run", {"recording": {"frames": 0}}, "frames"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(
+    command: str, settings: object, message: str, tmp_path: Path
+) -> None:
+    path = save(tmp_path / "run.json", command, settings)
+    with pytest.raises(DigsError, match=message):
+        cli.parse(["run", "--config", str(path), "--out", "x"])
+
+
+@pytest.mark.parametrize("name", ["missing.json", "broken.json", "empty.json", "list.yaml"])
+def test_an_unusable_file_is_named(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file, text in (("broken.json", "{"), ("empty.json", "{}"), ("list.yaml", "[1]")):
+        (tmp_path / file).write_text(text)
+    assert main(["run", "--config", str(tmp_path / name), "--out", "x"]) == EXIT_WRONG_USAGE
+    assert name in capsys.readouterr().err
+
+
+def test_commands_without_settings_take_no_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["info", "--config", "x.json", str(tmp_path)]) == EXIT_WRONG_USAGE
+    assert "takes no --config" in capsys.readouterr().err
+    assert main(["info", str(tmp_path)]) == EXIT_BAD_INPUT
