@@ -1,4 +1,4 @@
-"""The studies that ``digs-warp study`` knows. Imports no study: the command line reads its help from here."""
+"""The studies of ``digs-warp study``; imports none of them, because the command line reads this."""
 
 import importlib
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 class Study:
     """A question, and the module of `digs_warp.study.studies` that answers it.
 
-    The module has ``cases(objects_count, seeds, iterations)``, those that matter most first, and
-    ``sections(records)``, what the report draws.
+    The module has ``cases(objects_count, seeds, iterations)``, the most important first, and
+    ``sections(records)``, the content of the report.
 
     Attributes:
         name: as the command line takes it; also the name of the module.
         title: of the report.
         summary: one line for help and report.
-        objects, iterations: how much is measured when nothing else is asked for.
+        objects, iterations: defaults of the command line.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Study:
 
     @property
     def folder(self) -> Path:
-        """Where results and report go when nothing else is asked for."""
+        """The default folder of results and report."""
         return Path("out") / "study" / self.name
 
     def cases(self, objects: int, seeds: int, iterations: int) -> "Sequence[Case]":
@@ -43,7 +43,7 @@ class Study:
         return self._module().cases(objects, seeds, iterations)
 
     def sections(self, records: Sequence[Any]) -> "Sequence[Section]":
-        """Return what the report shows of the records of cases that ended well."""
+        """Return the content of the report for the records of successful cases."""
         return self._module().sections(records)
 
     def report(self, folder: Path) -> Path:
@@ -85,21 +85,21 @@ STUDIES = (
     Study(
         "tradeoff",
         "What accuracy costs in time",
-        "each knob of the chain alone, its seconds and what they buy, and the front of the best settings",
+        "each knob of the chain alone, its seconds and its gain, and the front of the best settings",
         objects=2,
         iterations=500,
     ),
     Study(
         "robustness",
         "Errors of the sensor",
-        "the effects of the simulated camera at rising strength: all together for the five strategies, each "
+        "effects of the simulated camera at rising strength: all together for the five strategies, and each "
         "alone for Highdepth",
         objects=1,
         iterations=300,
     ),
     Study(
         "ablation",
-        "What each component of the start is worth",
+        "The value of each component of the start",
         "the paper's Highdepth without one component, or with one addition: points, scale, quality along the "
         "iterations",
         objects=2,
@@ -115,7 +115,7 @@ STUDIES = (
     Study(
         "scaling",
         "How the work grows",
-        "seconds and memory against frames, pixels, splats and threads, fitted laws, and plans from them",
+        "seconds and memory by frames, pixels, splats and threads, with fitted laws and plans from them",
         objects=1,
         iterations=200,
     ),

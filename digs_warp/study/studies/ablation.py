@@ -1,8 +1,8 @@
-"""What each component of the initialization is worth: what the paper leaves to future work (its section 5).
+"""The value of each component of the initialization, which the paper leaves to future work (its section 5).
 
-Each case changes one thing in the paper's Highdepth: a component is taken out, or an addition of ours put in.
-Poses are estimated, as in the paper. With spoilt masks the initialization sees what a segmentation that fails
-now and then gives it, with true ones what is left for the other filters to do.
+Each case changes one thing in the paper's Highdepth: it removes a component, or adds one of ours. Poses are
+estimated, as in the paper. Spoilt masks imitate a segmentation that fails now and then; true masks show what
+the other filters contribute.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.table import Table
 
-# Smooth and well textured; thin legs, and parts that hide each other.
+# One is smooth and well textured; the other has thin legs, and parts that hide each other.
 FIRST_OBJECTS = ("ycb_mustard_bottle", "armchair")
 
 RECORDING: dict[str, Any] = {"frames": 48, "width": 480, "height": 270, "samples_per_pixel": 4}
@@ -34,7 +34,7 @@ MASKS: dict[str, dict[str, Any]] = {SPOILT: {"segment.masks": "degraded"}, TRUE:
 
 ITERATIONS = (100, 300, 1000)
 
-# No two measurements share a voxel of this size [m]; as many points are drawn from them as the grid leaves.
+# No two measurements share a voxel of this size [m]; about as many points are drawn as the usual grid keeps.
 NO_GRID: dict[str, Any] = {"init.voxel_size": 1e-4, "init.max_points": 60_000}
 FEW_POINTS = 20_000
 
@@ -76,7 +76,7 @@ def cases(objects_count: int = 2, seeds: int = 1, iterations: int = 1000) -> lis
 def _case(
     name: str, scene: Mapping[str, Any], masks: str, variant: str, seed: int, iterations: int
 ) -> Case:
-    # Another order of the views is that of no other repetition.
+    # AGAIN uses an order of the views that no other repetition has.
     seeds = {"train.seed": 1000 + seed if variant == AGAIN else seed, "segment.mask_seed": seed}
     return Case(
         labels={"object": name, "masks": masks, "variant": variant, "seed": seed},
@@ -86,7 +86,7 @@ def _case(
     )
 
 
-# The differences to the recipe stand beside the values of other columns.
+# Columns without the difference to the recipe beside the value.
 PLAIN = ("points", "scale error [%]")
 
 
@@ -118,15 +118,15 @@ def sections(records: Sequence[Record]) -> list[Section]:
 
 
 def _of_masks(masks: str, records: Sequence[Record]) -> Section:
-    titles = {SPOILT: "With masks of a usual failure", TRUE: "With true masks"}
+    titles = {SPOILT: "With typical mask errors", TRUE: "With true masks"}
     texts = {
-        SPOILT: "Masks with wrong borders, leaks into the surround and missing pieces, for the "
-        "initialization and the training alike; the views that measure have true masks.",
-        TRUE: "The masks of the simulator, without an error.",
+        SPOILT: "Masks with wrong borders, leaks into the background and missing pieces, for both the "
+        "initialization and the training. The test views have true masks.",
+        TRUE: "The error-free masks of the simulator.",
     }
     text = (
-        f"{texts[masks]} In brackets: the difference to the first row of the same object. "
-        "PSNR and SSIM are those of held-out views, and, at the end, of a perfect camera. "
+        f"{texts[masks]} In brackets: the difference from the first row of the same object. "
+        "PSNR and SSIM are measured on held-out views; the last column on views of a perfect camera. "
         f"{_findings(records)}"
     )
     columns = _columns(records)
@@ -171,7 +171,7 @@ def _differences(records: Sequence[Record], value: Value) -> dict[str, list[floa
 
 
 def _findings(records: Sequence[Record]) -> str:
-    """Say which variants change more than chance does, and how much chance does."""
+    """Name the variants that change more than chance does, and how much chance changes."""
     sentences = []
     for when, value in (
         (f"after {ITERATIONS[0]} steps", at_iteration(ITERATIONS[0], "psnr")),
@@ -188,7 +188,8 @@ def _findings(records: Sequence[Record]) -> str:
                 sentences.append(f"{what} most {when}: {', '.join(names[:3])}.")
         if chance:
             sentences.append(
-                f"Another order of the views alone changes {chance:.2f} dB then: less tells nothing."
+                f"A different order of the views alone changes {chance:.2f} dB then: smaller differences "
+                "are not significant."
             )
     return " ".join(sentences)
 
@@ -202,8 +203,8 @@ def _chart(masks: str, records: Sequence[Record]) -> Chart:
         known = [(fmean(found[name]), row) for row, name in enumerate(names) if name in found]
         label = f"after {iteration} steps"
         curves.append(Curve(label, [x for x, _ in known], [y for _, y in known], line=False))
-    title = f"Difference to the {RECIPE}, {masks} masks"
-    x_label = "PSNR of held-out views, less that of the recipe [dB]"
+    title = f"Difference from the {RECIPE}, {masks} masks"
+    x_label = "PSNR of held-out views minus that of the recipe [dB]"
     return Chart(f"ablation_{masks}", title, curves, x_label, "", rows=names)
 
 
@@ -219,9 +220,9 @@ def _weights(records: Sequence[Record]) -> Section:
         if (group := by_case.get((masks, name, variant)))
     ]
     text = (
-        "The weights of foreground and background in the k-means of the paper's eq. 9; it leaves open how "
-        "they enter. Here a pixel is background where it is three times as near to the background's mean "
-        "depth as to the foreground's."
+        "The weights of foreground and background in the k-means of the paper's eq. 9, which does not say "
+        "how they are applied. Here a pixel is background if it is three times as close to the mean depth of "
+        "the background as to that of the foreground."
     )
     headings = ["masks", "object", "weights", *(column.heading for column in columns)]
     return Section("The weights of the k-means", text, [Table("weights", headings, rows)])

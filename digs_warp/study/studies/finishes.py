@@ -1,4 +1,4 @@
-"""The part of the trade-offs that is decided after the training: alpha cut and export precision."""
+"""Trade-offs that are decided after the training: alpha cut and export precision."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,19 +10,19 @@ from digs_warp.study.table import Table
 
 
 def finish_sections(usual: Sequence[Record]) -> list[Section]:
-    """Return what is still to be chosen after the training, measured on the usual results."""
+    """Return the choices after the training, measured on results of the usual settings."""
     found = [r["finishes"] for r in usual if r.get("finishes")]
     if not found:
         return []
     cuts = _finish_rows([f["alpha_cuts"] for f in found], "seconds", 1e3, 2)
     stored = _finish_rows([f["precisions"] for f in found], "megabytes", 1.0, 2)
     cut_text = (
-        "The faintest alpha that is still drawn. A higher cut makes splats smaller and views faster; what it "
-        "leaves out is missed at soft edges. The training draws with the first."
+        "The faintest alpha that is still drawn. A higher cut makes splats smaller and views faster, but "
+        "soft edges suffer. The training uses the first value."
     )
     stored_text = (
-        "How exactly the USD scene holds its numbers (--precision). 'mixed' keeps the positions exact; what "
-        "is lost is seldom to be seen, what is saved is disk and loading time."
+        "The precision of the numbers in the USD scene (--precision). 'mixed' keeps the positions exact. The "
+        "loss is rarely visible; the gain is disk space and loading time."
     )
     return [
         Section(
@@ -54,7 +54,7 @@ def _finish_rows(
 
 def _tiles() -> Section:
     text = (
-        f"{TILE_SIZE} x {TILE_SIZE} pixels, and no knob: a row of a tile is what the kernels hold in vector "
-        "registers, so another size would be another kernel."
+        f"{TILE_SIZE} x {TILE_SIZE} pixels, not adjustable: the kernels hold a row of a tile in vector "
+        "registers, so another size would need another kernel."
     )
     return Section("Tile size", text)

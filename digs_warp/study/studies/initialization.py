@@ -25,8 +25,8 @@ STRATEGIES = ("default", "depth", "highdepth", "fusion", "random")
 ITERATIONS = (100, 300, 500, 1000, 3000, 7000, 12000)
 STAGES = ("structure from motion", "scale", "initialize", "train")
 
-# Small images and few views, so that all objects fit into twenty minutes on two cores: what the strategies
-# differ in is where they start.
+# Small images and few views, so that all objects fit into twenty minutes on two cores. The strategies differ
+# in their starts, which small images show as well.
 RECORDING: dict[str, Any] = {"frames": 48, "width": 480, "height": 270, "samples_per_pixel": 4}
 
 # Poses are estimated, as in the paper. Density control is that of 3DGS for all five.
@@ -37,14 +37,14 @@ RECONSTRUCTION: dict[str, Any] = {
     "train.density.strategy": "adaptive",
 }
 
-# The paper trains 12,000 steps. These many times the usual ones, on the first object; they come last, where
-# the time budget still has room, those that the paper compares most before the others.
+# The paper trains 12,000 steps: this many times the usual number. Long runs use the first object and come
+# last, in case the time budget has room for them; the strategies that the paper compares most come first.
 LONG = 12
 LONG_STRATEGIES = ("highdepth", "default", "depth", "fusion", "random")
 
 
 def cases(objects_count: int = 6, seeds: int = 1, iterations: int = 1000) -> list[Case]:
-    """Return the cases, one seed after the other; an object's five strategies follow each other."""
+    """Return the cases seed by seed; the five strategies of an object are consecutive."""
     short = [
         _case(name, scene, strategy, seed, iterations)
         for seed in range(seeds)
@@ -85,7 +85,7 @@ def sections(records: Sequence[Record]) -> list[Section]:
 
 
 def _lead(records: Sequence[Record]) -> Section:
-    """The paper's claim, object by object: how far Highdepth is ahead of Default."""
+    """Return the lead of Highdepth over Default, which is the paper's claim, object by object."""
     rows = []
     for (name, seed), found in group_by(records, "object", "seed").items():
         by_strategy = {record["labels"]["strategy"]: record for record in found}
@@ -103,10 +103,10 @@ def _lead(records: Sequence[Record]) -> Section:
     headings = ["object", "points of Highdepth", "points of Default"]
     headings += [f"dB after {i}" for i in reached]
     text = (
-        "PSNR of Highdepth less that of Default on the held-out views. An initialization pays while the "
-        "training has not caught up: the lead is largest after few steps. It grows with what the sparse "
-        "points leave open, so read it beside their number; the paper has larger images and more views, and "
-        "its objects fill other shares of the image."
+        "PSNR of Highdepth minus PSNR of Default on the held-out views. A good start pays off until the "
+        "training catches up, so the lead is largest after few steps. It is larger where the sparse points "
+        "leave gaps, so read it together with their number. The paper has larger images and more views, and "
+        "its objects fill a different share of the image."
     )
     return Section("Highdepth ahead of Default", text, [Table("lead", headings, rows)])
 
@@ -127,11 +127,11 @@ def _quality(records: Sequence[Record]) -> Section:
     ]
     chart = _course_chart("psnr", "Held-out quality along the iterations", records)
     text = (
-        "Mean and standard deviation over objects and seeds, on held-out views on white. The paper's figures "
-        "(its table 2) are from other objects, at 1600 px and over white as well: compare the order and the "
-        "differences, not the level. Starts from depth have our defaults, which also leave out points that "
-        "other views saw through; the study of components tells what that is worth. In the paper all "
-        "strategies are nearly equal after 12,000 steps: a start from depth saves the time until then."
+        "Mean and standard deviation over objects and seeds, on held-out views over white. The paper's "
+        "figures (its table 2) are from other objects, at 1600 px and also over white: compare the order and "
+        "the differences, not the level. Starts from depth use our defaults, which also remove points that "
+        "other views saw through; the ablation study measures what that gains. In the paper all strategies "
+        "are nearly equal after 12,000 steps: a start from depth saves the time until then."
     )
     return Section("Quality along the iterations", text, tables, [chart])
 
@@ -140,8 +140,8 @@ def _long_runs(records: Sequence[Record]) -> Section:
     table = _compared("psnr_long", "psnr", 2, records, paper.PSNR)
     chart = _course_chart("psnr_long", "Held-out quality along a long run", records)
     text = (
-        "As long as the paper's runs, on one object. The learning rates fall along the whole run, so its "
-        "first thousand steps are not those of a short run."
+        "Runs as long as the paper's, on one object. The learning rates fall along the whole run, so the "
+        "first thousand steps differ from those of a short run."
     )
     return Section("Long runs", text, [table], [chart])
 
@@ -189,11 +189,12 @@ def _end(records: Sequence[Record]) -> Section:
         Column("covered [%]", 1, number("yardstick", "depth_seen", factor=100)),
     ]
     text = (
-        "The end of the runs, on views of a perfect camera on a walk that no recording took: sharp images "
-        "and true depth. FLIP stands for the paper's LPIPS: a perceptual difference as well, 0 is none; it "
-        "needs no trained weights. Depth error: median depth of the Gaussians against the true one, mean "
-        "absolute difference over the object's pixels that they cover by half. Poses are estimated: an error "
-        "of a few mm is that of the alignment with the recording's world."
+        "The end of the runs, on views of a perfect camera along a walk that no recording took: sharp images "
+        "and true depth. FLIP replaces the paper's LPIPS: it is also a perceptual difference (0: none) but "
+        "needs no trained weights. Depth error: mean absolute difference between the median depth of the "
+        "Gaussians and the true depth, over the pixels of the object with an alpha of at least one half. "
+        "Poses are estimated, so an error of a few mm comes from aligning them with the world of the "
+        "recording."
     )
     table = tabulate("end", ("strategy",), group_by(records, "strategy"), columns)
     return Section("At the end", text, [table])
@@ -213,10 +214,10 @@ def _geometry(records: Sequence[Record]) -> Section:
             Column(f"{heading}: spacing ratio", 2, of("spacing_ratio")),
         ]
     text = (
-        "How far points and centres of the Gaussians lie from the true surface, which share of it has one "
-        "within 5 mm, and how evenly they lie: what the paper's figure 7 shows, in numbers. Spacing ratio: "
-        "upper over lower quartile of the distance to the eighth nearest point, over the surface; 1.28 is "
-        "random and even, more is clustered. Parts that no camera saw count as missing."
+        "The paper's figure 7 in numbers: the distance of points and of centres of Gaussians from the true "
+        "surface, the share of the surface that has one within 5 mm, and how evenly they are spread. Spacing "
+        "ratio: upper over lower quartile of the distance to the eighth nearest point, over the surface; "
+        "1.28 is random and even, more is clustered. Parts that no camera saw count as missing."
     )
     table = tabulate("geometry", ("strategy",), group_by(records, "strategy"), columns)
     return Section("Geometry", text, [table])
@@ -234,8 +235,8 @@ def _times(records: Sequence[Record]) -> Section:
         rows.append([f"{strategy}, paper", *map(str, published)])
     headings = ["strategy", *(column.heading for column in columns)]
     text = (
-        "Seconds of each stage, as in the paper's table 4 (200 images of 1600 px, a GPU). Compiling kernels "
-        "is not counted; structure from motion is done once for each recording. Its column also holds the "
-        "paper's masks; here they are part of the recording."
+        "Seconds of each stage, as in the paper's table 4 (200 images of 1600 px, a GPU), without compiling "
+        "kernels. Structure from motion runs once per recording; the paper's value includes masks, which are "
+        "part of the recording here."
     )
     return Section("Times", text, [Table("times", headings, rows)])

@@ -1,4 +1,4 @@
-"""How errors of the sensor reach the result: all together for every strategy, then each effect alone."""
+"""The effect of sensor errors on the result: all together for every strategy, then each effect alone."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,7 +22,7 @@ from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.table import Table
 
-# The largest first: it tells whether an effect matters at all.
+# The largest first: it shows whether an effect matters at all.
 STRENGTHS = (4.0, 1.0, 2.0)
 STRATEGIES = ("highdepth", "depth", "fusion", "default", "random")
 MAIN = "highdepth"
@@ -30,7 +30,7 @@ ITERATIONS = (100, 300)
 
 ALL, NONE = "all together", "none"
 
-# Small, because there are two dozen effects; poses are the recording's own, so that nothing else is wrong.
+# Small, because there are two dozen effects. Poses come from the recording, so that nothing else is wrong.
 RECORDING: dict[str, Any] = {"frames": 24, "width": 400, "height": 225, "samples_per_pixel": 2}
 
 
@@ -109,8 +109,8 @@ def _strategies(groups: Groups) -> Section:
         *("strength of the effects (1: a real camera)", "PSNR on views of a perfect camera [dB]"),
     )
     text = (
-        "Every effect at once at 0, 1, 2 and 4 times its real strength. Default and Random do not start from "
-        "depth: what they lose is what the photographs have lost (blur, grain, vignetting)."
+        "All effects at once, at 0, 1, 2 and 4 times their real strength. Default and Random do not start "
+        "from depth: their loss comes from the photographs alone (blur, grain, vignetting)."
     )
     table = tabulate("strategies", ("strategy", "strength"), rows, COLUMNS)
     return Section("All effects together", text, [table], [chart])
@@ -126,20 +126,20 @@ def _effects(groups: Groups) -> Section:
     if clean := groups.get((NONE, 0.0, MAIN)):
         rows[NONE, 0.0] = clean
     worst = _by_harm(groups)[:3]
-    text = f"Each effect alone, with {MAIN}; the most harmful first."
+    text = f"Each effect alone, with {MAIN}, the most harmful first."
     if worst:
-        text += f" What costs most of the final quality: {', '.join(worst)}."
+        text += f" These cost the most final quality: {', '.join(worst)}."
     if idle := _idle(groups):
         text += (
-            f" Found nothing to work on here (clear or mirroring material, fast motion, a rig out "
-            f"of adjustment), and changed nothing: {', '.join(idle)}."
+            " These need something that this scene does not have (clear or mirroring material, fast "
+            f"motion, a misaligned rig) and changed nothing: {', '.join(idle)}."
         )
     table = tabulate("effects", ("effect", "strength"), rows, COLUMNS)
     return Section("Each effect alone", text, [table], [_chart(groups)] if rows else [])
 
 
 def _stages(groups: Groups) -> Section:
-    """Say which stage an effect at the largest strength hurts: scale, points, early or late training."""
+    """Show which stage an effect at its largest strength hurts: scale, points, early or late training."""
     clean = groups.get((NONE, 0.0, MAIN))
     rows = [
         [effect, *(column.difference(found, clean) for column in COLUMNS)]
@@ -147,16 +147,16 @@ def _stages(groups: Groups) -> Section:
         if clean and (found := groups.get((effect, max(STRENGTHS), MAIN)))
     ]
     text = (
-        f"What {max(STRENGTHS):g} times the real strength changes, against no effect at all. Scale error "
-        "and Chamfer distance: harm before the training. PSNR after 100 steps: what the start has lost. PSNR "
-        "at the end: what training could not make up for."
+        f"The change from no effect to {max(STRENGTHS):g} times the real strength. Scale error and Chamfer "
+        "distance show harm before the training, PSNR after 100 steps shows a worse start, and PSNR at the "
+        "end shows what the training could not make up for."
     )
     headings = ["effect", *(column.heading for column in COLUMNS)]
     return Section("Which stage is hurt", text, [Table("stages", headings, rows)])
 
 
 def _by_harm(groups: Groups) -> list[str]:
-    """Return the single effects that change anything, first those whose largest strength leaves the least."""
+    """Return the single effects that change anything, the most harmful at its largest strength first."""
     idle = _idle(groups)
     strongest: dict[str, tuple[float, float]] = {}
     for (effect, strength, strategy), found in groups.items():
@@ -168,7 +168,7 @@ def _by_harm(groups: Groups) -> list[str]:
 
 
 def _idle(groups: Groups) -> list[str]:
-    """Return the single effects with which everything comes out as without, to the last bit."""
+    """Return the single effects that change nothing, to the last bit."""
     if not (clean := groups.get((NONE, 0.0, MAIN))):
         return []
     usual = _values(clean)

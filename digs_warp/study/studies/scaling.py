@@ -1,4 +1,4 @@
-"""How seconds and memory of the chain grow with frames, pixels, splats and threads; plans from the laws."""
+"""How time and memory of the chain grow with frames, pixels, splats and threads, and plans from that."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ CURVES: dict[str, Sequence[Any]] = {
 }
 ONE_THREAD = "one thread"
 
-# The longest side in which features are sought.
+# The longest image side that is used for feature detection.
 FEATURE_WIDTH = SfmConfig.feature_size
 SEARCHED = f"frame pixels up to {FEATURE_WIDTH} wide"
 
-# What each stage's seconds, and the peak memory [MB], are a sum of; coefficients are fitted, none below zero.
+# The seconds of each stage, and the peak memory [MB], are sums of these terms with fitted coefficients >= 0.
 LAWS: dict[str, tuple[str, ...]] = {
     "render": ("frames", "frame pixels"),
-    # Each new frame refines those before it once more.
+    # Each new frame refines all earlier ones again.
     "structure from motion": ("frames", "pairs of frames", SEARCHED),
     "initialize": ("frames", "frame pixels", "splats"),
     "train": ("steps", "step pixels", "step splats"),
@@ -50,7 +50,7 @@ PER_FRAME = ("render", "initialize")
 
 @dataclass(frozen=True)
 class Load:
-    """What a run of the chain has to do."""
+    """The work of one run of the chain."""
 
     name: str
     frames: int
@@ -88,7 +88,7 @@ PLANS = (
 def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 200) -> list[Case]:
     """Return the base case, the base case on one thread, and one size changed at a time.
 
-    Each has a walk of its own: a recording or structure from motion that two shared would be measured once.
+    Each has its own walk: a recording or structure from motion of two cases would be measured only once.
     """
     settings: list[tuple[str, dict[str, Any], int | None]] = [("base", BASE, None)]
     settings.append((ONE_THREAD, BASE, 1))
@@ -117,7 +117,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 200) -> list
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
-    """Return the measurements with the fitted laws, what threads bring, and plans."""
+    """Return the measurements with the fitted laws, the gain from threads, and plans."""
     usual = [r for r in records if r["labels"]["curve"] != ONE_THREAD]
     if not usual:
         return [Section("Nothing to fit", "Only cases on one thread were measured.")]
@@ -151,7 +151,7 @@ def fit(records: Sequence[Record], stage: str, terms: Sequence[str]) -> Law:
 
 
 def load_of(record: Record) -> Load:
-    """Return what a case had to do."""
+    """Return the work of a case."""
     recording, results = record["recording"], record["results"]
     return Load(
         *("measured", recording["frames"], recording["width"], recording["height"]),
@@ -174,8 +174,8 @@ def _laws(laws: dict[str, Law]) -> Section:
             per, factor = SINGLE.get(term, (f"per million {term}", 1e6))
             rows.append([stage, per, f"{factor * value:.4g} {unit}", f"{100 * law.miss:.0f} %"])
     text = (
-        "Each law is a sum of counts, fitted to the measurements with no coefficient below zero: a zero says "
-        "that the term does not show at these sizes. The last column is the median error of the law."
+        "Each law is a sum of counts, fitted to the measurements without negative coefficients. A zero means "
+        "that the term is not visible at these sizes. The last column is the median error of the law."
     )
     headings = ["stage", "term", "costs", "median error"]
     return Section("Laws", text, [Table("laws", headings, rows)])
@@ -210,8 +210,8 @@ def _measured(records: Sequence[Record], laws: dict[str, Law]) -> Section:
         log_y=True,
     )
     text = (
-        "One of frames, image width and splats varies at a time; every row has a walk of its own. Points "
-        "above the line took longer than the law says."
+        "Frames, image width and splats vary one at a time; every row has its own walk. Points above the "
+        "line took longer than the law predicts."
     )
     return Section("Measurements", text, [Table("measurements", headings, rows)], [chart])
 
@@ -228,7 +228,7 @@ def _threads(records: Sequence[Record]) -> Section:
         headings = ["stage", "1 thread [s]", f"{base['threads']} threads [s]", "times faster"]
     else:
         headings = ["stage", "1 thread [s]", "all threads [s]", "times faster"]
-    text = "The same sizes on one thread and on all of them, each on a walk of its own."
+    text = "The same sizes on one thread and on all threads, each with its own walk."
     return Section("Threads", text, [Table("threads", headings, rows)])
 
 
@@ -251,10 +251,10 @@ def _plans(laws: dict[str, Law]) -> Section:
     headings = ["plan", "frames", "image", "splats", "steps", *(f"{stage} [s]" for stage in stages)]
     headings += ["total [s]", "per frame", "memory [GB]"]
     text = (
-        "What the laws say of larger work on this machine. One scene runs in one process on one machine; two "
-        "machines pay where there are two scenes, and then fully. The frames of one scene could be divided "
-        "for what the column 'per frame' counts, rendering and back-projection; matching and training could "
-        "not. The plans lie outside of what was measured, by a factor of up to a few hundred: read them as "
-        "orders of magnitude. Photographs beyond --image-memory are read again instead of held."
+        "Predictions of the laws for larger work on this machine. One scene runs in one process on one "
+        "machine, so a second machine only helps with a second scene. The frames of one scene could be "
+        "distributed for the share in the column 'per frame', rendering and back-projection, but matching "
+        "and training could not. The plans exceed the measured sizes by up to a few hundred times: read them "
+        "as orders of magnitude. Photographs beyond --image-memory are read again instead of kept in memory."
     )
     return Section("Plans", text, [Table("plans", headings, rows)])

@@ -1,4 +1,4 @@
-"""Masks that are wrong: leaks, cut-off parts and shifted borders (the paper's figure 6), by strategy."""
+"""Wrong masks by strategy: leaks, missing parts and shifted borders (the paper's figure 6)."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ STRATEGIES = ("highdepth", "fusion", "default")
 
 
 def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> list[Case]:
-    """Return the cases; 0 spoils nothing."""
+    """Return the cases; error 0 leaves the masks as they are."""
     return [
         Case(
             labels={"object": name, "mask error": error, "strategy": strategy, "seed": seed},
@@ -40,7 +40,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> lis
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
-    """Return quality and geometry by how wrong the masks are."""
+    """Return quality and geometry by the strength of the mask errors."""
     columns = [
         Column("PSNR [dB]", 2, final_psnr),
         Column("PSNR in the mask [dB]", 2, number("yardstick", "psnr_masked")),
@@ -55,11 +55,11 @@ def sections(records: Sequence[Record]) -> list[Section]:
         for s in by_strategy
     ]
     text = (
-        "Training masks are spoiled, the views that measure are not. What a mask lets in beside the object "
-        "is trained like the object; depth tells it apart only where it lies behind."
+        "The training masks are spoiled, those of the test views are not. Background that leaks into a mask "
+        "is trained like the object; depth can only separate it where it lies behind the object."
     )
     chart = Chart(
-        *("segmentation", "What wrong masks cost", curves),
+        *("segmentation", "Loss from wrong masks", curves),
         *("mask error", "PSNR on views of a perfect camera [dB]"),
     )
     table = tabulate("segmentation", labels, rows, columns)

@@ -1,4 +1,4 @@
-"""What accuracy costs in time: each knob of the chain alone, and the front of what is worth its seconds."""
+"""What accuracy costs in time: each knob of the chain alone, and the Pareto front of all settings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples
 RECONSTRUCTION: dict[str, Any] = {"train.stop.iterations": 500}
 USUAL = "usual"
 
-# Knob -> (part of the chain, setting, values); a size changes both sides of the image. Those whose price is
-# asked for most come first.
+# Knob -> (part of the chain, setting, values); the width also changes the height. The most important knobs
+# come first.
 KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "iterations": ("reconstruction", "train.stop.iterations", (100, 250, 1000, 2000)),
     "frames": ("recording", "frames", (16, 24, 60)),
@@ -44,27 +44,27 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),
     "mapper": ("reconstruction", "sfm.mapper", ("global",)),
 }
-# These mean something only with estimated poses, and are priced against them.
+# These only matter with estimated poses, and are compared with them.
 OF_SFM = ("features per image", "pairs of images", "mapper")
 
-# How true to a real camera the recording is: shown, but no setting to choose for its quality.
+# Realism of the recording: shown, but not a setting to choose for its quality.
 REALISM = ("sensor tier",)
 
-# What is bought with the seconds, a sentence per knob.
+# What the seconds buy, a sentence per knob.
 BUYS = {
-    "iterations": "Training steps: the knob to turn first; what a second buys falls quickly.",
-    "frames": "More views cover more of the object and take longer to record, not to train.",
-    "image width": "Finer images: recording and training both pay for every pixel, and need more steps.",
-    "voxel size [mm]": "Finer points to start from: more Gaussians, slower steps, and more of them needed.",
-    "initialization": "Where the Gaussians start: seconds once, saved again in the training.",
-    "density control": "Adding and removing Gaussians while training; a dense start hardly needs it.",
-    "sensor tier": "How the depth is made: from no error to a real matcher. Buys realism, not quality.",
-    "samples per pixel": "Rays of the simulated photograph: less grain to learn, more time to record.",
-    "SH degree": "Colour that depends on the view: gloss needs it; more numbers per Gaussian.",
-    "poses": "Estimated instead of recorded poses: time for what a real recording needs.",
-    "features per image": "Of structure from motion: more points and matches, more time.",
-    "pairs of images": "Of structure from motion: fewer pairs save time in long recordings.",
-    "mapper": "Of structure from motion: all cameras at once instead of one after the other.",
+    "iterations": "Training steps: the knob to turn first. The gain per second falls quickly.",
+    "frames": "More views cover more of the object; they take longer to record, but not to train.",
+    "image width": "Finer images: recording and training pay per pixel, and training needs more steps.",
+    "voxel size [mm]": "Finer initial points: more Gaussians, slower steps, and more steps needed.",
+    "initialization": "Where the Gaussians start: seconds spent once and saved again in the training.",
+    "density control": "Adding and removing Gaussians during training; a dense start hardly needs it.",
+    "sensor tier": "How depth is simulated: from no error to a real matcher. It buys realism, not quality.",
+    "samples per pixel": "Rays of the simulated photograph: less grain in the images, more time to record.",
+    "SH degree": "View-dependent colour: glossy surfaces need it; more numbers per Gaussian.",
+    "poses": "Estimated instead of recorded poses, which a real recording needs.",
+    "features per image": "In structure from motion: more points and matches, more time.",
+    "pairs of images": "In structure from motion: fewer pairs save time in long recordings.",
+    "mapper": "In structure from motion: all cameras at once instead of one after the other.",
 }
 
 
@@ -117,7 +117,7 @@ def total_seconds(record: Record) -> float:
     reconstruction = sum(
         s for name, s in stages if name not in ("compile kernels", "measure course")
     )
-    # Threads that sense beside the rendering overlap with it: rendering is what one waits for.
+    # Sensing runs in threads beside the rendering, so only the rendering takes time.
     waited = ("load", "prepare", "plan", "render")
     return reconstruction + sum(record["recording_seconds"].get(name, 0.0) for name in waited)
 
@@ -160,9 +160,9 @@ Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
 def _measured(records: Sequence[Record]) -> Measured:
     """Return mean time and quality of every setting.
 
-    A time budget may have left an object out for some settings, or the machine was busier for one. Each
-    setting is therefore compared with the usual one on the objects that both have: as many times the seconds,
-    so many dB more. The means of that are put upon the means of the usual one.
+    A time budget may have skipped an object for some settings, or the machine was busier during some cases.
+    So each setting is compared with the usual one on the objects that both have: the ratio of seconds and the
+    difference of PSNR. Their means are applied to the means of the usual settings.
     """
     usual = {_subject(r): _numbers(r) for r in records if r["labels"]["knob"] == USUAL}
     usual = {subject: pair for subject, pair in usual.items() if pair}
@@ -182,7 +182,7 @@ def _measured(records: Sequence[Record]) -> Measured:
 
 
 def _choices(measured: Measured) -> Measured:
-    """Return the settings among which one chooses by time and quality."""
+    """Return the settings to choose from by time and quality."""
     return {key: values for key, values in measured.items() if key[0] not in REALISM}
 
 
@@ -217,10 +217,10 @@ def _front(measured: Measured) -> Section:
         log_x=True,
     )
     text = (
-        "Every point is one setting, averaged over the objects; from the recording to the Gaussians. All are "
-        "measured on the same views of a perfect camera on a walk that no recording took. Each object is "
-        "compared with its own usual settings, which therefore have no spread; ± says how far objects differ "
-        "in what a setting costs and gives."
+        "Every point is one setting, averaged over the objects: seconds from the recording to the Gaussians, "
+        "and PSNR on the same views of a perfect camera along a walk that no recording took. Each object is "
+        "compared with its own usual settings, which therefore have no spread; ± shows how much objects "
+        "differ in the cost and gain of a setting."
     )
     table = Table("front", ["setting", "seconds", "PSNR [dB]"], rows)
     return Section("What is worth its time", text, [table], [chart])
@@ -247,7 +247,7 @@ def _knob_sections(measured: Measured) -> list[Section]:
 
 
 def _sentence(turned: Measured, usual: tuple[Spread, Spread]) -> str:
-    """Say what the best and the fastest value of a knob buy, against the usual one."""
+    """Describe what the best and the fastest value of a knob gain over the usual one."""
     best = max(turned, key=lambda key: turned[key][1].mean)
     fastest = min(turned, key=lambda key: turned[key][0].mean)
     words = []
@@ -255,7 +255,9 @@ def _sentence(turned: Measured, usual: tuple[Spread, Spread]) -> str:
     for title, key in ((first, best), ("Fastest", fastest)):
         seconds, quality = _difference(*turned[key], usual)
         words.append(f"{title}: {key[1]}, {quality:+.2f} dB for {seconds:+.1f} s")
-    return "; ".join(words if best != fastest else words[:1]) + ", against the usual settings."
+    return (
+        "; ".join(words if best != fastest else words[:1]) + ", compared with the usual settings."
+    )
 
 
 def _price(seconds: Spread, quality: Spread, usual: tuple[Spread, Spread]) -> tuple[str, str]:
@@ -270,7 +272,7 @@ def _difference(
 
 
 def _usual_value(knob: str) -> Any:
-    """Return what the usual settings have for a knob."""
+    """Return the usual value of a knob."""
     from digs_warp.pipeline.reconstruct import ReconstructConfig
     from digs_warp.sim.config import SimulateConfig
 
