@@ -1,8 +1,8 @@
 """The OpenGL renderer (pyrender on EGL): an independent check of the ray caster, and an alternative.
 
-Depth, masks, normals and material ids mean the same as the ray caster's. Colours are plainer: one light
-and an ambient level stand in for the environment, there are no shadows, and each pixel always has four
-samples. Rays that effects ask for go through the ray caster's BVH.
+Depth, masks, normals and material ids mean the same as the ray caster's. Colours are simpler: one light and
+an ambient level replace the environment, there are no shadows, and each pixel always has four samples. Rays
+for the sensor's effects use the ray caster's BVH.
 """
 
 from functools import cache, cached_property
@@ -30,13 +30,13 @@ from digs_warp.sim.scene import Scene
 # OpenGL cameras look along -z, with y up.
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
 
-# The near plane never comes closer than this share of the scene's radius: 24 bits of depth have to do.
+# The near plane is at least this share of the scene's radius away: depth has only 24 bits.
 NEAREST_SHARE = 2e-3
 
-# A background in the code of normals: no direction, so that blended edges keep theirs.
+# Background of the image of normals: no direction, so that blended edges keep theirs.
 NO_NORMAL = (0.5, 0.5, 0.5, 0.0)
 
-# Room between the clipping planes and the scene, as a share of its radius.
+# Margin between the clipping planes and the scene, as a share of its radius.
 CLIP_MARGIN = 0.01
 
 
@@ -44,9 +44,9 @@ class GlRenderer:
     """A scene and its environment, drawn by OpenGL.
 
     Args:
-        scene: what is drawn; cut-out and transparent materials have the depth of a solid surface.
+        scene: to draw; cut-out and transparent materials have the depth of a solid surface.
         environment: the surround; its light is reduced to one direction and an ambient level.
-        threads: of the rays that effects ask for, 0: all cores.
+        threads: for the rays of the sensor's effects; 0: all cores.
 
     Raises:
         MissingLibraryError: there is no EGL on this machine; the message names the packages.
@@ -96,13 +96,13 @@ class GlRenderer:
     def render_exposure(
         self, track: CameraTrack, samples: int, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask of a moving camera: one drawing for each of its places."""
+        """Return image and mask of a moving camera: one drawing for each pose."""
         return exposure_by_views(self, track, samples, seed)
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return depth, world normals and material ids at the pixel centres.
 
-        Normals come out of eight bits: about half a degree off.
+        Normals have eight bits: they are off by about half a degree.
         """
         flags = self._pyrender.RenderFlags
         ids, depth = self._draw(self._shown, camera, flags.SEG)
@@ -118,7 +118,7 @@ class GlRenderer:
         return depth.astype(np.float32), normals.astype(np.float32), materials
 
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
-        """Return the rays that the sensor's effects may ask for; none is cast before that."""
+        """Return the rays for the sensor's effects; they are cast on request."""
         return SurfaceRays(
             self._device_scene, camera, baseline, self.surround_radius, self._threads
         )
@@ -134,9 +134,9 @@ class GlRenderer:
         flags: int,
         background: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw some of the meshes; return colours, uint8, and planar depth [m], 0 where nothing is.
+        """Draw some of the meshes; return colours, uint8, and planar depth [m], 0 where there is nothing.
 
-        Everything stays in one scene: pyrender uploads meshes again when they come and go.
+        All meshes stay in one scene: pyrender uploads a mesh again each time it is added.
         """
         check_inside(camera, self.surround_radius)
         for node in self._drawing.mesh_nodes:
@@ -154,7 +154,7 @@ class GlRenderer:
             self._drawing.remove_node(eye_node)
 
     def _clip_planes(self, camera: Camera, whole_surround: bool) -> tuple[float, float]:
-        """Return the clipping depths [m], as tight round the scene as it gets."""
+        """Return the clipping depths [m], as tight around the scene as possible."""
         radius = self._scene.radius
         nearest = NEAREST_SHARE * radius
         if whole_surround:
@@ -175,13 +175,13 @@ class GlRenderer:
 
 
 def check_opengl() -> None:
-    """Raise a `MissingLibraryError` where OpenGL cannot draw off-screen; the message names the packages."""
+    """Raise a `MissingLibraryError` if OpenGL cannot draw off-screen; the message names the packages."""
     _canvas()
 
 
 @cache
 def _canvas() -> Any:
-    """Return the off-screen buffer of the process: pyrender shuts EGL down with the first one it frees."""
+    """Return the off-screen buffer of the process: pyrender shuts down EGL when it frees the first one."""
     try:
         return import_pyrender().OffscreenRenderer(1, 1)
     except Exception as error:  # PyOpenGL raises its own, ctypes' and plain AttributeErrors

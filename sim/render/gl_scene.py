@@ -10,15 +10,15 @@ from digs_warp.sim.environment import Environment
 from digs_warp.sim.panorama import panorama_directions
 from digs_warp.sim.scene import Material, Scene
 
-# Segments of the surround's sphere; its texture bends within one by less than a tenth of a degree.
+# Segments of the surround's sphere: they distort its texture by less than a tenth of a degree.
 SPHERE_COLUMNS, SPHERE_ROWS = 256, 128
 
-# Blending is all that OpenGL does about glass: this much of its own colour keeps it visible.
+# OpenGL only blends glass: this much of its own colour keeps it visible.
 GLASS_ALPHA = 0.2
 
 
 def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
-    """Return one mesh per material that has faces, named by the material's number, with both sides."""
+    """Return one two-sided mesh per material that has faces, named by the material's number."""
     faces = _faces_along_normals(scene)
     meshes = []
     for number, material in enumerate(scene.materials):
@@ -34,7 +34,7 @@ def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
             normals=np.concatenate([scene.normals[used], -scene.normals[used]]),
             texcoord_0=np.tile(scene.uvs[used], (2, 1)),
             color_0=colors,
-            # OpenGL lights and draws front faces only: the back is a second sheet.
+            # OpenGL lights and draws front faces only: the back is a second surface.
             indices=np.concatenate([index, index[:, ::-1] + len(used)]),
             material=_material(pyrender, material),
         )
@@ -57,7 +57,7 @@ def normal_mesh(pyrender: Any, scene: Scene) -> Any:
 
 
 def sphere_mesh(pyrender: Any, environment: Environment, exposure: float) -> Any:
-    """Return the surround: a sphere that shows the exposed panorama, clipped to eight bits."""
+    """Return the surround: a sphere with the exposed panorama, clipped to eight bits."""
     u, v = np.meshgrid(
         np.linspace(0, 1, SPHERE_COLUMNS + 1), np.linspace(0, 1, SPHERE_ROWS + 1), indexing="xy"
     )
@@ -84,7 +84,7 @@ def sphere_mesh(pyrender: Any, environment: Environment, exposure: float) -> Any
 
 
 def two_lights(pyrender: Any, scene: Any, irradiance: np.ndarray) -> None:
-    """Light ``scene`` with one direction and an ambient level that fit the environment best.
+    """Light ``scene`` with the direction and the ambient level that fit the environment best.
 
     Args:
         pyrender: the module.
@@ -106,7 +106,7 @@ def two_lights(pyrender: Any, scene: Any, irradiance: np.ndarray) -> None:
 
 
 def _faces_along_normals(scene: Scene) -> np.ndarray:
-    """Return the faces wound so that they turn their front to the side of their normals."""
+    """Return the faces, wound so that their front is on the side of their normals."""
     a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
     normals = scene.normals[scene.faces].sum(axis=1)
     against = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals) < 0
@@ -142,7 +142,7 @@ def _material(pyrender: Any, material: Material) -> Any:
 
 
 def _alpha_texture(material: Material) -> np.ndarray | None:
-    """Return what opacity and transmission leave of each texel, (height, width), uint8; None: even."""
+    """Return each texel's alpha after opacity and transmission, (height, width), uint8; None: constant."""
     opaque, clear = material.opacity_texture, material.transmission_texture
     if opaque is None:
         if clear is None:
@@ -153,7 +153,7 @@ def _alpha_texture(material: Material) -> np.ndarray | None:
 
 
 def _resampled(pixels: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the nearest texels of a texture at another size; white for none."""
+    """Return a texture at another size, by nearest texels; white without a texture."""
     if pixels is None:
         return np.full((*shape, 3), 255, np.uint8)
     rows = np.arange(shape[0]) * pixels.shape[0] // shape[0]

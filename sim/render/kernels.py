@@ -1,7 +1,7 @@
 """The ray-casting kernels: one Warp thread per pixel, rays through a BVH.
 
-A thread writes its own pixel only and draws its random numbers from (seed, pixel), so images do not
-depend on the number of threads.
+A thread writes only its own pixel and draws its random numbers from (seed, pixel), so images do not depend on
+the number of threads.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -37,20 +37,20 @@ from digs_warp.sim.render.view import (
 
 wp.set_module_options({"enable_backward": False})
 
-# The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018): any number
-# of samples covers the pixel evenly.
+# The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018) covers the pixel
+# evenly with any number of samples.
 R2_X = wp.constant(0.7548776662466927)
 R2_Y = wp.constant(0.5698402909980532)
 
 GOLDEN_RATIO = wp.constant(0.6180339887498949)
 
-# Brightest sample: the multiple of full white up to which a pixel may gather light.
+# Upper limit of a sample, as a multiple of full white.
 SAMPLE_LIMIT = wp.constant(4.0)
 
-# From the middle of a pixel to its corner [px], and a little more.
+# From the centre of a pixel to its corner [px], rounded up.
 HALF_DIAGONAL = wp.constant(0.75)
 
-# A ray that carries on less than this share of the light ends.
+# A ray that carries less than this share of the light ends.
 FAINT = wp.constant(0.004)
 
 
@@ -67,13 +67,13 @@ def srgb_byte(linear: float) -> wp.uint8:
 
 @wp.func
 def surround_place(view: View, center: wp.vec3, direction: wp.vec3) -> wp.vec3:
-    """Unit vector from the origin to where a ray from the camera meets the surround."""
+    """Unit vector from the origin to the point where a ray from the camera meets the surround."""
     return (center + surround_distance(view, center, direction) * direction) / view.surround_radius
 
 
 @wp.func
 def seen_surround(panorama: Panorama, place: wp.vec3, level: float, passing: wp.vec3) -> wp.vec3:
-    """The panorama at a place, by the number of samples that it comes through to."""
+    """The panorama at a place, times the weight of the samples that reach it."""
     return wp.cw_mul(
         passing, wp.min(sample_panorama(panorama, place, level), wp.vec3(SAMPLE_LIMIT))
     )
@@ -81,12 +81,12 @@ def seen_surround(panorama: Panorama, place: wp.vec3, level: float, passing: wp.
 
 @wp.struct
 class Sample:
-    """What one ray brings back."""
+    """The result of one ray."""
 
     color: wp.vec3  # of the object
-    passing: wp.vec3  # share of the surround's light that comes through
+    passing: wp.vec3  # share of the surround's light that passes through
     covered: float  # 1: it met the object
-    visible: float  # share of the bright spots seen from where it met an opaque object
+    visible: float  # share of the bright spots seen from the hit on an opaque object
 
 
 @wp.func
@@ -98,9 +98,9 @@ def solid_sample(
     pick: float,
     known_visible: float,
 ) -> Sample:
-    """Follow a ray through a scene without anything transparent.
+    """Follow a ray through an opaque scene.
 
-    ``known_visible``: of a sample of the same pixel; negative: cast a shadow ray.
+    ``known_visible``: from a sample of the same pixel; negative: cast a shadow ray.
     """
     sample = Sample()
     sample.passing = wp.vec3(1.0)
@@ -176,11 +176,11 @@ def color_kernel(
 ):
     """Average the samples of a pixel: image (box filter over pixel and exposure) and object coverage.
 
-    The sensor integrates light over the exposure and clips afterwards.
+    The sensor integrates light over the exposure and clips the result.
     """
     pixel = first + wp.tid()
     state = wp.rand_init(seed, pixel)
-    # The same even pattern in every pixel, shifted by a random amount: no moire, little noise.
+    # The same even pattern in every pixel, with a random shift: no moire, little noise.
     shift_x = wp.randf(state)
     shift_y = wp.randf(state)
     shift_pick = wp.randf(state)
@@ -195,7 +195,7 @@ def color_kernel(
     middle_center = track.middle_centers[band]
     spread = HALF_DIAGONAL * view.pixel_cone * wp.sqrt(float(samples)) + track.swings[band]
     is_empty = passes_by(surface.radius + track.shifts[band], middle_center, middle, spread)
-    # Between two texels the panorama is linear: the middle of a short way has the mean of the way.
+    # Between two texels the panorama is linear: a short path has its mean value in the middle.
     room = view.surround_radius - wp.length(middle_center)
     is_short = 2.0 * (track.swings[band] + track.shifts[band] / room) <= surround_step
     open_way = wp.vec3(0.0)
@@ -205,7 +205,7 @@ def color_kernel(
             passing = wp.vec3(0.0)
             eye = view_at(view, track, pixel // view.width, moment)
             for s in range(samples):
-                # One sequence over all moments: together they cover the pixel evenly, too.
+                # One sequence over all moments: together they cover the pixel evenly.
                 i = float(moment * samples + s)
                 dx = shift_x + R2_X * i
                 dy = shift_y + R2_Y * i
@@ -217,17 +217,17 @@ def color_kernel(
                 sample = Sample()
                 if surface.see_through == 0:
                     sample = solid_sample(eye, surface, light, direction, pick, visible)
-                    # Two samples share a shadow ray, also from one moment to the next.
+                    # Two samples share a shadow ray, even across moments.
                     if sample.covered == 1.0:
                         visible = wp.where(visible < 0.0, sample.visible, -1.0)
                 else:
                     sample = layered_sample(eye, surface, light, direction, pick)
-                # One glint of the sun must not outshine the other samples of its pixel.
+                # A single glint of the sun must not dominate its pixel.
                 total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
                 passing += sample.passing
                 covered += sample.covered
         open_way += passing
-        # The panorama is filtered: one look-up does for all samples of a moment.
+        # The panorama is filtered: one look-up serves all samples of a moment.
         if not is_short and wp.max(passing) > 0.0:
             toward = track.rotations[band, moment] * middle_cam
             place = surround_place(view, track.centers[band, moment], toward)
@@ -260,13 +260,13 @@ def geometry_kernel(
     direction_cam = ray_direction_cam(view, x, y)
     direction = view.world_from_cam * direction_cam
     start = wp.float32(0.0)
-    # No reach: the query ends at once.
+    # With a reach of 0 the query ends at once.
     is_empty = passes_by(surface.radius, view.center, direction, 0.0)
     hit = wp.mesh_query_ray(surface.mesh, view.center, direction, wp.where(is_empty, 0.0, FAR))
     if hit.result and is_see_through(surface, hit):
         level = texture_level(surface, hit, direction, hit.t * view.pixel_cone)
         if opacity_at(surface, hit, level) == 0.0:
-            # A hole: on to the first surface that is there.
+            # A hole: continue to the first solid surface.
             distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
             start = wp.where(distance < 0.0, FAR, distance - 0.5 * surface.step)
             hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)

@@ -1,7 +1,7 @@
-"""The bright spots of an environment (sun, lamps, windows), taken out of it so that they cast shadows.
+"""The bright spots of an environment (sun, lamps, windows), separated from it so that they cast shadows.
 
-What remains is smooth and lights a surface through spherical harmonics; each spot lights it as one
-direction, with one shadow ray toward a random point of it.
+The rest is smooth and lights a surface through spherical harmonics. Each spot is a directional light with one
+shadow ray toward a random point of it.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -15,37 +15,37 @@ from digs_warp.sim.panorama import panorama_directions, solid_angles
 
 wp.set_module_options({"enable_backward": False})
 
-# A spot is brighter than this multiple of the mean radiance; only what exceeds it is taken out.
+# A spot is brighter than this multiple of the mean radiance; only the excess is separated.
 SPOT_LEVEL = 4.0
 
-# A spot spans at most this angle to each side: a wider one has no sharp shadow.
+# Largest angular radius of a spot: wider ones have no sharp shadows.
 SPOT_RADIUS_DEGREES = 18.0
 
-# At most so many spots, each with at least this share of all light.
+# Largest number of spots, and their smallest share of all light.
 MAX_SPOTS = 8
 MIN_SHARE = 0.02
 
 # Weights of red, green and blue (Rec. 709).
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
-# Points of a spot to which shadow rays go.
+# Points per spot for shadow rays.
 SPOT_POINTS = 64
 
 
 @wp.struct
 class KeyLights:
-    """The spots; ``count`` of 0 costs nothing."""
+    """The spots; a ``count`` of 0 costs nothing."""
 
     count: int
     vectors: wp.array[wp.vec3]  # [count] unit direction of the vector irradiance
     colors: wp.array[wp.vec3]  # [count] irradiance at normal incidence over pi, exposed
     strengths: wp.array[float]  # [count] luminance of the colours
-    points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions, equally strong
+    points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions of equal strength
 
 
 @wp.func
 def key_light(keys: KeyLights, normal: wp.vec3) -> wp.vec3:
-    """Irradiance over pi of all spots without shadow."""
+    """Irradiance over pi of all spots, without shadows."""
     light = wp.vec3(0.0)
     for k in range(keys.count):
         light += wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.colors[k]
@@ -54,7 +54,7 @@ def key_light(keys: KeyLights, normal: wp.vec3) -> wp.vec3:
 
 @wp.struct
 class KeyChoice:
-    """Where to send the shadow ray, and how much all spots could add."""
+    """The direction of the shadow ray, and the light of all spots without shadows."""
 
     direction: wp.vec3
     strength: float
@@ -62,10 +62,10 @@ class KeyChoice:
 
 @wp.func
 def choose_key(keys: KeyLights, normal: wp.vec3, pick: float) -> KeyChoice:
-    """Choose a spot with a chance in proportion to its part of the light, and a point of it.
+    """Choose a spot with a probability proportional to its light, and a point of it.
 
-    All light times the visibility of the chosen point is then an unbiased estimate of the shadowed light
-    (for spots of one colour). ``pick`` is uniform in 0..1.
+    The total light times the visibility of that point is an unbiased estimate of the shadowed light (for
+    spots of one colour). ``pick`` is uniform in 0..1.
     """
     choice = KeyChoice()
     for k in range(keys.count):
@@ -76,7 +76,7 @@ def choose_key(keys: KeyLights, normal: wp.vec3, pick: float) -> KeyChoice:
     for k in range(keys.count):
         part = wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.strengths[k]
         if part > 0.0 and passed <= threshold:
-            # What is left of the random number within this spot's part chooses the point.
+            # The position of the random number within this spot's interval chooses the point.
             within = wp.clamp((threshold - passed) / part, 0.0, 0.99999)
             choice.direction = keys.points[k, int(within * float(SPOT_POINTS))]
         passed += part
@@ -124,7 +124,7 @@ def _spot(directions: np.ndarray, flux: np.ndarray) -> tuple[np.ndarray, np.ndar
     """
     weight = flux @ LUMINANCE
     vector = weight @ directions
-    # Less than the sum of the weights where the spot is wide: its parts pull to different sides.
+    # Less than the sum of the weights for wide spots: their parts have different directions.
     concentration = float(np.linalg.norm(vector) / weight.sum())
     shares = (np.arange(SPOT_POINTS) + 0.5) / SPOT_POINTS * weight.sum()
     chosen = np.searchsorted(np.cumsum(weight), shares).clip(0, len(weight) - 1)

@@ -1,4 +1,4 @@
-"""What the environment sends to a surface: the panorama's pyramid, diffuse and blurred specular light.
+"""Light from the environment: the panorama's pyramid, diffuse light and blurred specular light.
 
 Diffuse light is the nine-coefficient irradiance of Ramamoorthi and Hanrahan, "An Efficient
 Representation for Irradiance Environment Maps" (2001), eq. 7 and 8. Specular light is the first half of
@@ -25,8 +25,8 @@ from digs_warp.sim.render.textures import mip_chain
 
 wp.set_module_options({"enable_backward": False})
 
-# A white card lit by the average of the surround comes out at this linear value: it leaves headroom for
-# the side that faces the light.
+# Linear value of a white card lit by the average of the surround; it leaves headroom for the side that
+# faces the light.
 WHITE_CARD = 0.65
 
 # The blurred copies hold roughness 0.2, 0.4 ... 1; between 0 and 0.2 the sharp panorama mixes in.
@@ -35,7 +35,7 @@ SPECULAR_WIDTH = 128
 SPECULAR_HEIGHT = 64
 SPECULAR_SAMPLES = 64
 
-# A curved mirror shrinks what it reflects; this width [px] keeps sharp reflections free of shimmer.
+# A curved mirror shrinks its reflection; this width [px] keeps sharp reflections free of aliasing.
 MIRROR_WIDTH = 512
 
 # Cosine lobe in spherical harmonics, bands 0, 1, 2 (Ramamoorthi and Hanrahan 2001, eq. 8).
@@ -49,7 +49,7 @@ PI = wp.constant(np.pi)
 class Panorama:
     """The pyramid of an equirectangular image; level 0 is the finest."""
 
-    texels: wp.array[wp.vec3]  # all levels, one after the other
+    texels: wp.array[wp.vec3]  # all levels, one after another
     offsets: wp.array[int]  # [levels] first texel of a level
     sizes: wp.array[wp.vec2i]  # [levels] width, height
     levels: int
@@ -57,7 +57,7 @@ class Panorama:
 
 @wp.struct
 class Light:
-    """Everything the shading of a surface asks of the environment (radiance times exposure)."""
+    """Everything that shading needs from the environment (radiance times exposure)."""
 
     panorama: Panorama
     irradiance: wp.array[wp.vec3]  # [9] spherical harmonics of E(n) / pi, without the spots
@@ -109,7 +109,7 @@ def sample_panorama(panorama: Panorama, direction: wp.vec3, level: float) -> wp.
 
 @wp.func
 def diffuse_light(light: Light, n: wp.vec3) -> wp.vec3:
-    """Irradiance over pi at unit normal n: the radiance a white matte surface sends back."""
+    """Irradiance over pi at unit normal n: the radiance that a white matte surface reflects."""
     # Basis order and signs as in digs_warp.sh, band by band.
     e = 0.28209479177387814 * light.irradiance[0]
     e += 0.4886025119029199 * (
@@ -144,7 +144,7 @@ def sample_specular_copy(light: Light, copy: int, uv: wp.vec2) -> wp.vec3:
 
 @wp.func
 def specular_light(light: Light, reflected: wp.vec3, roughness: float) -> wp.vec3:
-    """Light that arrives around the reflected ray, averaged over the lobe of ``roughness``."""
+    """Light around the reflected ray, averaged over the lobe of ``roughness``."""
     position = wp.clamp(roughness, 0.0, 1.0) * float(SPECULAR_COPIES) - 1.0
     uv = panorama_uv(reflected)
     if position < 0.0:
@@ -205,7 +205,7 @@ def _blur_kernel(
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentLight:
-    """An environment made ready for the kernels; ``exposure`` is already multiplied in."""
+    """An environment for the kernels; ``exposure`` is already multiplied in."""
 
     exposure: float
     struct: Light
@@ -214,7 +214,7 @@ class EnvironmentLight:
 def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
     """Return spherical-harmonics coefficients, shape (9, 3), of E(n) / pi.
 
-    ``sh_basis(n, 2) @ coefficients`` is the light that a white matte surface of normal n sends back.
+    ``sh_basis(n, 2) @ coefficients`` is the light that a white matte surface with normal n reflects.
     """
     height, width = radiance.shape[:2]
     basis = sh_basis(panorama_directions(width, height), 2)
@@ -225,7 +225,7 @@ def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
 
 
 def prepare_light(environment: Environment, threads: int = 0) -> EnvironmentLight:
-    """Build pyramid, irradiance and blurred copies, and fix the exposure of a recording."""
+    """Build pyramid, irradiance and blurred copies; set the exposure of the recording."""
     radiance = environment.radiance
     height, width = radiance.shape[:2]
     mean = float((radiance.mean(axis=2) * solid_angles(width, height)).sum() / (4 * np.pi))

@@ -1,4 +1,4 @@
-"""What the material holds at a hit: colour, finish, emission and normal, filtered to a ray's cone."""
+"""The material at a hit: colour, finish, emission and normal, filtered over the ray's cone."""
 
 # Kernel code is a language of its own; these checks misread it.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -24,7 +24,7 @@ MAP_ZERO = wp.constant(256.0 / 255.0)
 
 @wp.struct
 class Look:
-    """A surface point as light meets it."""
+    """A surface point for shading."""
 
     color: wp.vec3  # linear
     emission: wp.vec3
@@ -77,7 +77,7 @@ def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -
 def mapped_normal(
     surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, texture: int, uv: wp.vec2, level: float
 ) -> wp.vec3:
-    """Vertex normal tilted by a normal map; unchanged where the texture has no direction."""
+    """Vertex normal perturbed by a normal map; unchanged where the texture has no direction."""
     corner = 3 * hit.face
     w = 1.0 - hit.u - hit.v
     tangent = (

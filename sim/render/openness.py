@@ -1,7 +1,7 @@
-"""Where a mesh is measured for how open it lies: at its vertices and at the middles of its edges.
+"""Openness: the share of a hemisphere that sees the surround, at the vertices and edge midpoints of a mesh.
 
-With both, openness is a quadratic over each triangle (the six-node triangle of Zienkiewicz, "The Finite
-Element Method"): the middle of a large face stays bright although all its corners lie in dark ones.
+Between these nodes it is a quadratic over each triangle (the six-node triangle of Zienkiewicz, "The Finite
+Element Method"): the middle of a large face stays bright even if all its corners lie in dark ones.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -31,7 +31,7 @@ MIN_RAYS = 8
 # Occluders farther away than this share of the scene's radius do not darken a surface.
 REACH = 0.7
 
-# Share of the way from a node to the middle of its face along which its openness is measured.
+# Share of the path from a node to the middle of its face along which its openness is measured.
 INSET = wp.constant(0.6)
 
 # Corners of the edges of a triangle, in the order of the edge nodes.
@@ -43,8 +43,8 @@ class OpennessNodes:
     """The n vertices of a scene, then its e edges.
 
     Attributes:
-        points: where they lie, (n + e, 3), float32.
-        inward: way from there to the middle of the largest face that they belong to, (n + e, 3), float32.
+        points: positions, (n + e, 3), float32.
+        inward: vector from there to the middle of their largest face, (n + e, 3), float32.
         normals: on the side of the vertex normals, (n + e, 3), float32; length 0: no direction.
         edges: node of each edge of each face, (m, 3), int32.
     """
@@ -71,7 +71,7 @@ def openness_nodes(scene: Scene) -> OpennessNodes:
     smallest_first = np.argsort(np.repeat(area, places.shape[1]), kind="stable")
     points = np.concatenate([scene.vertices, scene.vertices[ends].mean(axis=1)])
     inward = np.zeros(points.shape)
-    # Of several writes to one node the last stays: that of its largest face.
+    # The last write to a node wins: that of its largest face.
     inward[nodes[smallest_first]] = ways.reshape(-1, 3)[smallest_first]
 
     normals = scene.normals[ends].sum(axis=1)
@@ -88,7 +88,7 @@ def open_share(
 ) -> float:
     """Cosine-weighted share of a hemisphere whose rays leave the object within ``reach`` [m].
 
-    The rays start along a part of the way ``inward``: a small part that stands on a large face, or a corner,
+    The rays start along part of the vector ``inward``: a corner, or a small part that stands on a large face,
     must not darken the whole face.
     """
     helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
@@ -116,7 +116,7 @@ def _openness_kernel(
     first: int,
     surface: Surface,
     points: wp.array[wp.vec3],  # [nodes]
-    inward: wp.array[wp.vec3],  # [nodes] way to the middle of the face
+    inward: wp.array[wp.vec3],  # [nodes] vector to the middle of the face
     normals: wp.array[wp.vec3],  # [nodes]
     rays: int,
     reach: float,

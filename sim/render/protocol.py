@@ -1,4 +1,4 @@
-"""What a renderer is asked and what it returns: the ray caster and the OpenGL back end are both one."""
+"""The interface of a renderer, which the ray caster and the OpenGL back end implement."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from digs_warp.sim.sensor.frame import FrameRays
 
 @dataclass(frozen=True, eq=False)
 class RenderedView:
-    """What one eye sees.
+    """The view of one eye.
 
     Attributes:
         image: sRGB, shape (height, width, 3), uint8.
@@ -60,7 +60,7 @@ class CameraTrack:
         return np.linspace(0, self.intrinsics.height, bands + 1).round().astype(int).tolist()
 
     def bands(self) -> Iterator[list[Camera]]:
-        """Yield the cameras of each band's moments; a band is a camera of its own with the same rays."""
+        """Yield the cameras of each band's moments; a band is a separate camera with the same rays."""
         k = self.intrinsics
         for (top, bottom), poses in zip(pairwise(self.edges), self.world_from_cam, strict=True):
             rows = Intrinsics(k.width, bottom - top, k.fx, k.fy, k.cx, k.cy - top)
@@ -68,7 +68,7 @@ class CameraTrack:
 
 
 class Renderer(Protocol):
-    """A scene in its surround, ready to be seen from any camera inside."""
+    """A scene in its surround, ready to be rendered for any camera inside."""
 
     @property
     def exposure(self) -> float:
@@ -76,13 +76,13 @@ class Renderer(Protocol):
         ...
 
     def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
-        """Return all that one eye sees."""
+        """Return everything that one eye sees."""
         ...
 
     def render_image(
         self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask alone."""
+        """Return only image and mask."""
         ...
 
     def render_exposure(
@@ -91,18 +91,18 @@ class Renderer(Protocol):
         """Return image and mask of a moving camera.
 
         Args:
-            track: where it is in each band of rows at each moment of its exposure.
+            track: its pose for each band of rows at each moment of the exposure.
             samples: per pixel and moment, >= 1.
             seed: of the sampling.
         """
         ...
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return depth, world normals and material ids alone."""
+        """Return only depth, world normals and material ids."""
         ...
 
     def frame_rays(self, camera: Camera, baseline: float) -> FrameRays:
-        """Return the rays that the sensor's effects may ask for; none is cast before that."""
+        """Return the rays for the sensor's effects; they are cast on request."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""The default renderer: rays through a Warp BVH, on all cores, without any graphics driver."""
+"""The default renderer: rays through a Warp BVH on all cores, without a graphics driver."""
 
 # Warp's type hints take the dtype of an array for a value, and structs for functions.
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false
@@ -23,7 +23,7 @@ from digs_warp.sim.scene import Scene
 
 
 class RaycastRenderer:
-    """A scene and its environment, ready to be seen from any camera inside the surround."""
+    """A scene and its environment, ready to be rendered for any camera inside the surround."""
 
     def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
         self.threads = threads
@@ -60,7 +60,7 @@ class RaycastRenderer:
     def render_exposure(
         self, track: CameraTrack, samples: int, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask of a moving camera; every ray starts where the camera is at its moment."""
+        """Return image and mask of a moving camera; every ray starts from the camera's pose at its moment."""
         k = track.intrinsics
         first = Camera(k, track.world_from_cam[0, 0])
         view = make_view(first, self.surround_radius, samples)
@@ -95,7 +95,7 @@ class RaycastRenderer:
         )
 
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
-        """Return the rays that the sensor's effects may ask for; none is cast before it is asked for."""
+        """Return the rays for the sensor's effects; they are cast on request."""
         return SurfaceRays(self._scene, camera, baseline, self.surround_radius, self.threads)
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:

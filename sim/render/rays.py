@@ -1,4 +1,4 @@
-"""Rays that only some effects of the sensor ask for; see `digs_warp.sim.sensor.frame.FrameRays`."""
+"""Rays that only some effects of the sensor need; see `digs_warp.sim.sensor.frame.FrameRays`."""
 
 # Kernel code is a language of its own; these checks misread it.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -19,8 +19,8 @@ from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, s
 
 wp.set_module_options({"enable_backward": False})
 
-# Points this share of their distance apart along a ray are the same point: float32 hits from two eyes
-# differ by a tenth of it.
+# Points along a ray that differ by less than this share of their distance are the same point: float32 hits
+# from two eyes differ by a tenth of that.
 SAME_POINT = wp.constant(1.0e-4)
 
 
@@ -34,7 +34,7 @@ def right_visibility_kernel(
     # outputs
     visible: wp.array[wp.uint8],  # [pixels]
 ):
-    """Look from the right eye at what the left one sees at the centres of some pixels."""
+    """Look from the right eye at the points that the left eye sees at some pixel centres."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -60,7 +60,7 @@ def right_visibility_kernel(
     else:
         clear = not wp.mesh_query_ray_anyhit(surface.mesh, right_center, toward, reach)
     if met and clear:
-        # A thin sheet may turn its other side to the right eye.
+        # The right eye may see the other side of a thin sheet.
         clear = wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
     visible[index] = wp.uint8(wp.where(clear, 1, 0))
 
@@ -76,7 +76,7 @@ def right_visibility_at_depth_kernel(
     # outputs
     visible: wp.array[wp.uint8],  # [pixels]
 ):
-    """Look from the right eye at points whose depth is known, among opaque surfaces: one ray for each."""
+    """Look from the right eye at points of known depth among opaque surfaces: one ray per point."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -90,14 +90,14 @@ def right_visibility_at_depth_kernel(
     wall = surround_distance(view, view.center, direction)
     clear = wp.bool(True)
     if distance > wall * (1.0 - SAME_POINT):
-        # Nothing is behind the surround, and it has one side: anything met on the way hides it.
+        # Nothing lies behind the surround, and it has one side: any hit in between hides it.
         near = reach * (1.0 - SAME_POINT)
         clear = not wp.mesh_query_ray_anyhit(surface.mesh, right_center, toward, near)
     else:
         hit = wp.mesh_query_ray(surface.mesh, right_center, toward, reach * (1.0 + SAME_POINT))
         if hit.result:
             clear = hit.t >= reach * (1.0 - SAME_POINT)
-            # A thin sheet may turn its other side to the right eye.
+            # The right eye may see the other side of a thin sheet.
             clear = clear and wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
     visible[index] = wp.uint8(wp.where(clear, 1, 0))
 
@@ -111,7 +111,7 @@ def reflection_kernel(
     # outputs
     distances: wp.array[float],  # [pixels] [m]
 ):
-    """Follow the mirrored ray from what is seen at a pixel centre to the next opaque thing."""
+    """Follow the reflected ray from the surface at a pixel centre to the next opaque surface."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -143,7 +143,7 @@ def depth_behind_kernel(
     # outputs
     depth: wp.array[float],  # [pixels] planar z [m]
 ):
-    """Look through everything transparent at a pixel centre."""
+    """Look through all transparent surfaces at a pixel centre."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -162,9 +162,9 @@ class SurfaceRays:
     Args:
         scene: on the device.
         camera: the left eye.
-        baseline: how far to its right the other eye sits [m].
-        surround_radius: of the sphere round the scene [m].
-        threads: to cast with, 0: all cores.
+        baseline: distance of the right eye [m].
+        surround_radius: of the sphere around the scene [m].
+        threads: 0: all cores.
     """
 
     def __init__(
@@ -186,17 +186,17 @@ class SurfaceRays:
     ) -> np.ndarray:
         """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
 
-        Nothing opaque is in the way, and the surface turns the same side to both eyes. Points outside
-        the right image count as seen: its border is another matter. Rays are cast only at ``where``,
-        (height, width), bool; None: everywhere, once. The other pixels count as seen. Where ``depth`` tells
-        how far the points are [m], (height, width), float32, they need not be looked for.
+        A point is seen if nothing opaque is in the way and both eyes see the same side of the surface.
+        Points outside the right image count as seen. Rays are cast only at ``where``, (height, width),
+        bool; None: everywhere, once. The other pixels count as seen. ``depth``: planar z of the points [m],
+        (height, width), float32; it saves the rays that would find them.
         """
         return self._right_visibility if where is None else self._look_from_right(where, depth)
 
     def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
-        """Distance from the surface to what it would mirror [m], (height, width), float32.
+        """Distance from the surface to what it reflects [m], (height, width), float32.
 
-        0 for the surround, which mirrors nothing. NaN outside ``where``, (height, width), bool; None:
+        0 for the surround, which reflects nothing. NaN outside ``where``, (height, width), bool; None:
         everywhere, once.
         """
         return self._reflection_distance if where is None else self._cast(reflection_kernel, where)
@@ -204,8 +204,8 @@ class SurfaceRays:
     def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         """Planar depth of the first opaque surface [m], (height, width), float32.
 
-        Surfaces that hide less than half of what lies behind them are looked through; where nothing
-        opaque follows, this is the depth of the surround. NaN outside ``where``, (height, width), bool;
+        The ray passes surfaces that hide less than half of the background. If nothing opaque follows, this is
+        the depth of the surround. NaN outside ``where``, (height, width), bool;
         None: everywhere, once.
         """
         return self._depth_behind if where is None else self._cast(depth_behind_kernel, where)
@@ -230,7 +230,7 @@ class SurfaceRays:
     def _look_from_right(self, where: np.ndarray, depth: np.ndarray | None = None) -> np.ndarray:
         right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
         visible = np.ones(where.shape, dtype=bool)
-        # What is seen through hides in its own ways.
+        # Transparent surfaces need the general kernel.
         if depth is None or self._scene.surface.see_through:
             found = self._values(right_visibility_kernel, where, wp.uint8, right)
         else:
@@ -245,7 +245,7 @@ class SurfaceRays:
         return image
 
     def _values(self, kernel: Any, where: np.ndarray, dtype: Any, *inputs: Any) -> np.ndarray:
-        """Return what a kernel finds at the pixels of ``where``, in reading order."""
+        """Return the values of a kernel at the pixels of ``where``, in reading order."""
         pixels = np.flatnonzero(where).astype(np.int32)
         values = wp.empty(len(pixels), dtype=dtype, device="cpu")
         numbers = wp.from_numpy(pixels, dtype=int, device="cpu")

@@ -1,11 +1,11 @@
-"""How a surface point looks: material, texture, and the light of the environment.
+"""The light that leaves a surface point: material, texture, and the environment.
 
 The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat. The coat's
 reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
-Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, with the
-bounces between coloured walls put back (Jimenez et al., "Practical Realtime Strategies for Accurate Indirect
-Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal mirrors the object
-itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
+Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, corrected
+for light that bounces between coloured walls (Jimenez et al., "Practical Realtime Strategies for Accurate
+Indirect Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal reflects
+the object itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -26,7 +26,7 @@ wp.set_module_options({"enable_backward": False})
 # Reflectance of glass, plastic and paint at normal incidence.
 DIELECTRIC_REFLECTANCE = wp.constant(0.04)
 
-# Metal smoother than this mirrors the object itself; the mirror image fades out up to there.
+# Metal smoother than this reflects the object itself; the reflection fades out toward this roughness.
 MIRROR_ROUGHNESS = wp.constant(0.45)
 MIRROR_METALLIC = wp.constant(0.5)
 
@@ -36,7 +36,7 @@ FAINT_KEY = wp.constant(0.005)
 
 @wp.func
 def with_bounces(openness: float, albedo: float) -> float:
-    """Openness for one colour channel after light bounced between walls of that albedo."""
+    """Openness for one colour channel, corrected for light that bounces between walls of that albedo."""
     a = 2.0404 * albedo - 0.3324
     b = -4.7951 * albedo + 0.6417
     c = 2.7552 * albedo + 0.6903
@@ -45,7 +45,7 @@ def with_bounces(openness: float, albedo: float) -> float:
 
 @wp.func
 def coat_reflectance(f0: wp.vec3, roughness: float, cosine: float) -> wp.vec3:
-    """Share of the light around the mirrored ray that reaches the viewer (Karis 2014)."""
+    """Share of the light around the reflected ray that reaches the viewer (Karis 2014)."""
     x = 1.0 - roughness
     y = 0.0425 - 0.0275 * roughness
     z = 1.04 - 0.572 * roughness
@@ -56,7 +56,7 @@ def coat_reflectance(f0: wp.vec3, roughness: float, cosine: float) -> wp.vec3:
 
 @wp.func
 def smooth_diffuse(light: Light, look: Look) -> wp.vec3:
-    """Light of everything but the bright spots, sent back by the matte base."""
+    """Light of the environment without the bright spots, reflected by the matte base."""
     albedo = (1.0 - look.metallic) * look.color
     open_rgb = wp.vec3(
         with_bounces(look.openness, albedo[0]),
@@ -68,7 +68,7 @@ def smooth_diffuse(light: Light, look: Look) -> wp.vec3:
 
 @wp.func
 def key_diffuse(light: Light, look: Look) -> wp.vec3:
-    """Light of the bright spots without shadow, sent back by the matte base."""
+    """Light of the bright spots without shadows, reflected by the matte base."""
     if light.keys.count == 0:
         return wp.vec3(0.0)
     return (1.0 - look.metallic) * wp.cw_mul(look.color, key_light(light.keys, look.normal))
@@ -76,7 +76,7 @@ def key_diffuse(light: Light, look: Look) -> wp.vec3:
 
 @wp.func
 def coat(look: Look, direction: wp.vec3) -> wp.vec3:
-    """Share of the mirrored light that reaches the viewer."""
+    """Share of the reflected light that reaches the viewer."""
     # Interpolated normals may point away from the viewer near a silhouette.
     cosine = wp.clamp(-wp.dot(look.normal, direction), 0.0, 1.0)
     f0 = wp.lerp(wp.vec3(DIELECTRIC_REFLECTANCE), look.color, look.metallic)
@@ -95,7 +95,7 @@ def mirrored_direction(look: Look, direction: wp.vec3) -> wp.vec3:
 def environment_light(
     view: View, light: Light, origin: wp.vec3, direction: wp.vec3, roughness: float
 ) -> wp.vec3:
-    """What a ray that leaves the scene sees: the surround where the ray meets it."""
+    """Light of the surround at the point where a ray from the scene meets it."""
     point = origin + surround_distance(view, origin, direction) * direction
     return specular_light(light, point / view.surround_radius, roughness)
 
@@ -104,7 +104,7 @@ def environment_light(
 def shade_once(
     view: View, surface: Surface, light: Light, look: Look, point: wp.vec3, direction: wp.vec3
 ) -> wp.vec3:
-    """Radiance toward the viewer without further rays: openness stands in for visibility."""
+    """Radiance toward the viewer without more rays: openness approximates visibility."""
     total = smooth_diffuse(light, look) + look.openness * key_diffuse(light, look)
     mirrored = mirrored_direction(look, direction)
     around = environment_light(view, light, point, mirrored, look.roughness)
@@ -121,9 +121,9 @@ def mirrored_light(
     mirrored: wp.vec3,
     cone_width: float,
 ) -> wp.vec3:
-    """Light around the mirrored ray; smooth metal sends one ray, so that it mirrors the object."""
+    """Light around the reflected ray; smooth metal casts one ray and so reflects the object."""
     around = environment_light(view, light, point, mirrored, look.roughness)
-    # The part of the lobe that meets the object itself shows its dim side, here: nothing.
+    # The part of the lobe that meets the object itself counts as black.
     blurred = look.openness * around
     if look.metallic < MIRROR_METALLIC or look.roughness >= MIRROR_ROUGHNESS:
         return blurred
@@ -131,7 +131,7 @@ def mirrored_light(
     hit = wp.mesh_query_ray(surface.mesh, origin, mirrored, FAR)
     sharp = around
     if hit.result:
-        # The lobe widens the cone: a metal of some roughness mirrors a blurred texture.
+        # The lobe widens the cone: rougher metal reflects a blurred texture.
         spread = view.pixel_cone + look.roughness * look.roughness
         seen = look_at_hit(surface, hit, mirrored, cone_width + hit.t * spread)
         sharp = shade_once(view, surface, light, seen, origin + hit.t * mirrored, mirrored)
@@ -142,9 +142,9 @@ def mirrored_light(
 def key_visibility(
     surface: Surface, light: Light, hit: wp.MeshQueryRay, look: Look, point: wp.vec3, pick: float
 ) -> float:
-    """1 where a randomly chosen point of a bright spot is seen from the hit, 0 where it is hidden.
+    """1 if a random point of a bright spot is visible from the hit, 0 if it is hidden.
 
-    ``pick`` is uniform in 0..1. Where the spots hardly matter, openness stands in for the ray.
+    ``pick`` is uniform in 0..1. Where the spots hardly matter, openness replaces the ray.
     """
     if light.keys.count == 0:
         return 1.0
@@ -167,10 +167,10 @@ def shade(
     visible: float,
     transmission: float,
 ) -> wp.vec3:
-    """Linear, exposed radiance that leaves the hit toward the viewer.
+    """Linear, exposed radiance from the hit toward the viewer.
 
-    ``visible`` is the share of the bright spots that is seen; the matte base loses the share
-    ``transmission`` of its light.
+    ``visible`` is the visible share of the bright spots; the matte base loses the share ``transmission`` of
+    its light.
     """
     diffuse = smooth_diffuse(light, look) + visible * key_diffuse(light, look)
     mirrored = mirrored_direction(look, direction)

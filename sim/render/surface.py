@@ -1,4 +1,4 @@
-"""The scene's triangles and materials on the device, and what they hold at a ray's hit."""
+"""The scene's triangles and materials on the device, and their values at a ray's hit."""
 
 # Kernel code is a language of its own; these checks misread it.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -12,17 +12,17 @@ from digs_warp.sim.scene import OPAQUE_SHARE
 
 wp.set_module_options({"enable_backward": False})
 
-# A ray cone at a grazing angle would stretch without bound.
+# Limits the stretch of a ray cone at grazing angles.
 MIN_COSINE = wp.constant(0.1)
 
-# What counts as met by `trace`.
+# Smallest opacity that stops `trace`.
 ANY_SURFACE = wp.constant(0.0)
 OPAQUE = wp.constant(OPAQUE_SHARE)
 
-# The sphere around the scene counts as larger by this share: more than float32 errs.
+# The sphere around the scene grows by this share, more than the error of float32.
 SPHERE_MARGIN = wp.constant(1.0e-4)
 
-# Walls that a ray passes before it is given up; a bottle with water in it has eight.
+# Largest number of walls that a ray passes; a bottle of water has eight.
 MAX_LAYERS = wp.constant(16)
 
 
@@ -65,7 +65,7 @@ class Surface:
     data: wp.array[MaterialData]  # [materials]
     textures: TextureSet
     see_through: int  # 1: some material transmits or has an opacity below 1
-    step: float  # [m] rays go on this far behind a surface that they pass
+    step: float  # [m] rays continue this far behind a surface that they pass
     lift: float  # [m] rays that leave a surface start this far off it
     radius: float  # [m] sphere around the origin that holds every point
 
@@ -87,9 +87,9 @@ def vertex_normal(surface: Surface, hit: wp.MeshQueryRay) -> wp.vec3:
 
 @wp.func
 def viewer_side(hit: wp.MeshQueryRay, direction: wp.vec3, normal: wp.vec3) -> float:
-    """1 where ``normal`` points to the side of the triangle that the viewer is on, else -1.
+    """1 if ``normal`` points to the viewer's side of the triangle, else -1.
 
-    Surfaces have two sides, and meshes come with windings that disagree with their normals.
+    Surfaces have two sides, and the windings of some meshes disagree with their normals.
     """
     return wp.where(wp.dot(hit.normal, direction) * wp.dot(hit.normal, normal) > 0.0, -1.0, 1.0)
 
@@ -124,7 +124,7 @@ def texture_level(
 
 @wp.func
 def is_see_through(surface: Surface, hit: wp.MeshQueryRay) -> bool:
-    """Whether the hit may let light through; the quick answer for opaque materials."""
+    """Whether the hit may let light through; fast for opaque materials."""
     return surface.see_through == 1 and surface.data[surface.materials[hit.face]].see_through == 1
 
 
@@ -158,8 +158,8 @@ def trace(
 ) -> float:
     """Distance along the ray to the first surface that hides at least ``least``; -1: none in reach.
 
-    Holes that an opacity texture cuts are passed with any ``least``. ``cone`` is the spread of the ray
-    [rad] for the lookup of textures.
+    Rays pass the holes of an opacity texture for any ``least``. ``cone`` is the spread of the ray [rad] for
+    texture look-ups.
     """
     start = wp.float32(0.0)
     found = wp.float32(-1.0)
@@ -194,14 +194,14 @@ def passes_by(radius: float, origin: wp.vec3, direction: wp.vec3, spread: float)
     along = wp.dot(origin, direction)
     nearest = wp.length(origin - along * direction)
     grown = radius * (1.0 + SPHERE_MARGIN)
-    # cos x >= 1 - x^2 / 2, sin x <= x: turning by the spread brings the ray no nearer than this.
+    # cos x >= 1 - x^2 / 2, sin x <= x: a turn by the spread brings the ray no nearer than this.
     clear = (1.0 - 0.5 * spread * spread) * nearest > grown + spread * wp.abs(along)
     return clear and wp.length(origin) > grown
 
 
 @wp.func
 def is_blocked(surface: Surface, origin: wp.vec3, direction: wp.vec3, reach: float) -> bool:
-    """Whether something opaque lies within ``reach`` [m]; the finest texture level decides."""
+    """Whether something opaque lies within ``reach`` [m], at the finest texture level."""
     blocked = wp.mesh_query_ray_anyhit(surface.mesh, origin, direction, reach)
     if blocked and surface.see_through == 1:
         blocked = trace(surface, origin, direction, reach, 0.0, OPAQUE) >= 0.0
@@ -210,16 +210,16 @@ def is_blocked(surface: Surface, origin: wp.vec3, direction: wp.vec3, reach: flo
 
 @wp.func
 def beside_tangent_plane(point: wp.vec3, corner: wp.vec3, normal: wp.vec3) -> wp.vec3:
-    """How far a point below the tangent plane of a corner has to rise to reach it."""
+    """Vector from a point below the tangent plane of a corner up to that plane."""
     below = wp.min(wp.dot(point - corner, normal), 0.0)
     return -below * normal
 
 
 @wp.func
 def smooth_position(surface: Surface, hit: wp.MeshQueryRay, point: wp.vec3, side: float) -> wp.vec3:
-    """Lift a hit to the round surface that the vertex normals pretend.
+    """Lift a hit to the smooth surface that the vertex normals suggest.
 
-    Shadow rays that start on the flat triangle cut the round shading off in steps (Hanika, "Hacking the
+    Shadow rays that start on the flat triangle would cut smooth shading into steps (Hanika, "Hacking the
     Shadow Terminator", Ray Tracing Gems II, 2021, chapter 4).
     """
     corner = 3 * hit.face

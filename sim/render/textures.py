@@ -1,12 +1,12 @@
-"""Textures as mip pyramids in one flat array, and their filtered lookup inside kernels.
+"""Textures as mip pyramids in one flat array, and their filtered look-up in kernels.
 
-The level of a lookup follows from the ray cone: the width of a pixel's cone where it meets the surface,
-stretched by the angle of incidence, against the size of a texel there (Akenine-Moller et al., "Texture
+The level of a look-up follows from the ray cone: the width of a pixel's cone at the surface, stretched by the
+angle of incidence, compared with the size of a texel (Akenine-Moller et al., "Texture
 Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019, eq. 20-6).
 
 Texels are bytes packed into one 32-bit word: a quarter of the memory traffic of linear floats. Colours are
-sRGB bytes, averaged in linear light; a table of 256 values decodes them, a second one takes other
-quantities (roughness, normals) as they are.
+sRGB bytes, averaged in linear light: a table of 256 values decodes them. A second table is for linear
+quantities (roughness, normals).
 """
 
 # Kernel code is a language of its own; these checks misread it.
@@ -23,8 +23,8 @@ from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 
 wp.set_module_options({"enable_backward": False})
 
-# Byte -> value: the table of colours, and after it that of plain quantities. SRGB and LINEAR are where
-# they begin.
+# Byte -> value: the table of colours, followed by that of linear quantities. SRGB and LINEAR are their first
+# indices.
 BYTES = np.arange(256) / 255.0
 DECODE = np.concatenate([linear_from_srgb(BYTES), BYTES]).astype(np.float32)
 SRGB = wp.constant(0)
@@ -67,7 +67,7 @@ def sample_texture_level(textures: TextureSet, level: int, uv: wp.vec2, table: i
     """Bilinear value of one level; coordinates repeat, v = 0 is the bottom row."""
     width = textures.sizes[level][0]
     height = textures.sizes[level][1]
-    # Whole turns are taken off first: far-out coordinates would lose their fraction otherwise.
+    # Whole numbers are removed first: large coordinates would lose their fraction.
     x = (uv[0] - wp.floor(uv[0])) * float(width) - 0.5
     y = (1.0 - (uv[1] - wp.floor(uv[1]))) * float(height) - 0.5
     left = int(wp.floor(x))
@@ -108,7 +108,7 @@ def sample_texture(
 
 
 def mip_chain(image: np.ndarray) -> list[np.ndarray]:
-    """Return the image and its successive halvings down to one pixel, float32; all have the same mean.
+    """Return the image and its halvings down to one pixel, float32; all have the same mean.
 
     Args:
         image: linear values, shape (height, width, channels).
@@ -120,7 +120,7 @@ def mip_chain(image: np.ndarray) -> list[np.ndarray]:
 
 
 def _halve(image: np.ndarray, axis: int) -> np.ndarray:
-    """Halve one axis with a box filter; odd lengths take the exact three-tap box (equal means)."""
+    """Halve one axis with a box filter; odd lengths use the exact three-tap box, which keeps the mean."""
     length = image.shape[axis]
     if length == 1:
         return image
@@ -161,7 +161,7 @@ def pack_textures(images: Sequence[TextureImage]) -> TextureSet:
 
 
 def _encoded_levels(image: TextureImage) -> list[np.ndarray]:
-    """Return the pyramid in bytes; level 0 is the image itself, not its decoded and encoded copy."""
+    """Return the pyramid in bytes; level 0 is the image itself, not a decoded and encoded copy."""
     pixels = image.pixels[..., None] if image.pixels.ndim == 2 else image.pixels
     chain = mip_chain(DECODE[pixels.astype(np.int32) + image.table])[1:]
     if image.table == SRGB:

@@ -15,8 +15,8 @@ from digs_warp.sim.scene import Material, Scene
 
 start_warp()
 
-# Shares of the scene's radius: a ray that passed a surface goes on this far behind it, and one that leaves
-# a surface starts this far off it, so that it does not meet it again.
+# Shares of the scene's radius: a ray that passes a surface continues this far behind it, and one that
+# leaves a surface starts this far off it, so that it does not hit it again.
 STEP_SHARE = 2e-5
 LIFT_SHARE = 1e-4
 
@@ -35,14 +35,14 @@ TEXTURE_FIELDS = {
 
 @dataclass(frozen=True, eq=False)
 class DeviceScene:
-    """A scene on the device: what kernels get, and the BVH, which lives as long as this object."""
+    """A scene on the device: the kernels' struct, and the BVH, which lives as long as this object."""
 
     surface: Surface
     mesh: wp.Mesh
 
 
 def upload_scene(scene: Scene) -> DeviceScene:
-    """Copy a scene to the device; everything but the openness."""
+    """Copy a scene to the device, without its openness."""
     mesh = wp.Mesh(
         wp.array(scene.vertices, dtype=wp.vec3, device="cpu"),
         wp.array(scene.faces.reshape(-1), dtype=int, device="cpu"),
@@ -73,7 +73,7 @@ def upload_scene(scene: Scene) -> DeviceScene:
 def _texture_slots(
     materials: tuple[Material, ...],
 ) -> tuple[list[dict[str, int]], list[TextureImage]]:
-    """Return the number of every texture of every material, and the textures, each once."""
+    """Return the index of every texture of every material, and the textures without duplicates."""
     images: list[TextureImage] = []
     number_of: dict[int, int] = {}
     slots = []
@@ -127,7 +127,7 @@ def _uv_levels(scene: Scene) -> np.ndarray:
     """
     (ab, ac), uv_area = _edges_and_uv_area(scene)
     area = np.linalg.norm(np.cross(ab, ac), axis=1)
-    # Faces without extent in the texture show one texel: the finest level.
+    # Faces without area in the texture show one texel, at the finest level.
     return (0.5 * np.log2(np.maximum(np.abs(uv_area), 1e-18) / np.maximum(area, 1e-30))).astype(
         np.float32
     )

@@ -1,4 +1,4 @@
-"""A camera inside its surround, as kernels need it."""
+"""A camera inside its surround, for kernels."""
 
 # Kernel code is a language of its own; these checks misread it.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
@@ -13,11 +13,11 @@ from digs_warp.sim.render.protocol import CameraTrack
 
 wp.set_module_options({"enable_backward": False})
 
-# Beyond everything [m]; the surround is met analytically.
+# Beyond everything [m]; the hit on the surround is computed analytically.
 FAR = wp.constant(1.0e6)
 
 
-# The angle between two unit vectors exceeds their distance by less than this factor up to 100 degrees.
+# Up to 100 degrees, the angle between two unit vectors exceeds their distance by less than this factor.
 SWING_MARGIN = 1.2
 
 
@@ -38,7 +38,7 @@ class View:
 
 @wp.struct
 class Track:
-    """Where the camera is in each band of rows at each moment of its exposure."""
+    """The camera's poses for each band of rows at each moment of the exposure."""
 
     rotations: wp.array2d[wp.mat33]  # [bands, moments] world_from_cam
     centers: wp.array2d[wp.vec3]  # [bands, moments]
@@ -49,12 +49,12 @@ class Track:
     ]  # [bands] mean over the moments; no rotation, but nearly one
     middle_centers: wp.array[wp.vec3]  # [bands] mean over the moments
     swings: wp.array[float]  # [bands] largest turn away from the middle [rad]
-    shifts: wp.array[float]  # [bands] largest way from the middle [m]
+    shifts: wp.array[float]  # [bands] largest distance from the middle [m]
 
 
 @wp.func
 def view_at(view: View, track: Track, row: int, moment: int) -> View:
-    """The camera as it stands when a row is exposed."""
+    """The camera at one moment of a row's exposure."""
     now = View()
     now.width = view.width
     now.fx = view.fx
@@ -86,20 +86,20 @@ def surround_distance(view: View, origin: wp.vec3, direction: wp.vec3) -> float:
 
 
 def check_inside(camera: Camera, surround_radius: float) -> None:
-    """Raise a `DigsError` when the camera stands outside the surround."""
+    """Raise a `DigsError` if the camera is outside the surround."""
     distance = float(np.linalg.norm(camera.center_world))
     if distance >= surround_radius:
         raise DigsError(
             f"camera: {distance:.3g} m from the origin, outside the surround of radius "
-            f"{surround_radius:.3g} m; make the environment larger or come closer"
+            f"{surround_radius:.3g} m; make the environment larger or move the camera closer"
         )
 
 
 def make_track(track: CameraTrack, surround_radius: float) -> Track:
-    """Return a camera's way for kernels.
+    """Return a camera's track for kernels.
 
     Raises:
-        DigsError: the camera comes outside the surround.
+        DigsError: the camera leaves the surround.
     """
     poses = track.world_from_cam
     for pose in poses.reshape(-1, 4, 4):
@@ -114,7 +114,7 @@ def make_track(track: CameraTrack, surround_radius: float) -> Track:
     device.bands = wp.array(bands, dtype=int, device="cpu")
     device.moments = poses.shape[1]
     middle = poses.mean(axis=1, keepdims=True)
-    # A unit vector moves by at most the norm of the difference, and nearly as many radians.
+    # A unit vector moves by at most the norm of the difference, and turns by nearly as many radians.
     turns = np.linalg.norm((poses - middle)[..., :3, :3], ord=2, axis=(-2, -1)).max(axis=1)
     ways = np.linalg.norm((poses - middle)[..., :3, 3], axis=-1).max(axis=1)
     middle = np.ascontiguousarray(middle[:, 0], np.float32)
@@ -129,7 +129,7 @@ def make_view(camera: Camera, surround_radius: float, samples_per_pixel: int = 1
     """Return the camera for kernels.
 
     Raises:
-        DigsError: the camera stands outside the surround.
+        DigsError: the camera is outside the surround.
     """
     check_inside(camera, surround_radius)
     k = camera.intrinsics
@@ -139,6 +139,6 @@ def make_view(camera: Camera, surround_radius: float, samples_per_pixel: int = 1
     view.world_from_cam = wp.mat33(camera.world_from_cam[:3, :3].astype(np.float32))
     view.center = wp.vec3(*camera.center_world)
     view.surround_radius = surround_radius
-    # The samples of a pixel share its area: each answers for a cone of 1 / sqrt(n) of its width.
+    # The samples of a pixel share its area: each has a cone of 1 / sqrt(n) of its width.
     view.pixel_cone = 1.0 / (min(k.fx, k.fy) * np.sqrt(samples_per_pixel))
     return view
