@@ -22,9 +22,8 @@ from reference.capture_scenes import (
     splats,
     tetrahedron,
 )
+from reference.usd_files import Y_UP
 from reference.usd_renderer import frustum_pixels, render_usd
-
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,8 @@ from digs_warp.usd.reader import ReadOptions, read_scene
 from digs_warp.usd.validate import validate
 from reference.capture_scenes import cloud, splats
 from reference.tiny_capture import write_tiny_capture
+from reference.usd_files import Y_UP
 from reference.usd_renderer import frustum_pixels
-
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 @pytest.fixture(scope="module")

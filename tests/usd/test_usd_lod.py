@@ -16,6 +16,7 @@ from digs_warp.usd.lod import (
     merged_in_voxels,
 )
 from reference.capture_scenes import camera_path, splats
+from reference.usd_files import covariances
 
 
 def test_full_is_everything_and_comes_first():
@@ -54,11 +55,6 @@ def test_what_matters_least_is_dropped_before_anything_is_merged():
         assert_array_equal(getattr(level, name), getattr(gaussians, name)[keep])
 
 
-def covariances(gaussians: Gaussians) -> np.ndarray:
-    half = matrix_from_quat_xyzw(gaussians.quats) * gaussians.scales[:, None].astype(np.float64)
-    return half @ half.transpose(0, 2, 1)
-
-
 def test_a_group_becomes_the_gaussian_of_the_same_moments():
     """Against the moments of many samples of the mixture."""
     gaussians = replace(splats(5, seed=3), opacity_logits=np.array([0.0, 1.0, -1.0, 2.0, 0.5]))
@@ -74,7 +70,9 @@ def test_a_group_becomes_the_gaussian_of_the_same_moments():
     )
     assert_allclose(merged.means[0], samples.mean(axis=0), atol=2e-3)
     expected = np.cov(samples.T) * MERGED_WIDENING**2
-    assert_allclose(covariances(merged)[0], expected, atol=0.02 * np.abs(expected).max())
+    assert_allclose(
+        covariances(merged.quats, merged.scales)[0], expected, atol=0.02 * np.abs(expected).max()
+    )
     assert_allclose(merged.sh[0], np.einsum("n,nkc->kc", weights, gaussians.sh), atol=1e-6)
 
 

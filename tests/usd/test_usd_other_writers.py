@@ -21,8 +21,8 @@ from digs_warp.sh import rgb_from_sh
 from digs_warp.usd.reader import ReadOptions, merged, read_fields, read_gaussians, read_scene
 from digs_warp.usd.writer import write_gaussians
 from reference.capture_scenes import splats
+from reference.usd_files import Y_UP, covariances
 
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 HALF = 2.0**-10
 
 
@@ -272,9 +272,9 @@ def test_deforming_transforms_are_read_on_request(tmp_path: Path):
     read = read_scene(path, options=ReadOptions(approximate=True)).gaussians
     linear = local_to_world[:3, :3] @ Y_UP
     assert_allclose(read.means, gaussians.means @ linear.T + local_to_world[:3, 3], atol=1e-5)
-    expected = linear @ covariances(gaussians) @ linear.T
+    expected = linear @ covariances(gaussians.quats, gaussians.scales) @ linear.T
     size = np.abs(expected).max(axis=(1, 2), keepdims=True)
-    assert_allclose(covariances(read) / size, expected / size, atol=1e-5)
+    assert_allclose(covariances(read.quats, read.scales) / size, expected / size, atol=1e-5)
 
 
 def test_a_mirrored_scene_is_exact_in_colours_too(tmp_path: Path):
@@ -303,8 +303,3 @@ def test_a_collapsing_transform_is_refused_even_so(tmp_path: Path):
     stage.Save()
     with pytest.raises(UsdError, match="collapses"):
         read_scene(tmp_path / "scene.usdc", options=ReadOptions(approximate=True))
-
-
-def covariances(gaussians: Gaussians) -> np.ndarray:
-    half = matrix_from_quat_xyzw(gaussians.quats) * gaussians.scales[:, None, :].astype(np.float64)
-    return half @ half.transpose(0, 2, 1)

@@ -11,11 +11,10 @@ from digs_warp.sh import rgb_from_sh, rotate_sh
 from digs_warp.usd.convert import Precision
 from digs_warp.usd.reader import read_gaussians, read_scene
 from digs_warp.usd.writer import WriteOptions, write_gaussians
+from reference.usd_files import SUFFIXES
 
 # Half a step of float32 at 1, relative.
 EPS = 2.0**-24
-
-SUFFIXES = (".usda", ".usdc", ".usdz")
 
 
 def assert_same(read: Gaussians, written: Gaussians) -> None:

@@ -11,11 +11,7 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.sh import rgb_from_sh, sh_from_rgb
 from digs_warp.usd.writer import WriteOptions, write_gaussians
-
-SUFFIXES = (".usda", ".usdc", ".usdz")
-
-# Y-up from z-up, written out by hand: x stays, up is y, what came towards the viewer goes to -z.
-Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+from reference.usd_files import SUFFIXES, Y_UP, covariances
 
 
 def field_of(path: Path):
@@ -264,8 +260,3 @@ def test_nan_and_infinite_splats_are_refused_with_their_number(
     with pytest.raises(UsdError, match=r"2 of 20 splats hold NaN or infinite.*first is number 3"):
         write_gaussians(tmp_path / "scene.usdc", gaussians)
     assert list(tmp_path.iterdir()) == []
-
-
-def covariances(quats: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    axes = matrix_from_quat_xyzw(quats) * scales[:, None, :].astype(np.float64)
-    return axes @ axes.transpose(0, 2, 1)

@@ -1,9 +1,6 @@
 """The files that the writer leaves: their bytes and members, and what happens to those that are there."""
 
 import hashlib
-import os
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -13,8 +10,7 @@ import pytest
 from digs_warp.checks import UsdError
 from digs_warp.usd.package import MAX_PACKAGE, check_package_size
 from digs_warp.usd.writer import write_gaussians
-
-SUFFIXES = (".usda", ".usdc", ".usdz")
+from reference.usd_files import SUFFIXES, error_of_a_full_disk, run_fresh
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -34,9 +30,7 @@ def test_same_input_gives_the_same_bytes_in_another_process(
         " {'b': 1, 'a': {'d': [1.5], 'c': 'text'}})\n"
     )
     # Another time zone: packages must not carry local times.
-    subprocess.run(
-        [sys.executable, "-c", program], check=True, env=os.environ | {"TZ": "Asia/Tokyo"}
-    )
+    run_fresh(program, TZ="Asia/Tokyo")
     assert_same_bytes(here, there)
 
 
@@ -83,25 +77,13 @@ def test_a_write_that_runs_out_of_space_leaves_the_old_file(
     write_gaussians(path, random_gaussians(3))
     before = path.read_bytes()
     random_gaussians(2000).save(tmp_path / "gaussians.npz")
-    # The system refuses files of more than 100 kB to this process.
-    program = (
-        "import resource, signal; from pathlib import Path\n"
-        "from digs_warp.checks import UsdError; from digs_warp.data.gaussians import Gaussians\n"
-        "from digs_warp.usd.writer import WriteOptions, write_gaussians\n"
-        f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))\n"
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
-        "try:\n"
-        f"    write_gaussians(Path({str(path)!r}), gaussians)\n"
-        "except UsdError as error:\n"
-        "    print(error)\n"
+    message = error_of_a_full_disk(
+        "from digs_warp.data.gaussians import Gaussians\n"
+        "from digs_warp.usd.writer import write_gaussians\n"
+        f"gaussians = Gaussians.load(Path({str(tmp_path / 'gaussians.npz')!r}))",
+        f"write_gaussians(Path({str(path)!r}), gaussians)",
     )
-    result = subprocess.run(
-        [sys.executable, "-c", program], check=False, capture_output=True, text=True
-    )
-    assert result.returncode == 0, result.stderr
-    assert f"scene{suffix}" in result.stdout
-    assert "too large" in result.stdout
+    assert f"scene{suffix}" in message and "too large" in message
     assert path.read_bytes() == before
     assert {entry.name for entry in tmp_path.iterdir()} == {path.name, "gaussians.npz"}
 
