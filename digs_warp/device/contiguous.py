@@ -24,6 +24,15 @@ def bytes_from(values: wp.array[wp.uint8], first: int, count: int) -> wp.array[w
     return wp.array(ptr=values.ptr + wp.uint64(first), shape=(count,), dtype=wp.uint8)
 
 
+def flat(array: wp.array) -> wp.array:
+    """Return a contiguous array of floats, or of vectors of floats, as a flat array of floats.
+
+    It holds an address only: keep ``array`` alive.
+    """
+    count = array.size * wp.types.type_size_in_bytes(array.dtype) // 4
+    return wp.array(ptr=array.ptr, dtype=float, shape=count, device=array.device)
+
+
 # No fault where an address lies outside of the array; on CUDA other threads hide the latency.
 _PREFETCH = """
 #if !defined(__CUDA_ARCH__)

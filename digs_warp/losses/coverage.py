@@ -57,6 +57,9 @@ class CoverageLoss:
         adj_transmittance: where dL/dtransmittance goes, same layout.
         weight: factor of the term.
         threads: CPU threads; 0 means all cores.
+
+    Attributes:
+        sums: what `value` adds up, on the device.
     """
 
     def __init__(
@@ -71,12 +74,12 @@ class CoverageLoss:
         self.weight = weight
         self._scale = 0.0
         self._region = wp.zeros(4, dtype=int, device=device)
-        self._sums = wp.zeros(transmittance.max_height, dtype=float, device=device)
+        self.sums = wp.zeros(transmittance.max_height, dtype=float, device=device)
         layout = [transmittance.pitch, transmittance.origin, self._region]
         self._launch = ParallelLaunch(
             coverage_kernel,
             transmittance.max_height,
-            [*layout, transmittance.data, mask.data, 0.0, adj_transmittance.data, self._sums],
+            [*layout, transmittance.data, mask.data, 0.0, adj_transmittance.data, self.sums],
             device,
             threads,
         )
@@ -90,4 +93,4 @@ class CoverageLoss:
 
     def value(self) -> float:
         """Return the term of the last `run`, its weight included; waits for the device."""
-        return self._scale * float(self._sums.numpy().sum(dtype=np.float64))
+        return self._scale * float(self.sums.numpy().sum(dtype=np.float64))

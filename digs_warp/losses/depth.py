@@ -116,6 +116,9 @@ class DepthLoss:
         adj_depth: where dL/ddepth goes, same layout.
         weight: factor of the term.
         threads: CPU threads; 0 means all cores.
+
+    Attributes:
+        sums: what `value` adds up, on the device.
     """
 
     def __init__(
@@ -130,7 +133,7 @@ class DepthLoss:
         self.weight = weight
         self._scale = 0.0
         self._regions = wp.zeros((2, 4), dtype=int, device=device)
-        self._sums = wp.zeros(depth.max_height, dtype=float, device=device)
+        self.sums = wp.zeros(depth.max_height, dtype=float, device=device)
         empty = [
             wp.zeros(1, dtype=float, device=device),
             wp.zeros(1, dtype=wp.uint8, device=device),
@@ -139,7 +142,7 @@ class DepthLoss:
             depth_kernel,
             depth.max_height,
             [depth.pitch, depth.origin, self._regions, transmittance.data, *empty]
-            + [depth.data, 0.0, adj_depth.data, self._sums],
+            + [depth.data, 0.0, adj_depth.data, self.sums],
             device,
             threads,
         )
@@ -161,4 +164,4 @@ class DepthLoss:
 
     def value(self) -> float:
         """Return the term of the last `run`, its weight included; waits for the device."""
-        return self._scale * float(self._sums.numpy().sum(dtype=np.float64))
+        return self._scale * float(self.sums.numpy().sum(dtype=np.float64))

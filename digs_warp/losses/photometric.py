@@ -30,6 +30,9 @@ class PhotometricLoss:
         adj_image: where the gradient dL/dimage goes, same layout as ``image``.
         dssim_weight: lambda, in 0..1.
         threads: CPU threads; 0 means all cores.
+
+    Attributes:
+        sums: what `value` adds up, on the device.
     """
 
     def __init__(
@@ -47,13 +50,13 @@ class PhotometricLoss:
         blocks_x, blocks_y = -(-width // BLOCK_COLUMNS), -(-height // BLOCK_ROWS)
         strips = 3 * blocks_x * -(-height // SEGMENT_ROWS)
         self._active = wp.zeros((blocks_y, blocks_x), dtype=int, device=device)
-        self._sums = wp.zeros((strips, 2), dtype=float, device=device)
+        self.sums = wp.zeros((strips, 2), dtype=float, device=device)
         self._layout = image.layout()
         read = [image.data, target.data, 0, weights.data]
         self._similarity = ParallelLaunch(
             similarity_kernel,
             strips,
-            [self._layout, self._active, *read, 0.0, 0.0, adj_image.data, self._sums],
+            [self._layout, self._active, *read, 0.0, 0.0, adj_image.data, self.sums],
             device,
             threads,
         )
@@ -82,7 +85,7 @@ class PhotometricLoss:
 
     def value(self) -> tuple[float, float, float]:
         """Return (loss, L1, D-SSIM) of the last `run`; waits for the device."""
-        l1, dssim = self._sums.numpy().sum(axis=0, dtype=np.float64) / self._count
+        l1, dssim = self.sums.numpy().sum(axis=0, dtype=np.float64) / self._count
         return (
             float((1 - self.dssim_weight) * l1 + self.dssim_weight * dssim),
             float(l1),

@@ -8,6 +8,7 @@ with opacities o, the three scales s of each Gaussian and the scene's extent E: 
 shrinks. Scales are taken in units of E, so that the weight does not depend on the unit of the scene.
 """
 
+import numpy as np
 import warp as wp
 
 from digs_warp.device.parallel import ParallelLaunch
@@ -25,18 +26,20 @@ def regularize_kernel(
     # outputs
     adj_log_scales: wp.array[wp.vec3],  # added to
     adj_opacity_logits: wp.array[float],  # added to
+    sums: wp.array[float],  # [n] both terms of each Gaussian
 ):
-    """Add the gradient of one Gaussian."""
+    """Compute the terms of one Gaussian and add their gradient."""
     g = first + wp.tid()
     opacity = 1.0 / (1.0 + wp.exp(-opacity_logits[g]))
     adj_opacity_logits[g] = adj_opacity_logits[g] + opacity_slope * opacity * (1.0 - opacity)
     s = log_scales[g]
     scale = wp.vec3(wp.exp(s[0]), wp.exp(s[1]), wp.exp(s[2]))
     adj_log_scales[g] = adj_log_scales[g] + scale_slope * scale
+    sums[g] = opacity_slope * opacity + scale_slope * (scale[0] + scale[1] + scale[2])
 
 
-class Regularizer:
-    """Adds the gradient of both terms to the gradients of n Gaussians.
+class RegularizerLoss:
+    """Both terms, and their gradient in the parameters of n Gaussians, which it adds to that of the views.
 
     Args:
         log_scales, opacity_logits: raw parameters, (n,) vec3 and (n,).
@@ -44,6 +47,9 @@ class Regularizer:
         opacity_weight, scale_weight: factors of the terms.
         extent: the scene's extent [m].
         threads: CPU threads; 0 means all cores.
+
+    Attributes:
+        sums: what `value` adds up, on the device.
     """
 
     def __init__(
@@ -60,14 +66,20 @@ class Regularizer:
     ) -> None:
         count = len(log_scales)
         slopes = [opacity_weight / count, scale_weight / (3 * count * extent)]
+        device = str(log_scales.device)
+        self.sums = wp.zeros(count, dtype=float, device=device)
         self._launch = ParallelLaunch(
             regularize_kernel,
             count,
-            [log_scales, opacity_logits, *slopes, adj_log_scales, adj_opacity_logits],
-            str(log_scales.device),
+            [log_scales, opacity_logits, *slopes, adj_log_scales, adj_opacity_logits, self.sums],
+            device,
             threads,
         )
 
     def run(self) -> None:
-        """Add the gradient at the present parameters."""
+        """Compute the terms at the present parameters, and add their gradient."""
         self._launch.run()
+
+    def value(self) -> float:
+        """Return the terms of the last `run`, weights included; waits for the device."""
+        return float(self.sums.numpy().sum(dtype=np.float64))

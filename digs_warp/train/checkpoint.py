@@ -13,7 +13,8 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.files import write_arrays
-from digs_warp.train.trainer import Trainer, non_finite_rows
+from digs_warp.train.finite import non_finite_rows
+from digs_warp.train.trainer import Trainer
 
 _CONTROL = "control_"
 

@@ -1,11 +1,17 @@
-"""The loss of a step: all terms that the settings ask for, over one rendered view."""
+"""The loss of a step: all terms that the settings ask for.
+
+To add a term: write it in `digs_warp.losses`, give it a weight in `digs_warp.train.config`, and make it, run
+it and add it up here. What is logged is the sum of these terms, and their gradients are all that Adam sees.
+"""
 
 import numpy as np
+import warp as wp
 
 from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region
+from digs_warp.losses.regularizers import RegularizerLoss
 from digs_warp.losses.target import Target
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.train.config import TrainConfig
@@ -13,10 +19,18 @@ from digs_warp.train.views import View
 
 
 class Objective:
-    """Compares what a renderer drew with a view, and leaves the gradients where `backward` reads them."""
+    """Compares what a renderer drew with a view, and pulls the gradient of the loss back to the Gaussians.
 
-    def __init__(self, renderer: SplatRenderer, config: TrainConfig) -> None:
+    Args:
+        renderer: draws the views; its ``gradients`` are those of the loss after `pull_back`.
+        config: the weights.
+        extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
+    """
+
+    def __init__(self, renderer: SplatRenderer, config: TrainConfig, extent: float) -> None:
         r = renderer
+        self._config = config
+        self._extent = extent
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
         self._keeps_color = config.mask_role == "ignore"
@@ -31,9 +45,26 @@ class Objective:
             )
         if config.depth_weight > 0:
             self._depth = DepthLoss(r.depth, r.transmittance, r.adj_depth, config.depth_weight)
+        self.rebind()
+
+    def rebind(self) -> None:
+        """Go on with other arrays of Gaussians; call it after `SplatRenderer.set_gaussians`."""
+        gaussians, gradients = self._renderer.gaussians, self._renderer.gradients
+        opacity_weight, scale_weight = self._config.regularizer_weights
+        self._regularizer = None
+        if opacity_weight > 0 or scale_weight > 0:
+            self._regularizer = RegularizerLoss(
+                gaussians.log_scales,
+                gaussians.opacity_logits,
+                gradients.log_scales,
+                gradients.opacity_logits,
+                opacity_weight=opacity_weight,
+                scale_weight=scale_weight,
+                extent=self._extent,
+            )
 
     def compare(self, view: View, background: np.ndarray) -> None:
-        """Compute the loss of the last rendered image and its gradients.
+        """Compute the terms of the last rendered image, and their gradients in its pixels.
 
         Args:
             view: what the image shows; read with depth if the settings weigh depth.
@@ -51,8 +82,23 @@ class Objective:
         if self._depth is not None and view.depth is not None:
             self._depth.run(view.depth, view.box, binner.drawn_box())
 
+    def pull_back(self) -> None:
+        """Pull the gradients of the pixels back to the Gaussians, and add the terms of the parameters."""
+        self._renderer.backward()
+        if self._regularizer is not None:
+            self._regularizer.run()
+
+    @property
+    def sums(self) -> list[wp.array]:
+        """What `value` adds up, on the device: all of it is finite exactly when the loss is."""
+        return [self._photometric.sums, *(term.sums for term in self._other_terms)]
+
     def value(self) -> float:
-        """Return the loss of the last `compare`; waits for the device."""
-        terms = [self._photometric.value()[0]]
-        terms += [term.value() for term in (self._coverage, self._depth) if term is not None]
-        return sum(terms)
+        """Return the loss of the last `compare` and `pull_back`; waits for the device."""
+        others = (term.value() for term in self._other_terms)
+        return sum(others, start=self._photometric.value()[0])
+
+    @property
+    def _other_terms(self) -> list[CoverageLoss | DepthLoss | RegularizerLoss]:
+        terms = (self._coverage, self._depth, self._regularizer)
+        return [term for term in terms if term is not None]

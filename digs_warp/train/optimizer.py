@@ -5,7 +5,7 @@
 import numpy as np
 import warp as wp
 
-from digs_warp.device.contiguous import floats_from
+from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.parallel import ParallelLaunch, run_together
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
@@ -88,12 +88,6 @@ def adam_kernel(
             adam_step(j, rate, correction, share, gradient, value, moment_1, moment_2)
 
 
-def _flat(array: wp.array) -> wp.array:
-    """Return the same memory as a flat array of floats."""
-    count = array.size * (np.prod(array.dtype._shape_) if hasattr(array.dtype, "_shape_") else 1)
-    return wp.array(ptr=array.ptr, dtype=float, shape=int(count), device=array.device)
-
-
 class Adam:
     """Optimizes ``gaussians`` in place from ``gradients``; counts its steps in ``step``."""
 
@@ -124,12 +118,12 @@ class Adam:
             strict=True,
         )
         for value, gradient, first, second, rates in groups:
-            flat = [_flat(array) for array in (gradient, value, first, second)]
-            count = flat[0].shape[0]
+            arrays = [flat(array) for array in (gradient, value, first, second)]
+            count = arrays[0].shape[0]
             pattern = _color_shares(gaussians) if value is gaussians.sh else np.ones(1)
             shares = np.resize(pattern, BLOCK + len(pattern)).astype(np.float32)
             shares = wp.array(shares, dtype=float, device=device)
-            inputs = [count, len(pattern), shares, rates, *flat]
+            inputs = [count, len(pattern), shares, rates, *arrays]
             blocks = -(-count // BLOCK)
             self._launches.append(
                 ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)

@@ -6,7 +6,6 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.losses.regularizers import Regularizer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -15,6 +14,7 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
 from digs_warp.train.draws import BACKGROUND
+from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.half_size import half_size_steps
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
@@ -56,8 +56,8 @@ class Trainer:
             max(k.height for k in sizes),
             options=RasterOptions(outputs="depth" if config.depth_weight > 0 else "color"),
         )
-        self.objective = Objective(self.renderer, config)
         self._extent = scene_extent(views.cameras)
+        self.objective = Objective(self.renderer, config, self._extent)
         self._center = gaussians.means.mean(axis=0)
         self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
@@ -80,9 +80,7 @@ class Trainer:
             content=view.box,
         )
         self.objective.compare(view, background)
-        self.renderer.backward()
-        if self._regularizer is not None:
-            self._regularizer.run()
+        self.objective.pull_back()
         means_rate = self.optimizer.means_rate()
         self.optimizer.update()
         self._require_finite(view)
@@ -130,6 +128,7 @@ class Trainer:
     def _replace(self, gaussians: Gaussians, step: int) -> None:
         self.gaussians = DeviceGaussians.from_numpy(gaussians, self.config.device)
         self.renderer.set_gaussians(self.gaussians)
+        self.objective.rebind()
         self._build_optimizer(step)
 
     def _build_optimizer(self, step: int) -> None:
@@ -138,25 +137,11 @@ class Trainer:
         gradients = self.renderer.gradients
         self.optimizer = Adam(self.gaussians, gradients, self.config, self._extent)
         self.optimizer.step = step
-        opacity_weight, scale_weight = self.config.regularizer_weights
-        self._regularizer = None
-        if opacity_weight > 0 or scale_weight > 0:
-            self._regularizer = Regularizer(
-                self.gaussians.log_scales,
-                self.gaussians.opacity_logits,
-                gradients.log_scales,
-                gradients.opacity_logits,
-                opacity_weight=opacity_weight,
-                scale_weight=scale_weight,
-                extent=self._extent,
-            )
+        self._finite = FiniteCheck([*self.gaussians.arrays, *self.objective.sums])
 
     def _require_finite(self, view: View) -> None:
         """Raise when the loss or a parameter is not finite; the renderer would only skip such a Gaussian."""
-        loss = self.loss_value()
-        # NaN and infinity survive a sum: one pass over each array.
-        sums = [array.numpy().sum() for array in self.gaussians.arrays]
-        if np.isfinite(loss) and np.isfinite(sums).all():
+        if self._finite.passes():
             return
         broken = [
             f"{name} of {len(rows):,} Gaussians (the first is {rows[0]})"
@@ -164,9 +149,9 @@ class Trainer:
             if len(rows := non_finite_rows(array.numpy()))
         ]
         raise DigsError(
-            f"training diverged at iteration {self.optimizer.step}, view '{view.name}': loss {loss}, not "
-            f"finite: {', '.join(broken) or 'the loss alone'}. Start again with smaller rates "
-            "(--overwrite); checkpoint.npz, if there is one, holds the last good state."
+            f"training diverged at iteration {self.optimizer.step}, view '{view.name}': loss "
+            f"{self.loss_value()}, not finite: {', '.join(broken) or 'the loss alone'}. Start again with "
+            "smaller rates (--overwrite); checkpoint.npz, if there is one, holds the last good state."
         )
 
     def _view(self) -> View:
@@ -183,9 +168,3 @@ class Trainer:
     def _sh_degree(self) -> int:
         wait = max(1.0, SH_WARM_UP_SHARE * self.config.stop.iterations)
         return min(self.config.sh_degree, int(self.optimizer.step / wait))
-
-
-def non_finite_rows(values: np.ndarray) -> np.ndarray:
-    """Return the rows of ``values`` (n, ...) that hold NaN or infinity."""
-    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
-    return np.flatnonzero(~finite)

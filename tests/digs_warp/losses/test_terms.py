@@ -11,7 +11,7 @@ from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss, DepthTarget, depth_weights
 from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import blocks_of, tiles_of
-from digs_warp.losses.regularizers import Regularizer
+from digs_warp.losses.regularizers import RegularizerLoss
 from reference import loss_twin
 
 WIDTH, HEIGHT = 70, 20
@@ -184,7 +184,7 @@ def test_regularizers() -> None:
     before = rng.normal(size=30).astype(np.float32), rng.normal(size=(30, 3)).astype(np.float32)
     adj_logits = wp.array(before[0], dtype=float, device="cpu")
     adj_scales = wp.array(before[1], dtype=wp.vec3, device="cpu")
-    Regularizer(
+    term = RegularizerLoss(
         wp.array(log_scales, dtype=wp.vec3, device="cpu"),
         wp.array(logits, dtype=float, device="cpu"),
         adj_scales,
@@ -192,7 +192,10 @@ def test_regularizers() -> None:
         opacity_weight=0.4,
         scale_weight=7.0,
         extent=1.9,
-    ).run()
+    )
+    term.run()
+    opacity, scale = loss_twin.regularizers(log_scales, logits, 1.9)
+    assert term.value() == pytest.approx(0.4 * opacity + 7.0 * scale, rel=1e-5)
     for i in range(30):
         expected = 0.4 * slope(
             lambda x: loss_twin.regularizers(log_scales, x, 1.9)[0], logits, (i,)

@@ -107,14 +107,19 @@ def test_every_view_is_seen_once_an_epoch() -> None:
     assert sorted(seen[:8]) == sorted(seen[8:]) == list(range(8))
 
 
-def test_a_loss_that_is_not_finite_stops_the_run(capture: Capture) -> None:
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_parameter_that_is_not_finite_stops_the_run_in_the_same_step(
+    capture: Capture, name: str, value: float
+) -> None:
     """The message says which parameter, which Gaussian, which view and which iteration."""
     trainer = trained(capture, TrainConfig(stop=Stop(iterations=5)), 1)
-    spoiled = trainer.gaussians.sh.numpy()
-    spoiled[7] = np.nan
-    trainer.gaussians.sh.assign(spoiled)
+    array = getattr(trainer.gaussians, name)
+    spoiled = array.numpy()
+    spoiled[7] = value
+    array.assign(spoiled)
     view = capture.frames[view_index(0, len(capture), 1)].name
-    found = rf"iteration 2, view '{view}'.*sh of 1 Gaussians \(the first is 7\)"
+    found = rf"iteration 2, view '{view}'.*{name} of 1 Gaussians \(the first is 7\)"
     with pytest.raises(DigsError, match=found):
         trainer.step()
 

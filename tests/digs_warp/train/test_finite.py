@@ -1,0 +1,33 @@
+"""One flag tells whether any value of some arrays is NaN or infinite, wherever it lies."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from digs_warp.train.finite import BLOCK, PARALLEL_FROM, FiniteCheck
+
+EXTREME = np.array([0.0, -0.0, 1e-45, -3.4e38, 3.4e38], np.float32)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("count", [1, BLOCK - 1, BLOCK, 2 * BLOCK + 5, PARALLEL_FROM])
+def test_a_broken_value_is_found_wherever_it_lies(count: int, value: float) -> None:
+    values = np.resize(EXTREME, count)
+    array = wp.array(values, dtype=float, device="cpu")
+    whole = wp.zeros(3, dtype=wp.vec3, device="cpu")
+    assert FiniteCheck([array, whole]).passes()
+    for place in {0, count // 2, count - 1}:
+        broken = values.copy()
+        broken[place] = value
+        array.assign(broken)
+        assert not FiniteCheck([whole, array]).passes()
+
+
+def test_vectors_are_looked_at_to_their_last_component() -> None:
+    values = np.zeros((10, 4, 3), np.float32)
+    array = wp.array(values, dtype=wp.vec3, device="cpu")
+    check = FiniteCheck([array])
+    assert check.passes()
+    values[9, 3, 2] = np.nan
+    array.assign(values)
+    assert not check.passes()
