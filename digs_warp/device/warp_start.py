@@ -28,6 +28,14 @@ def start_warp() -> None:
         wp.init()
 
 
+def compile_seconds() -> float:
+    """Return the seconds [s] that this process has spent on compiling kernels so far."""
+    return sum(_compiled)
+
+
+_compiled: list[float] = []  # seconds of each module; appending is atomic
+
+
 class _ToLogging:
     """Warp's logger interface, forwarded."""
 
@@ -38,6 +46,7 @@ class _ToLogging:
         # Compiling takes seconds and happens once per kernel and machine: worth a line. The rest is not.
         if found := COMPILED.match(message):
             seconds = float(found["milliseconds"]) / 1e3
+            _compiled.append(seconds)
             logger.info("compiled %s in %.1f s, once for all runs", found["module"], seconds)
         else:
             logger.debug(message)

@@ -5,7 +5,6 @@ they share: one makes it, the others take it.
 """
 
 import json
-import logging
 import resource
 import shutil
 import sys
@@ -67,6 +66,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
             the same settings, too, with the time that it took.
         folder: of the study.
     """
+    from digs_warp.device.warp_start import compile_seconds
     from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 
     capture = record_case(case, folder)
@@ -74,8 +74,9 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     matched = _matched(case, config, folder)
     with _one_matches(config, matched):
         work = _workplace(case, matched, folder)
-        with _CompileTimes() as compiled:
-            gaussians = reconstruct(capture, config, work)
+        before = compile_seconds()
+        gaussians = reconstruct(capture, config, work)
+        compiling = compile_seconds() - before
         measured = _measure(work)
         _share_sfm(work, matched, measured["seconds"])
     posed = PosedFrames.load(capture, work)
@@ -90,7 +91,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         "versions": versions(),
         "machine": processor(),
     }
-    measured["seconds"]["compile kernels"] = round(compiled.seconds, 3)
+    measured["seconds"]["compile kernels"] = round(compiling, 3)
     shutil.rmtree(work)
     return measured
 
@@ -235,26 +236,3 @@ def _peak_memory_mb() -> float:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # Linux counts kibibytes, macOS bytes.
     return round(peak / (1 << 20 if sys.platform == "darwin" else 1 << 10), 1)
-
-
-class _CompileTimes(logging.Handler):
-    """Adds up what compiling kernels takes: it happens once per machine and belongs to no stage."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.seconds = 0.0
-        self._logger = logging.getLogger("digs_warp.kernels")
-
-    def emit(self, record: logging.LogRecord) -> None:
-        if record.msg.startswith("compiled") and isinstance(record.args, tuple):
-            self.seconds += float(record.args[1])  # pyright: ignore[reportArgumentType]
-
-    def __enter__(self) -> "_CompileTimes":
-        self._level = self._logger.level
-        self._logger.setLevel(logging.INFO)
-        self._logger.addHandler(self)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._logger.removeHandler(self)
-        self._logger.setLevel(self._level)

@@ -33,15 +33,20 @@ def test_native_messages_other_than_the_missing_driver_are_passed_on() -> None:
     assert done.stderr == "before\nafter\nlater\n"
 
 
-def test_compiling_a_kernel_is_logged_with_its_module(
+def test_compiling_a_kernel_is_logged_with_its_module_and_counted(
     caplog: pytest.LogCaptureFixture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     warp_start.start_warp()
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))  # nothing is compiled yet
+    before = warp_start.compile_seconds()
     with caplog.at_level(logging.INFO, warp_start.logger.name):
         wp.load_module(device="cpu")
         wp.launch(_nothing_kernel, dim=1, device="cpu")
     assert [r.message.split(" in ")[0] for r in caplog.records] == [f"compiled {__name__}"]
+    first = warp_start.compile_seconds() - before
+    assert 0.0 < first < 60.0
+    wp.load_module(device="cpu")  # there already
+    assert warp_start.compile_seconds() - before == first
 
 
 @wp.kernel
