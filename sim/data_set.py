@@ -58,6 +58,17 @@ class SceneResult:
     fill: float | None = None
     error_mm: float | None = None
 
+    def __str__(self) -> str:
+        """The outcome in a phrase, without the name."""
+        if self.error:
+            return f"failed: {self.error}"
+        words = f"{self.frames} frames in {self.seconds:.1f} s"
+        if self.fill is not None:
+            words += f", depth on {self.fill:.1%} of the object"
+        if self.error_mm is not None:
+            words += f", median error {self.error_mm:.2f} mm"
+        return words
+
 
 def plan_jobs(
     config: SimulateConfig,

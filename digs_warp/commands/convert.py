@@ -1,7 +1,5 @@
 """`digs-warp convert`: captures and Gaussians -> other programs' formats, recordings -> captures."""
 
-import os
-import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,6 +11,7 @@ from digs_warp.commands.command import Command
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.output import OutputFolder
 from digs_warp.data.capture import INDEX_NAME
+from digs_warp.record.files import whole_folder
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
 
@@ -86,22 +85,17 @@ class Convert(Command):
 
 
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
-    """Export under a temporary name, then rename: the folder is complete or not there."""
+    """Export a capture; the folder is complete or not there."""
     from digs_warp.data.capture import read_capture
     from digs_warp.interchange.captures.formats import export_capture
 
-    folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source]).resolve()
+    folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source])
     capture = read_capture(source)
-    log = RunLog("convert", {"capture": source, "to": form})
-    unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
-    try:
+    log = RunLog("convert", {"capture": source, "to": form}, results={"frames": len(capture)})
+    with whole_folder(folder) as unfinished:
         with log.stage("export"):
             export_capture(capture, form, unfinished)
-        log.results = {"frames": len(capture)}
         log.save(unfinished / RUN_RECORD)
-        os.replace(unfinished, folder)
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
     return f"{out}: {len(capture)} frames as {form}, {log.seconds['export']:.1f} s"
 
 

@@ -1,15 +1,10 @@
-"""Flags and words for recording many scenes at once."""
+"""Flags for recording many scenes at once."""
 
 import glob
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError
-
-if TYPE_CHECKING:
-    from digs_warp.sim.data_set import SceneResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,25 +36,6 @@ class ManyScenes:
             DigsError: a pattern that no file matches.
         """
         return _matches("meshes", self.meshes), _matches("environments", self.environments)
-
-
-def format_summary(results: "Sequence[SceneResult]") -> str:
-    """Return a line per scene."""
-    width = max(len(result.name) for result in results)
-    lines = []
-    for result in results:
-        words = f"failed: {result.error}" if result.error else _success(result)
-        lines.append(f"{result.name.ljust(width)}  {words}")
-    return "\n".join(lines)
-
-
-def _success(result: "SceneResult") -> str:
-    words = f"{result.frames} frames in {result.seconds:.1f} s"
-    if result.fill is not None:
-        words += f", depth on {result.fill:.1%} of the object"
-    if result.error_mm is not None:
-        words += f", median error {result.error_mm:.2f} mm"
-    return words
 
 
 def _matches(flag: str, pattern: str | None) -> list[Path]:

@@ -9,7 +9,6 @@ import tyro
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import OutputFolder
-from digs_warp.record.layout import find_gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,24 +41,11 @@ class MakeKit(Command):
 
     def execute(self) -> str:
         """Film, and say what to hand out."""
-        from digs_warp.data.gaussians import Gaussians
         from digs_warp.study.preference.design import KEY, VERSIONS
-        from digs_warp.study.preference.kit import make_kit
+        from digs_warp.study.preference.kit import find_items, make_kit
 
-        found = {item.name: _reconstructions(item) for item in self.items}
-        if len(found) != len(self.items):
-            raise DigsError("preference: two items have the same folder name; rename one")
-        names = [set(paths) for paths in found.values()]
-        if any(each != names[0] for each in names):
-            raise DigsError(
-                f"preference: the items compare different things: {sorted(map(sorted, names))}; expected the "
-                "same four folder names in each"
-            )
+        items = find_items(self.items)
         folder = self.output.prepare(self.items)
-        items = {
-            item: {name: Gaussians.load(path) for name, path in paths.items()}
-            for item, paths in found.items()
-        }
         size = (self.width, self.height)
         make_kit(items, folder, size=size, seconds=self.seconds, frame_rate=self.fps)
         return (
@@ -87,13 +73,6 @@ class EvaluateSheets(Command):
         answers = [answer for sheet in self.sheets for answer in read_answers(sheet, key)]
         strategies = sorted({name for places in key.values() for name in places.values()})
         return evaluate(answers, strategies).text()
-
-
-def _reconstructions(item: Path) -> dict[str, Path]:
-    if not item.is_dir():
-        raise DigsError(f"'{item}': no such folder; expected four reconstructions in it")
-    folders = sorted(path for path in item.iterdir() if path.is_dir())
-    return {folder.name: find_gaussians(folder) for folder in folders}
 
 
 PREFERENCE = Group(

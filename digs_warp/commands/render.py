@@ -1,9 +1,7 @@
 """`digs-warp render`: a film of Gaussians."""
 
-import os
-import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +12,7 @@ from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import OutputFolder, check_output_file
 from digs_warp.commands.splat_scenes import SplatOptions, read_splats
+from digs_warp.record.files import whole_folder
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
@@ -21,7 +20,7 @@ from digs_warp.record.run_log import RunLog
 if TYPE_CHECKING:
     import numpy as np
 
-    from digs_warp.camera import Camera, Intrinsics
+    from digs_warp.camera import Camera
     from digs_warp.film.camera_path import Subject
     from digs_warp.film.shoot import Clock
 
@@ -122,48 +121,34 @@ class Render(Command):
         )
 
     def _write_folder(self, frames: "Iterator[np.ndarray]", clock: "Clock") -> int:
-        """Write under a temporary name, then rename: the folder is complete or not there."""
         from digs_warp.film.video import write_frames
 
         output = OutputFolder(out=self.out, overwrite=self.overwrite)
-        folder = output.prepare([self.source]).resolve()
-        unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
         log = RunLog("render", self)
-        try:
+        with whole_folder(output.prepare([self.source])) as unfinished:
             count = write_frames(unfinished, frames)
             log.seconds["render"] = sum(clock.seconds)
             log.save(unfinished / RUN_RECORD)
-            os.replace(unfinished, folder)
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
         return count
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":
         from digs_warp.camera import Intrinsics
         from digs_warp.data.capture import read_capture
-        from digs_warp.film.camera_path import along, orbit
+        from digs_warp.film.camera_path import along, orbit, same_width_of_view
 
         count = max(1, round(self.seconds * self.fps))
+        size = self.width, self.height
         if self.follow is None:
-            k = Intrinsics.from_fov(self.width, self.height, self.fov_deg or ORBIT_FOV_DEG)
+            k = Intrinsics.from_fov(*size, self.fov_deg or ORBIT_FOV_DEG)
             return orbit(subject, k, count, self.elevation_deg)
         frames = read_capture(self.follow).frames
-        recorded = frames[0].camera.intrinsics
         k = (
-            Intrinsics.from_fov(self.width, self.height, self.fov_deg)
+            Intrinsics.from_fov(*size, self.fov_deg)
             if self.fov_deg
-            else _same_width_of_view(recorded, self.width, self.height)
+            else same_width_of_view(frames[0].camera.intrinsics, *size)
         )
         poses = [frame.camera.world_from_cam for frame in frames]
         return along(poses, [frame.time for frame in frames], k, count)
-
-
-def _same_width_of_view(recorded: "Intrinsics", width: int, height: int) -> "Intrinsics":
-    """Return a centred camera with square pixels that sees as far to the sides as ``recorded``."""
-    focal = recorded.fx * width / recorded.width
-    return replace(
-        recorded, width=width, height=height, fx=focal, fy=focal, cx=width / 2, cy=height / 2
-    )
 
 
 def _with_progress(frames: "Iterator[np.ndarray]", count: int) -> "Iterator[np.ndarray]":

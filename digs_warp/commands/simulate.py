@@ -10,7 +10,8 @@ import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.many_scenes import ManyScenes, format_summary
+from digs_warp.commands.facts import format_facts
+from digs_warp.commands.many_scenes import ManyScenes
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.record.layout import DATA_SET, RUN_RECORD
 from digs_warp.record.run_log import RunLog
@@ -104,7 +105,8 @@ class Simulate(SettingsCommand):
             results = simulate_many(jobs, folder, self.output.resume)
         log.results = {"scenes": len(results), "failed": [r.name for r in results if r.error]}
         log.save(record)
-        summary = f"{format_summary(results)}\n\nAlso in {folder / DATA_SET}"
+        lines = format_facts({result.name: str(result) for result in results})
+        summary = f"{lines}\n\nAlso in {folder / DATA_SET}"
         if failed := log.results["failed"]:
             raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{summary}")
         return f"{summary}. {len(results)} scenes in {log.seconds['simulate']:.0f} s"

@@ -110,3 +110,9 @@ def along(
     positions = CubicSpline(times, matrices[:, :3, 3])(moments)
     rotations = Slerp(times, Rotation.from_matrix(matrices[:, :3, :3]))(moments).as_matrix()
     return [Camera(intrinsics, rigid(r, p)) for r, p in zip(rotations, positions, strict=True)]
+
+
+def same_width_of_view(recorded: Intrinsics, width: int, height: int) -> Intrinsics:
+    """Return a centered camera of another size [px] that sees as far to the sides as ``recorded``."""
+    focal = recorded.fx * width / recorded.width
+    return Intrinsics(width, height, fx=focal, fy=focal, cx=width / 2, cy=height / 2)

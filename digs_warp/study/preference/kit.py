@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
+from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.record.files import write_atomically
+from digs_warp.record.layout import find_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.study.preference.design import KEY, LETTERS, VERSIONS, Question, design, save_key
 
@@ -21,6 +23,34 @@ STYLE = (
     "video{width:100%}section{break-inside:avoid;margin:2rem 0}"
     "label{font-size:1.4rem;margin-right:2rem}"
 )
+
+
+def find_items(folders: Sequence[Path]) -> dict[str, dict[str, Gaussians]]:
+    """Return item -> what is compared -> Gaussians, from folders that hold a folder per reconstruction.
+
+    Raises:
+        DigsError: a folder is missing, two have the same name, or they compare different things.
+    """
+    found = {folder.name: _reconstructions(folder) for folder in folders}
+    if len(found) != len(folders):
+        raise DigsError("preference: two items have the same folder name; rename one")
+    names = {tuple(paths) for paths in found.values()}
+    if len(names) > 1:
+        raise DigsError(
+            f"preference: the items compare different things: {sorted(names)}; expected the same four "
+            "folder names in each"
+        )
+    return {
+        item: {name: Gaussians.load(path) for name, path in paths.items()}
+        for item, paths in found.items()
+    }
+
+
+def _reconstructions(item: Path) -> dict[str, Path]:
+    if not item.is_dir():
+        raise DigsError(f"'{item}': no such folder; expected four reconstructions in it")
+    folders = sorted(path for path in item.iterdir() if path.is_dir())
+    return {folder.name: find_gaussians(folder) for folder in folders}
 
 
 def make_kit(
