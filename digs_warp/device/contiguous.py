@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Parts of arrays whose layout the compiler knows, for loops that are to become vector code.
 
 A Warp array carries its stride, which LLVM learns only at run time, and an index that might be negative

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Kernel of `digs_warp.init.edges`: the magnitude of the Laplacian, and the sums that its threshold needs.
 
 One thread per tile of 64x16 pixels. Its depth values lie in one local array, so that LLVM turns the loop

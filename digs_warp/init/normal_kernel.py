@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Kernel of `digs_warp.init.normals`: one thread per row of the depth map."""
 
 import warp as wp

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Kernel of `digs_warp.init.voxel`: back-project a view's pixels (eq. 8) straight into a hash of voxels.
 
 One thread walks a whole view in a fixed order, so sums do not depend on the number of threads; views run

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Photographs over a background: 8-bit colour and mask -> float planes."""
 
 import warp as wp

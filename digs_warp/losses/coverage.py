@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Alpha supervision: what the Gaussians cover is pulled to the mask, inside and outside of the object.
 
     L = (1 / pixels) sum |alpha - mask|,   alpha = 1 - transmittance

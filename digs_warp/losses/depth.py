@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Depth supervision: the expected depth of a view is pulled to what the depth camera measured.
 
 Legend: z rendered depth, d measured depth [m], I the photograph, c the sensor's confidence in 0..1.

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Regularizers of shape and opacity, as Monte-Carlo training needs them (Kheradmand et al. 2024).
 
     L = opacity_weight * mean(o) + scale_weight * mean(s / E)

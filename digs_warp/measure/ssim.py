@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Structural similarity and L1 between two images, fused, with the gradient of their sum.
 
 Legend (Wang et al. 2004): m and s are mean and variance under an 11x11 Gaussian window W (sigma 1.5), x

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Alpha of a splat at a pixel: o exp(-q / 2), capped at max_alpha and not drawn below min_alpha.
 
 The cut is a step, at which an image has no derivative: central differences cannot check a gradient across it.

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """What lies behind the splats: tiles of nothing else, and an image.
 
 An image is added after compositing, so that the hot kernels know one colour only.

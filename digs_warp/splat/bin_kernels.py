@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Kernels of `digs_warp.splat.bin_tiles`: spans, counts, and the two ways to build the tile lists."""
 
 import warp as wp

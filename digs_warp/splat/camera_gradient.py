@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """The gradient of a view's camera: each Gaussian's share in it, and their sum in a fixed order."""
 
 from dataclasses import dataclass

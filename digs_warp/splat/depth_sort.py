@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Sort the splats of a view by depth, on one CPU core: a radix sort, from the last digit on.
 
 Only what the depths of the view differ in is sorted: as whole numbers, the bits of two floats a factor of two

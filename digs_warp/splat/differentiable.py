@@ -17,14 +17,13 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
-from digs_warp.checks import check_shape
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.splat.camera_motion import moved_camera, pose_gradient
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.plane_kernels import add_kernel, pack_planes_kernel, unpack_planes_kernel
+from digs_warp.splat.render import draw
 from digs_warp.splat.renderer import WHITE, SplatRenderer
 
 
@@ -85,10 +84,6 @@ def rasterize(
         DigsError: pose, intrinsics or background have another shape, or the camera cannot be.
     """
     moved = moved_camera(camera, _to_numpy(pose), _to_numpy(intrinsics))
-    if near is None:
-        means = gaussians.means.numpy()
-        center = means.mean(axis=0) if len(means) else np.zeros(3)
-        near = near_plane(moved, center, options.near_share)
     k = moved.intrinsics
     renderer = SplatRenderer(
         gaussians,
@@ -97,12 +92,7 @@ def rasterize(
         options=options,
         camera_gradient=pose is not None or intrinsics is not None,
     )
-    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
-    if behind.ndim == 3:
-        check_shape("background", behind, (k.height, k.width, 3))
-        behind = ImagePlanes.of(behind, gaussians.device)
-    renderer.forward(moved, near=near, background=behind)
-
+    draw(renderer, moved, near, background)
     image = _output(renderer.image, renderer.adj_image)
     alpha = _output(renderer.transmittance, renderer.adj_transmittance, scale=-1.0, offset=1.0)
     outputs = [image, alpha]

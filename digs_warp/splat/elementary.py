@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Elementary functions that LLVM turns into vector code: no calls, no branches.
 
 `wp.exp` and `wp.log` are calls for one value; `wp.min` and `wp.max` of two variables look for NaN.

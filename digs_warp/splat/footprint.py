@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """One Gaussian through one camera: the linearized projection, as plain functions of the device.
 
 Legend (EWA splatting as in 3DGS): p = R_cw mu + t the centre in the camera, X = x/z and Y = y/z its

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """A group of Gaussians in local memory, field by field: LLVM works on all of a group at once.
 
 Component c of a field lies c groups after the field's first component, one member after the other.

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Between planar, padded images and plain arrays (height, width, channels), one thread per row."""
 
 import warp as wp

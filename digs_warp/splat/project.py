@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Projection of Gaussians to splats on the image, one by one and in groups.
 
 The notation is that of `digs_warp.splat.footprint`. The determinant of the covariance is taken as

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Gradient of the projection: from splats on the image back to Gaussians, camera and pose.
 
 The camera moves in its own frame: ``world_from_cam' = world_from_cam exp(w, t)`` with a rotation vector

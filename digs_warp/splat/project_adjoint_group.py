@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """`digs_warp.splat.project_adjoint.project_backward_kernel` for CPUs: LLVM pulls a group back at once.
 
 As in `digs_warp.splat.project_group`, a group is laid out field by field in local memory. Sums over tiles and

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """`digs_warp.splat.project.project_kernel` for CPUs: LLVM projects the Gaussians of a group at once.
 
 A group is laid out field by field in local memory, projected in one loop of vector code, and written splat

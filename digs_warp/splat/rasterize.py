@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Compositing on the CPU: one Warp thread per 16x16 tile, inner loops that LLVM turns into vector code.
 
 Per pixel, front to back over the splats i of its tile (3DGS):
@@ -65,12 +63,15 @@ from digs_warp.splat.tile import (
     PIXELS,
     PLANE_FLOATS,
     TILE,
+    block_left,
+    block_top,
     cache_line_at,
     exp_in_range,
     planes_memory,
+    power_at,
+    tile_splat,
 )
 from digs_warp.splat.tile_blocks import Ellipse, live_blocks, lowest_bit, touched_blocks
-from digs_warp.splat.tile_splat import block_left, block_top, power_at, tile_splat
 
 wp.set_module_options({"enable_backward": False})
 

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Gradient of the compositing of `digs_warp.splat.rasterize`, where the formulas stand."""
 
 from functools import cache
@@ -26,12 +24,15 @@ from digs_warp.splat.tile import (
     HALF_PIXELS,
     PLANE_FLOATS,
     TILE,
+    block_left,
+    block_top,
     cache_line_at,
     exp_in_range,
     planes_memory,
+    power_at,
+    tile_splat,
 )
 from digs_warp.splat.tile_blocks import lowest_bit
-from digs_warp.splat.tile_splat import block_left, block_top, power_at, tile_splat
 
 wp.set_module_options({"enable_backward": False})
 

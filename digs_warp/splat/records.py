@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """What the raster kernels read and write: the layout of records in memory, and structs of arrays."""
 
 from dataclasses import dataclass

@@ -112,6 +112,25 @@ def _assign_adjoint(
         planes.assign(check_finite(name, check_shape(name, np.asarray(adjoint), output.shape)))
 
 
+def draw(
+    renderer: SplatRenderer,
+    camera: Camera,
+    near: float | None,
+    background: tuple[float, float, float] | np.ndarray,
+) -> None:
+    """Draw one view into a renderer of the camera's size; for the arguments see `render`."""
+    if near is None:
+        means = renderer.gaussians.means.numpy()
+        center = means.mean(axis=0) if len(means) else np.zeros(3)
+        near = near_plane(camera, center, renderer.options.near_share)
+    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
+    if behind.ndim == 3:
+        k = camera.intrinsics
+        check_shape("background", behind, (k.height, k.width, 3))
+        behind = ImagePlanes.of(behind, renderer.device)
+    renderer.forward(camera, near=near, background=behind)
+
+
 def render(
     gaussians: Gaussians,
     camera: Camera,
@@ -139,9 +158,6 @@ def render(
     Raises:
         DigsError: values that are not finite, or a background of another size.
     """
-    if near is None:
-        center = gaussians.means.mean(axis=0) if len(gaussians) else np.zeros(3)
-        near = near_plane(camera, center, options.near_share)
     k = camera.intrinsics
     renderer = SplatRenderer(
         DeviceGaussians.from_numpy(gaussians, device),
@@ -149,11 +165,7 @@ def render(
         options=options,
         camera_gradient=camera_gradient,
     )
-    behind: np.ndarray | ImagePlanes = np.asarray(background, dtype=np.float32)
-    if behind.ndim == 3:
-        check_shape("background", behind, (k.height, k.width, 3))
-        behind = ImagePlanes.of(behind, device)
-    renderer.forward(camera, near=near, background=behind)
+    draw(renderer, camera, near, background)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
     depth = median = None
     if options.has_depth:

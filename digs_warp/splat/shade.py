@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Spherical harmonics on the device: the Warp twin of `digs_warp.sh`, and its gradient.
 
 Plain functions of one Gaussian, so that projection and its gradient can call them in their own pass.

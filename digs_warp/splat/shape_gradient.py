@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """From the gradient of a splat back to one Gaussian, as plain functions of the device.
 
 Written by hand: it fuses the sum over a splat's tiles, the projection and the colour in one pass, which

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Which blocks of a tile a splat is drawn in, as bits of an integer: block b is bit b.
 
 A block is passed over where the ellipse {alpha >= min_alpha} of the splat touches none of its pixels, or

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Adam (Kingma and Ba 2015) over all parameters of the Gaussians, with one rate per group."""
 
 import numpy as np

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Compositing in its simplest correct form: one thread per pixel, as the formulas read.
 
 Tests compare the backends of the package with this one. The formulas are in `digs_warp.splat.rasterize`.

@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """A smooth alpha cut for the raster kernels: `reference.splat_twin.cut_share` as device code."""
 
 import warp as wp

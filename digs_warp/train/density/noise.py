@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """The noise of Markov-chain Monte Carlo training (Kheradmand et al. 2024, equation 8): it explores.
 
 Every step moves each centre by

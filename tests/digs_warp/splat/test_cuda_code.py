@@ -15,8 +15,11 @@ from digs_warp.splat import (
     project_adjoint,
 )
 from digs_warp.splat.backend import CooperativeBackend, backend_for
-from digs_warp.splat.cooperative import BATCH, forward_cooperative_kernel
-from digs_warp.splat.cooperative_adjoint import backward_cooperative_kernel
+from digs_warp.splat.cooperative import (
+    BATCH,
+    backward_cooperative_kernel,
+    forward_cooperative_kernel,
+)
 from reference import plain_raster
 
 MODULES = (background, bin_kernels, plane_kernels, project, project_adjoint, plain_raster)
