@@ -21,38 +21,38 @@ class SimulateConfig:
     """Number of stereo frames, uniformly spaced in time over three orbits."""
 
     profile: str | None = None
-    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: the figures
-    of zed2-720 with a narrower view (60 degrees), in which an object fills the image."""
+    """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: zed2-720 with
+    a narrower field of view (60 degrees), so that the object fills the image."""
 
     width: int | None = None
     """Image width [px]. Default: that of the profile; 640 without one."""
 
     height: int | None = None
-    """Image height [px]. Default: follows from the width and the shape of the camera's image."""
+    """Image height [px]. Default: from the width and the camera's aspect ratio."""
 
     samples_per_pixel: int = 4
-    """Rays averaged in each pixel; more give smoother edges and take longer."""
+    """Rays per pixel; more give smoother edges and take longer."""
 
     tier: Literal["truth", "law", "planned", "matcher"] = "planned"
     """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'planned' has the
     effects that the scene calls for, on depth and images; 'matcher' matches the two recorded images."""
 
     effects: str = "auto"
-    """Effects of the sensor: auto (what the scene calls for), all, none, or names with commas between
+    """Effects of the sensor: auto (what the scene calls for), all, none, or names separated by commas
     ('digs-warp plan' lists them). For the tiers 'planned' and 'matcher'."""
 
     strength: float = 1.0
-    """Factor on the errors of the sensor; 0: none, 2: twice as bad as the real one. Limits (the range, the
-    band that only one eye sees) stay."""
+    """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
+    band that only one eye sees) do not change."""
 
     normals: bool = False
     """Also write the true normals."""
 
     renderer: Literal["raycast", "gl"] = "raycast"
-    """'raycast' needs no graphics driver; 'gl' draws with OpenGL: a cross-check, without reflections."""
+    """'raycast' needs no graphics driver; 'gl' uses OpenGL: a cross-check, without reflections."""
 
     object_size: float | None = None
-    """Size of the object's longest side [m]. Default: chosen from the mesh, so that it fits a table."""
+    """Longest side of the object [m]. Default: 0.5."""
 
     up: Literal["auto", "y", "z"] = "auto"
     """Which axis of the mesh file points up."""

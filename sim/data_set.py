@@ -1,4 +1,4 @@
-"""Many recordings in one go: every mesh in every environment, on several walks."""
+"""Many recordings at once: every mesh in every environment, on several walks."""
 
 import logging
 import time
@@ -19,7 +19,7 @@ from digs_warp.sim.record import simulate
 
 BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
-# Frames of a recording whose depth is judged for the summary.
+# Frames of a recording whose depth is evaluated for the summary.
 JUDGED_FRAMES = 3
 
 _log = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ class SceneJob:
 
 @dataclass(frozen=True)
 class SceneResult:
-    """What became of a recording.
+    """The outcome of a recording.
 
     Attributes:
         name: that of the job.
@@ -123,7 +123,7 @@ def _attempt(job: SceneJob, folder: Path, resume: bool) -> SceneResult:
     try:
         capture = simulate(job.config, folder / job.name, resume)
         fill, error_mm = judge_depth(capture)
-    except Exception as error:  # whatever is wrong with one scene, the others shall be recorded
+    except Exception as error:  # whatever is wrong with one scene, the others are still recorded
         expected = isinstance(error, DigsError | OSError)
         message = str(error) if expected else f"{type(error).__name__}: {error}"
         _log.error("scene '%s' failed: %s", job.name, message, exc_info=not expected)
@@ -153,7 +153,7 @@ def _errors_on_object(frame: Frame) -> np.ndarray:
 
 
 def _named(paths: Sequence[Path | None], built_in: str) -> dict[Path | None, str]:
-    """Return a name for every path: its stem; with its folder where stems meet."""
+    """Return a name for every path: its stem, with its folder if stems are equal."""
     stems = [built_in if path is None else path.stem for path in paths]
     names = {
         path: stem if path is None or stems.count(stem) == 1 else f"{path.parent.name}-{path.name}"

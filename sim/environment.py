@@ -1,4 +1,4 @@
-"""The surround of the scene: a panorama on a sphere, which is also the light."""
+"""The surround of the scene: a panorama on a sphere, which is also the light source."""
 
 import logging
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from digs_warp.sim.studio_room import studio_room_radiance
 
 _log = logging.getLogger(__name__)
 
-# Near enough that the walls shift from frame to frame (structure from motion holds on to them), far
-# enough that three orbits at about 0.9 m stay well inside.
+# Near enough that the walls move from frame to frame (structure from motion needs them), far enough that
+# three orbits at about 0.9 m stay well inside.
 DEFAULT_RADIUS = 4.0
 
-# A panorama is twice as wide as high; stitching tools are off by a few pixels at most.
+# A panorama is twice as wide as high; stitching tools deviate by a few pixels at most.
 ASPECT_TOLERANCE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """A sphere around the origin that glows.
+    """A luminous sphere around the origin.
 
     Attributes:
         radiance: linear RGB, equirectangular as in `digs_warp.sim.panorama`, shape (height, width, 3),
@@ -45,7 +45,7 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
     """Read an equirectangular panorama: HDR and EXR are linear, 8- and 16-bit images are sRGB.
 
     Raises:
-        DigsError: the file is missing, truncated, no image, not twice as wide as high, or holds NaN or
+        DigsError: the file is missing, truncated, not an image, not twice as wide as high, or has NaN or
             infinite values.
     """
     path = Path(path)
@@ -54,7 +54,7 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
     if abs(width - 2 * height) > max(1.0, ASPECT_TOLERANCE * width):
         raise DigsError(
             f"environment '{path}': {width}x{height} pixels, expected an equirectangular panorama, "
-            "twice as wide as high; convert it (a cube map or a photo does not do)"
+            "twice as wide as high; convert it (a cube map or a photo will not work)"
         )
     if pixels.dtype.kind == "u":
         linear = linear_from_srgb(pixels.astype(np.float32) / np.iinfo(pixels.dtype).max)
@@ -63,15 +63,15 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
     # One channel is grey, two are grey and alpha, four are colour and alpha.
     linear = linear[..., :3] if channels >= 3 else np.repeat(linear[..., :1], 3, axis=-1)
     if not (linear > 0).any():
-        # A legitimate test of the sensor, but more often a wrong file.
+        # A valid test of the sensor, but more often the wrong file.
         _log.warning(
-            "environment '%s': every pixel is black; without light only glowing parts of the object are "
-            "seen, and a stereo camera measures nothing",
+            "environment '%s': every pixel is black; without light only emissive parts of the object are "
+            "visible, and a stereo camera measures nothing",
             path,
         )
     return Environment(linear, radius)
 
 
 def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:
-    """Return the built-in studio room: textured all round, lit by windows and soft boxes."""
+    """Return the built-in studio room: textured all around, lit by windows and soft boxes."""
     return Environment(studio_room_radiance(), radius)

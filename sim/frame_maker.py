@@ -1,4 +1,4 @@
-"""Makes the images of one frame: what the eyes see, what the sensor makes of it, what the files hold."""
+"""Makes the images of one frame: the truth, the sensor's measurement, and the content of the files."""
 
 from dataclasses import dataclass
 
@@ -50,12 +50,12 @@ class FrameMaker:
         return FrameMaker(session, make_plan(session))
 
     def render(self, number: int) -> RenderedFrame:
-        """Return what the eyes see."""
+        """Return the truth of a frame."""
         shutter = self.plan.shutter(self.session.rig, self.session.config.strength)
         return RenderedFrame(*self.session.truth(number, shutter))
 
     def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
-        """Return what the files hold; safe to call beside `render` in another thread.
+        """Return the content of the files; safe to call during `render` in another thread.
 
         Args:
             frame: what the eyes see.

@@ -1,4 +1,4 @@
-"""Any mesh file as a `Scene`: z up, half a metre large, centred on the origin."""
+"""Any mesh file as a `Scene`: z up, half a metre in size, centred on the origin."""
 
 import logging
 import re
@@ -31,8 +31,8 @@ from digs_warp.sim.scene import Material, Scene
 
 logger = logging.getLogger(__name__)
 
-# Which axis points up in files of a format. glTF defines it; OBJ files mostly come from modelling
-# programs (y), STL and PLY from printing and scanning (z).
+# The axis that points up, by file format. glTF defines it; OBJ files mostly come from modelling programs
+# (y), STL and PLY files from printing and scanning (z).
 UP_AXIS_BY_SUFFIX = {".glb": "y", ".gltf": "y", ".obj": "y", ".ply": "z", ".stl": "z"}
 GLTF_SUFFIXES = (".glb", ".gltf")
 
@@ -40,14 +40,14 @@ GLTF_SUFFIXES = (".glb", ".gltf")
 def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene:
     """Load a GLB, glTF, OBJ, PLY or STL file.
 
-    Parts that the renderer cannot show as their author meant them (glass that bends light) are named in a
-    logged warning, as are faces that are dropped because they have no area or are not finite. Vertex
-    colours are taken as linear from glTF, as its standard says, and as sRGB from the other formats.
+    A logged warning names parts that the renderer cannot show as intended (glass that bends light), and
+    faces that are dropped because they have no area or are not finite. Vertex colours are linear in glTF,
+    as its standard says, and sRGB in the other formats.
 
     Args:
-        path: the file; textures and buffers that it names are looked for beside it.
+        path: the file; its textures and buffers are read relative to its folder.
         size: longest edge of the bounding box in the world [m]; None: `STANDARD_SIZE`.
-        up: axis of the file that points up: "x", "y", "z", or "auto" for the custom of the format.
+        up: axis of the file that points up: "x", "y", "z", or "auto" for the convention of the format.
 
     Raises:
         MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
@@ -69,14 +69,14 @@ def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene
         materials, part_materials = materials_of_parts(parts, extras)
     except MeshError:
         raise
-    except Exception as error:  # trimesh's readers raise whatever they stumble over
+    except Exception as error:  # trimesh's readers raise any kind of exception
         raise MeshError(
             f"mesh '{path}': cannot be read as {suffix[1:].upper()}, damaged or truncated "
             f"({type(error).__name__}: {error}); copy or export it again"
         ) from error
     if not parts:
         raise MeshError(
-            f"mesh '{path}': 0 faces, expected triangles; a point cloud has to be meshed first"
+            f"mesh '{path}': 0 faces, expected triangles; turn a point cloud into a mesh first"
         )
     return _scene(path, join_parts(parts, part_materials), materials, size, up)
 
@@ -89,7 +89,7 @@ def _check_settings(size: float | None, up: str) -> None:
 
 
 def _checked_suffix(path: Path) -> str:
-    """Return the suffix in lower case of a file that is there, is not empty, and has a known format."""
+    """Check that a file exists, is not empty and has a known format; return its suffix in lower case."""
     try:
         require_file(path, "mesh")
     except DigsError as error:
@@ -109,19 +109,19 @@ def _read(path: Path) -> Any:
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):
-        """Finds files whose names are written as in a URL (glTF)."""
+        """Finds files by URL-encoded names (glTF)."""
 
         def get(self, name: str) -> bytes:
             return super().get(name if (path.parent / name).is_file() else unquote(name))
 
-    # Textures often lie in a folder beside the one of the mesh.
+    # Textures often lie in a folder next to that of the mesh.
     resolver = Beside(str(path), allow_anywhere=True)
     file_type = path.suffix[1:].lower()
     return trimesh.load_scene(path, file_type=file_type, resolver=resolver, process=False)
 
 
 def _missing_obj_files(path: Path) -> Iterator[str]:
-    """Yield the material file and the textures that an OBJ file names and that are not there."""
+    """Yield the missing material file and textures of an OBJ file."""
     for library in re.findall(rb"^mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE):
         material_file = path.parent / library.decode(errors="replace")
         if not material_file.is_file():

@@ -1,4 +1,4 @@
-"""Where the pixels of an equirectangular panorama lie.
+"""Directions and solid angles of the pixels of an equirectangular panorama.
 
 Row 0 looks straight up (+z), and the middle column looks along +x. Seen from inside, going right in the
 image turns clockwise from above, so writing on the walls is not mirrored:

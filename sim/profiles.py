@@ -1,8 +1,8 @@
-"""Stereo cameras as data: every figure with its origin, so that a reader knows what to trust.
+"""Stereo cameras as data: every figure has its origin, so that readers know what to trust.
 
-A profile is a base profile plus figures of its own. The built-in ones follow published figures of the
-ZED 2, the RealSense D435 and the OAK-D as far as these go; "class" in their titles says that they are
-bounded by such data, not fitted to one device. A custom one is a YAML file:
+A profile is a base profile plus its own figures. The built-in profiles follow published figures of the ZED
+2, the RealSense D435 and the OAK-D as far as these exist; "class" in their titles means that they are
+bounded by such data, not fitted to one device. A custom profile is a YAML file:
 
     title: my stereo head
     base: zed2-720
@@ -22,7 +22,7 @@ from digs_warp.sim.rig import StereoRig
 
 Origin = Literal["measured", "vendor", "tuned"]
 
-# Figures beside those of the rig: the native image and its focal length [px].
+# Figures in addition to those of the rig: the native image size and its focal length [px].
 IMAGE_FIGURES = ("width", "height", "focal")
 RIG_FIGURES = tuple(field.name for field in fields(StereoRig) if field.name != "intrinsics")
 
@@ -34,7 +34,7 @@ class Figure:
     Attributes:
         value: in the unit of the rig's field of that name.
         origin: measured (on a device or a real pair), vendor (data sheet), tuned (chosen to fit).
-        note: where it comes from.
+        note: its source.
     """
 
     value: float
@@ -76,7 +76,7 @@ class Profile:
         Args:
             width: of the image [px].
             height: of the image [px].
-            horizontal_fov_deg: another angle of view, as a crop or another lens would give it.
+            horizontal_fov_deg: another angle of view, for example of a crop or another lens.
         """
         native_width = int(self.figures["width"].value)
         width = width or native_width
@@ -103,7 +103,8 @@ _MATCHER = {
     **_figures("measured", "fixed point of semi-global matchers", disparity_step=1 / 16),
     # Octant means of a real pair: -0.08 to +0.06 px (ideal pairs show twice that).
     **_figures("measured", "real pair with ground truth, Middlebury Motorcycle", ripple=0.07),
-    # 0.15 to 0.2 px were seen there, ground-truth error included; range data of the first ZED cap it.
+    # Measured 0.15 to 0.2 px there, including the error of the ground truth; range data of the first ZED
+    # limit it.
     **_figures("tuned", "bounded by range data of the ZED (v1)", static_field=0.1),
     **_figures("tuned", "high-frequency error of a real pair: 0.10-0.15 px", disparity_sigma=0.1),
     **_figures(
@@ -127,8 +128,8 @@ _ZED2 = {
 _CALIBRATED = "factory calibration of one device"
 _LINES = "line time x lines, vendor's support pages"
 
-# What differs between the image modes. Random invalid pixels: Ortiz et al. 2018, doi
-# 10.5565/rev/elcvia.1084, measured on the first ZED.
+# Differences between the image modes. Random invalid pixels: Ortiz et al. 2018, doi 10.5565/rev/elcvia.1084,
+# measured on the first ZED.
 _ZED2_MODES = {
     "2K": {
         **_figures("vendor", "image mode", width=2208, height=1242),

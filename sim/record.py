@@ -27,7 +27,7 @@ from digs_warp.sim.session import Session, load_inputs, prepare_session
 WORKERS = 2
 QUEUE = 4
 
-# Every so many frames the times so far are saved, in case the run is killed.
+# The times are saved every SAVE_EVERY frames, in case the run is killed.
 SAVE_EVERY = 10
 
 
@@ -76,7 +76,7 @@ def simulate(
             "sha256": file_hashes(folder),
         }
     finally:
-        log.save(record)  # the times of a run that is cut off count, too
+        log.save(record)  # an interrupted run keeps its times, too
     return capture
 
 
@@ -117,7 +117,7 @@ def _is_finished(folder: Path, config: SimulateConfig) -> bool:
         return False
     try:
         frames = read_capture(folder).frames
-    except CaptureError:  # something was deleted: it is made again
+    except CaptureError:  # something was deleted: record it again
         return False
     return all(frame.has(layer) for frame in frames for layer in layers_of(config))
 
@@ -148,7 +148,7 @@ def _record(
             with log.stage("render"):
                 frame = maker.render(number)
             pending.append(pool.submit(_finish, maker, frame, writer))
-            # The first frame goes alone: it compiles kernels, which is no work for two threads.
+            # The first frame runs alone: it compiles kernels, which two threads should not do at once.
             settle(0 if number == missing[0] else QUEUE)
             if record is not None and number % SAVE_EVERY == 0:
                 log.save(record)

@@ -1,4 +1,4 @@
-"""The stereo camera: two rectified eyes side by side and the figures of its depth sensor."""
+"""The stereo camera: two rectified eyes side by side, and the parameters of its depth sensor."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,18 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_positive
 
-# A real ZED 2 sees 92 to 101 degrees across [measured: factory calibration]. An object at arm's length
-# would fill a quarter of such a frame, so the default is the angle of a centre crop: 60 degrees puts an
-# object of 0.5 m into the full height of a 16:9 frame at about 0.9 m [tuned].
+# A real ZED 2 has a horizontal field of view of 92 to 101 degrees [measured: factory calibration]. An
+# object at arm's length would fill a quarter of its frame, so the default is the angle of a centre crop: at
+# 60 degrees an object of 0.5 m fills the height of a 16:9 frame at about 0.9 m [tuned].
 DEFAULT_FOV_DEG = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class StereoRig:
-    """Two equal cameras with parallel axes; the right one sits ``baseline`` metres to the right.
+    """Two equal cameras with parallel axes; the right one is ``baseline`` metres to the right.
 
-    The first six fields are geometry and the closed-form law; the others are what the effects of the
-    planned tier and the colour path need. ``digs_warp.sim.profiles`` has them for real cameras, with sources.
+    The first six fields are for geometry and the closed-form law; the others for the effects on depth and
+    images. ``digs_warp.sim.profiles`` has them for real cameras, with sources.
 
     Attributes:
         intrinsics: of either eye.
@@ -27,21 +27,21 @@ class StereoRig:
         disparity_step: step in which disparity is reported [px]; 0: none.
         min_depth: nearest depth that is reported [m].
         max_depth: farthest depth that is reported [m].
-        max_disparity: end of the search range [px]; 0: as far as the nearest depth asks.
+        max_disparity: end of the search range [px]; 0: as far as the nearest depth requires.
         window: width of the matching window [px].
         noise_correlation: distance at which the noise's correlation has fallen to 1/e [px].
         temporal_share: share of the noise's variance that changes from frame to frame, 0 to 1; the rest
             belongs to the texture.
         ripple: amplitude of the pixel-locking ripple [px].
-        static_field: standard deviation of the smooth error that a unit keeps for life [px].
-        unit: which specimen of the model; another one has another static field.
-        random_invalid: share of pixels that drop out without a visible reason, 0 to 1.
-        row_offset: how far the rows of the two eyes miss each other [px].
+        static_field: standard deviation of the smooth, constant error of a unit [px].
+        unit: number of the unit; each has a different static field.
+        random_invalid: share of pixels that drop out for no visible reason, 0 to 1.
+        row_offset: misalignment of the rows of the two eyes [px].
         column_offset: disparity error that a drifted calibration adds everywhere [px].
-        drops_saturated: whether pixels in saturated areas are dropped although smoothness could fill them.
+        drops_saturated: whether pixels in saturated areas are dropped even if smoothness could fill them.
         post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of each colour channel of a mid-grey pixel [DN of 255].
-        full_well: electrons of a white pixel at the gain in use; sets how noise grows with light.
+        full_well: electrons of a white pixel at the gain in use; determines how noise grows with light.
         exposure_time: [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.
         vignetting: light lost in the corners, 0 to 1.
@@ -122,7 +122,7 @@ _AMOUNTS = (
 
 
 def zed2_like(width: int, height: int, horizontal_fov_deg: float = DEFAULT_FOV_DEG) -> StereoRig:
-    """Return a rig with the figures of a ZED 2 at any image size."""
+    """Return a rig with the parameters of a ZED 2 at any image size."""
     from digs_warp.sim.profiles import load_profile
 
     return load_profile("zed2-720").rig(width, height, horizontal_fov_deg)

@@ -1,10 +1,10 @@
-"""The scene that is captured: one triangle mesh with materials, standing at the origin, z up, in metres."""
+"""The captured scene: one triangle mesh with materials, centred on the origin, z up, in metres."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-# A surface that hides less than this share of what lies behind it counts as transparent.
+# A surface that hides less than this share of the background counts as transparent.
 OPAQUE_SHARE = 0.5
 
 
@@ -20,14 +20,14 @@ class Material:
         metallic: 0 (dielectric) to 1 (metal); the mean where it varies.
         finish_texture: roughness and metallic of each texel, (height, width, 2), uint8, 255 = 1; None:
             the same everywhere.
-        opacity: share of the surface that covers what lies behind it, 0 to 1 (glTF's alpha); the mean
-            where it varies.
+        opacity: share of the background that the surface covers, 0 to 1 (glTF's alpha); the mean where it
+            varies.
         opacity_texture: opacity of each texel, (height, width), uint8; None: the same everywhere.
-        alpha_cutoff: where the opacity is below, there is a hole instead of a surface.
+        alpha_cutoff: where the opacity is lower, there is a hole.
         transmission: share of the light that passes through the body of the surface (glass), tinted
             with the base colour, 0 to 1; the mean where it varies. Rays go straight on.
         transmission_texture: transmission of each texel, (height, width), uint8; None: as above.
-        emission: linear RGB of the surface's own light; 1 is shown as full white whatever the exposure.
+        emission: linear RGB of the light that the surface emits; 1 is full white at any exposure.
         emission_texture: sRGB image that multiplies ``emission``, (height, width, 3), uint8; None: plain.
         normal_texture: tangent-space normals as glTF has them (x along u, y along v, z outward;
             128 = 0), (height, width, 3), uint8, already scaled; None: smooth.
@@ -50,7 +50,7 @@ class Material:
 
     @property
     def is_transparent(self) -> bool:
-        """Whether more is seen of what lies behind than of the surface itself."""
+        """Whether the background shows more strongly than the surface itself."""
         return self.opacity * (1.0 - self.transmission) < OPAQUE_SHARE
 
 

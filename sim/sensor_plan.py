@@ -1,4 +1,4 @@
-"""The plan of a recording: which effects its sensor has, on depth and on the images, and why."""
+"""The plan of a recording: the effects on depth and on the images, and why they are on or off."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -16,7 +16,7 @@ from digs_warp.sim.sensor.planner import override, plan, wanted_effects
 from digs_warp.sim.session import Session
 from digs_warp.sim.shutter import Shutter
 
-# Frames that are looked at before the recording, evenly spaced: two on each of the three orbits.
+# Frames that are rendered for the plan, evenly spaced: two on each of the three orbits.
 SAMPLE_FRAMES = 6
 
 # Effects on the photographs, then those on depth.
@@ -30,7 +30,7 @@ class SensorPlan:
     Attributes:
         depth: effects on the depth path, in the order in which they act; empty where the tier plans none.
         color: the same on the colour path.
-        facts: what the choices rest on; None where the tier plans nothing.
+        facts: the basis of the choices; None where the tier plans nothing.
     """
 
     depth: tuple[Choice, ...] = ()
@@ -48,7 +48,7 @@ class SensorPlan:
         return tuple(effect for effect in PIXEL_EFFECTS if self._has_color(effect.name))
 
     def shutter(self, rig: StereoRig, strength: float = 1.0) -> Shutter:
-        """Return the shutter through which the eyes look; ``strength`` stretches its times."""
+        """Return the shutter of both eyes; ``strength`` stretches its times."""
         rolling, blurring = map(self._has_color, (ROLLING_SHUTTER.name, IMAGE_BLUR.name))
         if self.facts is None or strength == 0:
             return Shutter()
@@ -65,7 +65,7 @@ class SensorPlan:
         return {
             "depth": [asdict(choice) for choice in self.depth],
             "color": [asdict(choice) for choice in self.color],
-            # Where nothing is in view, depth has no extremes.
+            # Depth has no extremes if nothing is in view.
             "facts": {name: v if np.isfinite(v) else None for name, v in facts.items()},
         }
 
@@ -74,7 +74,7 @@ class SensorPlan:
 
 
 def make_plan(session: Session) -> SensorPlan:
-    """Look at some frames and choose the effects; tiers without effects get an empty plan."""
+    """Render a few frames and choose the effects; tiers without effects get an empty plan."""
     config = session.config
     if not config.plans_effects:
         return SensorPlan()
@@ -97,10 +97,10 @@ def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) ->
 
 
 def check_effects(config: SimulateConfig) -> None:
-    """Raise a `DigsError` when the settings name an effect that does not exist."""
+    """Raise a `DigsError` if the settings name an effect that does not exist."""
     _wanted(config.effects)
 
 
 def _wanted(selection: str) -> frozenset[str] | None:
-    """Return the names that are asked for; None: what the scene calls for."""
+    """Return the selected names; None: the rules decide."""
     return wanted_effects(selection, ALL_EFFECT_NAMES)

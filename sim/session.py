@@ -1,4 +1,4 @@
-"""Everything that stands ready before the first frame is recorded: scene, light, camera and its way."""
+"""Everything that is prepared before the first frame: scene, light, camera and its path."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -17,15 +17,15 @@ from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.sim.trajectory import Walk, fitting_distance
 
-# Camera and image where no profile is named: a quarter of the pixels of HD720, quick to make.
+# Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
 DEFAULT_PROFILE = "zed2-720"
 DEFAULT_WIDTH = 640
 DEFAULT_ASPECT = 16 / 9
 
-# Room between the object and the nearest depth that the sensor reports, as a share of its radius.
+# Margin between the object and the nearest depth that the sensor reports, in radii of the object.
 NEAR_MARGIN = 1.2
 
-# The walls stand at least this many orbit distances away.
+# The walls are at least this many orbit distances away.
 SURROUND_MARGIN = 2.0
 
 # Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
@@ -34,7 +34,7 @@ LEFT_EYE, RIGHT_EYE = 101, 102
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """A scene in front of a camera that is about to be carried round it.
+    """A scene, and a camera that is about to be carried around it.
 
     Attributes:
         config: what to record.
@@ -109,7 +109,7 @@ class Session:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What the settings name: everything that a wrong path or figure can make fail."""
+    """What the settings name: everything that can fail because of a wrong path or value."""
 
     scene: Scene
     environment: Environment
@@ -145,7 +145,7 @@ def load_inputs(config: SimulateConfig) -> Inputs:
 
 
 def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
-    """Put the camera at a distance at which it sees the object, and the surround beyond its way."""
+    """Place the camera at a distance where it sees the object, and the surround beyond its path."""
     scene, environment, rig = inputs.scene, inputs.environment, inputs.rig
     distance = _orbit_distance(scene, rig)
     radius = max(environment.radius, SURROUND_MARGIN * distance)

@@ -1,7 +1,7 @@
-"""How a shutter sees a moving scene: rows one after another, each over a span of time.
+"""What a shutter does to a moving camera's image: rows are read one after another, each after an exposure.
 
-Every band of rows is rendered from where the camera was when it was read, and every exposure is the mean
-of several moments along the way: occlusion, highlights, mask and depth come out right, nothing is warped.
+Every band of rows is rendered from the camera's pose at its time, and every exposure is the mean of several
+moments along the path: occlusion, highlights, mask and depth are correct, because nothing is warped.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ PoseAt = Callable[[float], np.ndarray]
 
 @dataclass(frozen=True)
 class Shutter:
-    """A shutter; the default is an ideal one: open for an instant, all rows at once.
+    """A shutter; the default is ideal: open for an instant, all rows at once.
 
     Attributes:
         bands: of rows that share a time, >= 1.
@@ -44,8 +44,8 @@ class ShutteredEye:
     """One eye of a moving camera, seen through a shutter.
 
     Attributes:
-        renderer: what it looks at.
-        shutter: how it looks.
+        renderer: of the scene.
+        shutter: of the camera.
         intrinsics: of the whole image.
         pose_at: of this eye.
     """
@@ -60,14 +60,14 @@ class ShutteredEye:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the image, (height, width, 3), and the mask, (height, width), both uint8.
 
-        The samples of a pixel are shared out over the views, at least one for each.
+        The samples of a pixel are divided among the views, at least one for each.
         """
         samples = max(1, samples_per_pixel // self.shutter.views)
         return self.renderer.render_exposure(self.track, samples, int(seed.generate_state(1)[0]))
 
     @property
     def track(self) -> CameraTrack:
-        """Where the camera is in each band at each moment of its exposure."""
+        """The poses for each band at each moment of its exposure."""
         poses = [
             [self.pose_at(float(moment)) for moment in self.shutter.moments(band)]
             for band in range(self.shutter.bands)
@@ -81,7 +81,7 @@ class ShutteredEye:
         return np.concatenate(depth), np.concatenate(normals), np.concatenate(materials)
 
     def rays(self, baseline: float) -> FrameRays:
-        """Return the rays that effects may ask for; none is cast before."""
+        """Return the rays for the sensor's effects; they are cast on request."""
         cameras = list(self._cameras())
         rays = [self.renderer.frame_rays(camera, baseline) for camera in cameras]
         heights = tuple(camera.intrinsics.height for camera in cameras)

@@ -1,7 +1,7 @@
 """The built-in surround: a photographer's room, painted by code.
 
 Six square walls are painted as flat images (a cube map) and then looked up along every direction of the
-panorama. Everything carries fine detail: structure from motion finds its features in the surround.
+panorama. Everything has fine detail: structure from motion finds its features in the surround.
 Radiance is linear; 1 is about a white wall in the room's own light, lamps and windows are far brighter.
 """
 
@@ -235,7 +235,7 @@ def _lay_rug(rng: np.random.Generator, rug: np.ndarray) -> None:
         ]
     )
     lozenge = np.abs((u % 64) - 32) + np.abs((v % 88) - 44) * 0.75
-    # Every lozenge has rings of its own: a repeated motif would look the same from many places.
+    # Every lozenge has different rings: a repeated motif would look the same from many places.
     cell = (v // 88).astype(np.int32) * 16 + (u // 64).astype(np.int32)
     rings = rng.integers(0, 5, (cell.max() + 1, 8))
     motif = rings[cell, (lozenge / 11).astype(np.int32)]
@@ -272,7 +272,7 @@ def plain(color: tuple[float, float, float], shade: np.ndarray) -> np.ndarray:
 
 
 def fall_off(top: float, bottom: float) -> np.ndarray:
-    """Return the light of the room on a wall: from top to bottom, darker in the corners."""
+    """Return the room's light on a wall: a gradient from top to bottom, darker in the corners."""
     t = np.linspace(-1, 1, WALL_SIZE, dtype=np.float32)
     corner = 1 - 0.45 * np.abs(t) ** 8
     return (top + (bottom - top) * (t[:, None] + 1) / 2) * corner[:, None] * corner[None, :]
@@ -281,7 +281,7 @@ def fall_off(top: float, bottom: float) -> np.ndarray:
 def frame(
     image: np.ndarray, box: tuple[int, int, int, int], color: np.ndarray | float, border: int
 ) -> np.ndarray:
-    """Draw a border round (top, left, height, width), with a soft shadow under it; return the inside."""
+    """Draw a border round (top, left, height, width), with a shadow under it; return the inside."""
     top, left, height, width = box
     image[top : top + height + 2 * border, left : left + width + 2 * border] *= 0.55
     image[top - border : top + height + border, left - border : left + width + border] = color
@@ -289,7 +289,7 @@ def frame(
 
 
 def light_up(canvas: np.ndarray, radiance: np.ndarray) -> None:
-    """Fill a canvas, (h, w, 3), with a lamp that fades out to its rim: a hard rim would show steps."""
+    """Fill a canvas, (h, w, 3), with a lamp that fades toward its rim: a hard rim would show steps."""
     t, s = (1 - np.linspace(-1, 1, size) ** 4 for size in canvas.shape[:2])
     canvas[:] = 0.3 + (t[:, None] * s)[..., None] * radiance
 

@@ -1,9 +1,9 @@
-"""A handheld walk round an object: three orbits at different heights, with the shake of a hand.
+"""A handheld walk around an object: three orbits at different heights, with the shake of a hand.
 
-The shake is coloured noise with the spectrum measured on a person who walked round a desk with a camera
-in the hands (TUM RGB-D, fr2/desk, motion capture): position falls off as f^-4 and angle as f^-3 between
-1 and 10 Hz, and physiological tremor adds a low hump at 6 to 12 Hz. White noise per frame, the usual
-shortcut, would be far too rough at high frequencies and far too calm at low ones.
+The shake is coloured noise with the spectrum of a person who walked around a desk with a handheld camera
+(TUM RGB-D, fr2/desk, motion capture): position falls off as f^-4 and angle as f^-3 between 1 and 10 Hz, and
+physiological tremor adds a low hump at 6 to 12 Hz. White noise per frame, the usual shortcut, would be far
+too strong at high frequencies and far too weak at low ones.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.geometry import invert_rigid, look_at, rigid
 
-# Low enough to look a little under overhangs, and high enough to see the top; 25 degrees apart, so that
-# neighbouring orbits share most of what they see.
+# Low enough to look under overhangs and high enough to see the top; 25 degrees apart, so that neighbouring
+# orbits share most of their view.
 ELEVATIONS_DEG = (10.0, 35.0, 60.0)
 
 WALKING_SPEED = 0.2  # [m/s] mean speed of the measured walk
@@ -24,15 +24,15 @@ SAMPLE_RATE = 60.0  # [Hz]; the measured shake ends at 12.5 Hz
 # Share of a turn over which the camera climbs from one orbit to the next.
 CLIMB_TURNS = 0.15
 
-# Seconds before and after the walk, so that the noise (periodic by construction) shows no seam.
+# Seconds before and after the walk, because the noise is periodic by construction.
 NOISE_MARGIN = 4.0
 
-# Camera motion is taken as constant over this time [s]: about the longest exposure or read-out of a frame.
+# Camera motion counts as constant over this time [s]: about the longest exposure or read-out of a frame.
 MOTION_SPAN = 1.0 / 30.0
 
 BANDS_HZ = ((0.5, 1.0), (1.0, 3.5), (3.5, 7.0), (7.0, 12.5))
 
-# Free room round the object's bounding sphere at the image border, for shake and parallax of the eyes.
+# Margin around the object's bounding sphere in the image, for shake and the parallax of the eyes.
 FRAMING_MARGIN = 1.1
 
 
@@ -71,7 +71,7 @@ class Walk:
 
     Attributes:
         times: of the samples [s], ascending from 0, shape (n,).
-        eyes: where the camera would be without shake, in the world [m], shape (n, 3).
+        eyes: positions without shake, in the world [m], shape (n, 3).
         offsets: shake of the position, in the camera's axes [m], shape (n, 3).
         turns: shake of the direction, rotation vectors in the camera's axes [rad], shape (n, 3).
     """
@@ -120,9 +120,9 @@ class Walk:
         return aimed @ rigid(_rotation(turn), offset)
 
     def motion(self, moment: float, span: float = MOTION_SPAN) -> tuple[np.ndarray, np.ndarray]:
-        """Return how the camera moves at a time [s]: velocity [m/s] and angular velocity [rad/s].
+        """Return the camera's velocity [m/s] and angular velocity [rad/s] at a time [s].
 
-        Both are of shape (3,), in the camera's own axes, and means over ``span`` seconds around the
+        Both have shape (3,), are in the camera's own axes, and are means over ``span`` seconds around the
         moment (less at the ends of the walk).
         """
         before = max(moment - 0.5 * span, 0.0)
@@ -192,11 +192,11 @@ def _density(frequencies: np.ndarray, spectrum: ShakeSpectrum) -> np.ndarray:
     for (low, high), rms in zip(BANDS_HZ, spectrum.band_rms, strict=True):
         grid = np.linspace(low, high, 4001)
         gain = rms**2 / np.trapezoid(shape(grid), grid)
-        # The last band runs on to the end of the spectrum: nothing there was measured, little is left.
+        # The last band continues to the end of the spectrum, where nothing was measured and little is left.
         inside = (frequencies >= low) & ((frequencies < high) | (high == high_edge))
         density[inside] = gain * shape(frequencies[inside])
         if low == low_edge:
-            # Slower than 0.5 Hz the person corrects: the shake fades instead of growing without bound.
+            # Below 0.5 Hz the person corrects: the shake fades instead of growing without bound.
             slow = frequencies < low
             edge = gain * float(shape(np.array([low]))[0])
             density[slow] = edge * (frequencies[slow] / low) ** 2

@@ -1,4 +1,4 @@
-"""The base colours of a scene at its vertices: what a mesh without textures can show of them. NumPy only."""
+"""The base colours of a scene at its vertices, for meshes without textures. NumPy only."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from digs_warp.sim.scene import Scene
 def srgb_vertex_colors(scene: Scene) -> np.ndarray:
     """Return the base colour at every vertex, sRGB in 0..1, shape (n, 3), float32.
 
-    It is glTF's product of the material's factor, its texture (bilinear, repeated) and the colour of the
-    vertex. Between vertices the texture is lost. A vertex of several materials has that of its last face;
-    one without a face is white.
+    As in glTF, the product of the material's factor, its texture (bilinear, repeated) and the vertex
+    colour. The texture between vertices is lost. A vertex of several materials has the colour of its last
+    face; one without a face is white.
     """
     materials = np.full(len(scene.vertices), -1)
     materials[scene.faces.reshape(-1)] = np.repeat(scene.face_materials, 3)

@@ -1,1 +1,1 @@
-"""Shapes and surfaces of the built-in object, made by code; `digs_warp.sim.procedural` puts them together."""
+"""Shapes and textures of the built-in object, made by code; `digs_warp.sim.procedural` assembles them."""

@@ -1,4 +1,4 @@
-"""The vase's dress: the outline of the body, the cloth round it, and the cord that ties the cloth."""
+"""The vase's dress: the outline of the body, the cloth around it, and the cord that ties the cloth."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from digs_warp.sim.builtin.shapes import (
     tube,
 )
 
-# Outlines (radius, z) [m], upward along the outside; the neck's goes on down the inside.
+# Outlines (radius, z) [m], upward along the outside; that of the neck continues down the inside.
 BOWL_OUTLINE = np.array(
     [
         (0.062, 0.027),
@@ -57,10 +57,10 @@ CORD_RADIUS = 0.0040
 CLOTH_SEGMENTS = 240
 CLOTH_ROWS = 45
 
-# Pleats round the cloth: about as many as keep its width where the cord gathers it.
+# Pleats around the cloth: about as many as keep its width where the cord gathers it.
 PLEATS = 17
 
-# Where the knot sits [rad], and how far the two tails hang down [m].
+# Position of the knot [rad], and lengths of the two tails [m].
 KNOT_ANGLE = -1.15
 TAIL_LENGTHS = (0.085, 0.105)
 
@@ -91,7 +91,7 @@ def cloth_patch() -> Patch:
 
 
 def _cloth_surface(theta: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return height and radius of the outside [m], (rows, columns), at shares ``s`` from hem to edge."""
+    """Return height and radius of the outside [m], (rows, columns), at fractions ``s`` from hem to edge."""
     s = s[:, None]
     hem = HEM_HEIGHT + 0.004 * np.sin(2 * theta + 0.6) + 0.002 * np.sin(5 * theta)
     top = TOP_HEIGHT + 0.0025 * np.sin(3 * theta) + 0.0015 * np.sin(7 * theta + 1)
@@ -100,7 +100,7 @@ def _cloth_surface(theta: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.nda
     below = np.clip((TIE_HEIGHT - z) / (TIE_HEIGHT - HEM_HEIGHT), 0, 1.2)
     lying = np.minimum(body_radius(z), body_radius(np.array(TIE_HEIGHT)) + 10 * below)
     base = np.where(above > 0, body_radius(np.array(TIE_HEIGHT)) + 0.014 * above**1.3, lying)
-    # Deepest a finger's breadth from the cord, flat over the belly, loose again at the hem.
+    # Deepest close to the cord, flat over the belly, loose again at the hem.
     tied = 1 - 0.72 * np.exp(-(((z - TIE_HEIGHT) / 0.006) ** 2))
     depth = 0.0145 * smoothstep(0.46, 0.08, below) * tied + 0.004 * smoothstep(0.8, 1.0, below)
     depth = depth + 0.0012
@@ -112,7 +112,7 @@ def _cloth_surface(theta: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def cord_patch() -> Patch:
-    """Return the cord: a ring round the cloth, a knot, and two tails that end in tassels."""
+    """Return the cord: a ring around the cloth, a knot, and two tails that end in tassels."""
     at_tie = body_radius(np.array(TIE_HEIGHT)) + CLOTH_THICKNESS + 0.0025
     theta = angles(240)
     ring = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=1)
@@ -138,13 +138,13 @@ def _trefoil(center: np.ndarray, across: np.ndarray, out: np.ndarray) -> np.ndar
 
 
 def _tail(center: np.ndarray, angle: float, side: int, length: float) -> list[Patch]:
-    """Return one end of the cord, lying on the pleats, with its tassel."""
+    """Return one end of the cord with its tassel, lying on the pleats."""
     s = np.linspace(0, 1, 6)
     turned = angle + side * (0.06 + 0.20 * s**0.7)
     z = TIE_HEIGHT - 0.004 - length * s
     _, cloth = _cloth_surface(np.linspace(0, 2 * np.pi, 400), np.linspace(0, 1, 60))
     heights = HEM_HEIGHT + (TOP_HEIGHT - HEM_HEIGHT) * np.linspace(0, 1, 60)
-    # Pleats differ: the cord lies on the highest.
+    # The pleats differ: the cord lies on the highest ones.
     reach = np.interp(z, heights, cloth.max(axis=1)) + 0.8 * CORD_RADIUS
     points = np.stack([reach * np.cos(turned), reach * np.sin(turned), z], axis=1)
     points[0] = center
@@ -164,7 +164,7 @@ def _tail(center: np.ndarray, angle: float, side: int, length: float) -> list[Pa
 
 
 def _rope(path: np.ndarray, radius: float) -> Patch:
-    """Return a cord of two strands: an oval cross-section that turns along the way."""
+    """Return a cord of two strands: an oval cross-section that twists along the path."""
     sides = 10
     length = arc_length(path)[:, None]
     turns = np.round(length[-1, 0] / (4.5 * radius))

@@ -18,11 +18,11 @@ FLAX_LIGHT = np.array((0.80, 0.69, 0.50), np.float32)
 
 
 def glaze_texture(rng: np.random.Generator, rim_v: float) -> np.ndarray:
-    """Return a running celadon glaze, sRGB, (SIZE, SIZE, 3), uint8, closed left to right.
+    """Return a running celadon glaze, sRGB, (SIZE, SIZE, 3), uint8, periodic from left to right.
 
     Args:
         rng: source of randomness.
-        rim_v: height on the texture, 0 bottom to 1 top, where the lip is: there the glaze is thin and brown.
+        rim_v: height of the lip on the texture, 0 bottom to 1 top: there the glaze is thin and brown.
     """
     shape = (SIZE, SIZE)
     runs = periodic_noise(rng, shape, (10, 300), slope=1.4, stretch=(3.0, 1.0))
@@ -49,7 +49,7 @@ def walnut_texture(rng: np.random.Generator, profile: np.ndarray) -> np.ndarray:
     y, x = radius * np.sin(theta), radius * np.cos(theta)
     shape = (len(profile), SIZE)
     wobble = periodic_noise(rng, shape, (40, 500), slope=1.5)
-    # Year rings round a pith that lies outside the block and leans a little.
+    # Annual rings around a pith that lies outside the block and is slightly tilted.
     pith = np.hypot(y + 0.11 + 0.1 * x, z + 0.05 + 0.15 * x) + 0.0008 * wobble
     ring = (pith / 0.0042) % 1.0
     late_wood = smoothstep(0.1, 0.85, ring) * smoothstep(1.0, 0.93, ring)
@@ -59,7 +59,7 @@ def walnut_texture(rng: np.random.Generator, profile: np.ndarray) -> np.ndarray:
 
 
 def fibre_texture(rng: np.random.Generator, slant: int) -> np.ndarray:
-    """Return twisted plant fibres, sRGB, (SIZE, SIZE, 3), uint8, closed on all sides.
+    """Return twisted plant fibres, sRGB, (SIZE, SIZE, 3), uint8, periodic on all sides.
 
     Args:
         rng: source of randomness.

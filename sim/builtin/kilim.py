@@ -1,14 +1,14 @@
 """The texture of the cloth: a kilim, woven thread by thread from a pattern of coloured bands.
 
-The pattern is drawn on a grid of thread crossings, one cell each, and then every cell is filled with the
-picture of a crossing: in a plain weave the weft lies on top in every other cell, the warp in the rest.
+The pattern is drawn on a grid with one cell per crossing of threads. Each cell is then filled with the
+image of a crossing: in a plain weave the weft is on top in every other cell, the warp in the others.
 """
 
 import numpy as np
 
 from digs_warp.sim.builtin.noise import mix, periodic_noise
 
-# Threads round the cloth and up the cloth, and texels across one thread.
+# Threads around the cloth and up the cloth, and texels across one thread.
 WARPS = 256
 WEFTS = 80
 TEXELS_PER_THREAD = 8
@@ -53,14 +53,14 @@ BANDS: tuple[tuple[str, int, int, tuple[int, ...]], ...] = (
 
 
 def kilim_texture(rng: np.random.Generator) -> np.ndarray:
-    """Return the cloth, sRGB, (640, 2048, 3), uint8; it closes left to right, the hem is its bottom row."""
+    """Return the cloth, sRGB, (640, 2048, 3), uint8, periodic left to right; the hem is the bottom row."""
     pattern = _pattern(rng)
     image = _weave(PALETTE[pattern], rng)
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
 def _pattern(rng: np.random.Generator) -> np.ndarray:
-    """Return the colour number of every thread crossing, row 0 on top, shape (WEFTS, WARPS)."""
+    """Return the colour index of every crossing, row 0 on top, shape (WEFTS, WARPS)."""
     rows = []
     for kind, height, ground, figures in BANDS:
         band = np.full((height, WARPS), ground)
@@ -83,7 +83,7 @@ def _draw_zigzag(band: np.ndarray, figures: tuple[int, ...]) -> None:
 
 
 def _draw_diamonds(band: np.ndarray, figures: tuple[int, ...], rng: np.random.Generator) -> None:
-    """Stepped diamonds; no two neighbours have the same colours, so that no place looks like another."""
+    """Stepped diamonds; no two neighbours have the same colours, so that every place looks different."""
     height, width = len(band), 32
     x = np.abs(np.arange(width) - (width - 1) / 2)[None, :]
     y = np.abs(np.arange(height) - (height - 1) / 2)[:, None]
@@ -114,14 +114,14 @@ def _draw_steps(band: np.ndarray, figures: tuple[int, ...], rng: np.random.Gener
 
 
 def _weave(colors: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the picture of the threads, sRGB 0..1, float32, from the colours of the crossings."""
+    """Return the image of the threads, sRGB 0..1, float32, from the colours of the crossings."""
     size = TEXELS_PER_THREAD
     shape = (WEFTS * size, WARPS * size)
-    # Threads are not all alike: every weft, every warp and every crossing has its own shade.
+    # Every weft, every warp and every crossing has a slightly different shade.
     shade = 1 + 0.06 * rng.standard_normal((WEFTS, 1)) + 0.03 * rng.standard_normal((1, WARPS))
     shade = shade + 0.05 * rng.standard_normal((WEFTS, WARPS))
     weft_on_top = np.add.outer(np.arange(WEFTS), np.arange(WARPS)) % 2 == 0
-    # The weft is beaten down tightly: a little of it is seen even where the warp is on top.
+    # The weft is packed tightly: a little of it shows even where the warp is on top.
     wool = np.where(weft_on_top[..., None], colors, mix(colors, WARP_WOOL, 0.22))
     cells = (wool * shade[..., None]).astype(np.float32)
 
@@ -138,7 +138,7 @@ def _weave(colors: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _crossing() -> np.ndarray:
-    """Return the brightness of a horizontal thread that dips under at both ends, square, around 0.6..1.1."""
+    """Return the brightness of a horizontal thread that dips down at both ends, square, about 0.6..1.1."""
     t = (np.arange(TEXELS_PER_THREAD, dtype=np.float32) + 0.5) / TEXELS_PER_THREAD * 2 - 1
     round_across = np.sqrt(1 - 0.6 * t * t)[:, None]
     dip_along = (1 - 0.18 * np.abs(t) ** 3)[None, :]

@@ -1,4 +1,4 @@
-"""Band-limited random textures that repeat without a seam."""
+"""Band-limited random textures that tile without a seam."""
 
 import numpy as np
 
@@ -16,8 +16,8 @@ def periodic_noise(
         rng: source of randomness.
         shape: (height, width) of the result.
         wavelengths: shortest and longest period in it [pixels].
-        slope: amplitudes fall with frequency to this power: 0 is white, 1 looks natural.
-        stretch: how much longer features are (down, across); (1, 8) makes horizontal fibres.
+        slope: amplitudes fall as frequency to this power: 0 is white, 1 looks natural.
+        stretch: factors on the length of features (down, across); (1, 8) makes horizontal fibres.
     """
     height, width = shape
     fy = np.fft.fftfreq(height).astype(np.float32)[:, None] * stretch[0]
@@ -32,7 +32,7 @@ def periodic_noise(
 
 
 def mix(a: np.ndarray, b: np.ndarray, share: np.ndarray | float) -> np.ndarray:
-    """Blend two colours or colour images; ``share`` of b, 0..1, shape (height, width) or a number."""
+    """Blend two colours or colour images; ``share`` is that of b, 0..1, shape (height, width) or a number."""
     share = np.asarray(share, np.float32)
     if share.ndim:
         share = share[..., None]

@@ -1,4 +1,4 @@
-"""Smooth surfaces on grids: surfaces of revolution, tubes along curves, and anything on a closed ring."""
+"""Smooth surfaces on grids: surfaces of revolution, tubes along curves, and surfaces through closed rings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,8 +60,8 @@ def ring_patch(rows: np.ndarray, uvs: np.ndarray) -> Patch:
     """Return the surface through closed rings of points.
 
     Args:
-        rows: shape (k, n + 1, 3); the last point of each ring repeats the first, so that textures can
-            close. Seen from outside, rings run counter-clockwise about the way from row to row.
+        rows: shape (k, n + 1, 3); the last point of each ring repeats the first, so that textures can close.
+            Rings run counter-clockwise around the direction from row to row, seen from outside.
         uvs: shape (k, n + 1, 2).
     """
     count, around, _ = rows.shape
@@ -81,7 +81,7 @@ def ring_patch(rows: np.ndarray, uvs: np.ndarray) -> Patch:
 
 
 def _mended(normals: np.ndarray, along: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Return unit normals; where a ring has shrunk to a point they follow the neighbouring ring."""
+    """Return unit normals; where a ring has collapsed to a point, those of the neighbouring ring."""
     count, around, _ = along.shape
     normals = normals.reshape(count, around, 3).copy()
     length = np.linalg.norm(normals, axis=2)
@@ -105,9 +105,9 @@ def angles(segments: int) -> np.ndarray:
 
 
 def revolve(profile: np.ndarray, segments: int) -> Patch:
-    """Turn a profile, (radius, z) from bottom to top along the outside [m], shape (k, 2), about z.
+    """Revolve a profile, (radius, z) from bottom to top along the outside [m], shape (k, 2), around z.
 
-    One turn is u = 0..1, and v grows by 1 over the length of the widest ring: square texels there.
+    One turn is u = 0..1, and v grows by 1 over the circumference of the widest ring: texels are square there.
     """
     theta = angles(segments)
     radius, z = profile[:, :1], profile[:, 1:]
@@ -115,14 +115,14 @@ def revolve(profile: np.ndarray, segments: int) -> Patch:
         [radius * np.cos(theta), radius * np.sin(theta), np.broadcast_to(z, (len(z), len(theta)))],
         axis=2,
     )
-    # The first column again, exactly: cos(2 pi) is not quite cos(0).
+    # Exactly the first column again: cos(2 pi) is not quite cos(0).
     rows[:, -1] = rows[:, 0]
     v = arc_length(profile) / (2 * np.pi * profile[:, 0].max())
     return ring_patch(rows, grid_uvs(v, segments))
 
 
 def join_patches(patches: Sequence[Patch]) -> Patch:
-    """Put several patches into one."""
+    """Join several patches into one."""
     starts = np.cumsum([0, *(len(patch.vertices) for patch in patches)])
     return Patch(
         vertices=np.concatenate([patch.vertices for patch in patches]),
@@ -135,7 +135,7 @@ def join_patches(patches: Sequence[Patch]) -> Patch:
 
 
 def grid_uvs(v: np.ndarray, segments: int, turns: float = 1.0) -> np.ndarray:
-    """Return u = 0 to ``turns`` round each ring and the given v of each row, (k, segments + 1, 2)."""
+    """Return u = 0 to ``turns`` around each ring and the given v of each row, (k, segments + 1, 2)."""
     u = np.linspace(0, turns, segments + 1)
     return np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=2)
 
@@ -152,7 +152,7 @@ def tube(
         path: shape (k, 3); for a closed curve the last point repeats the first.
         radius: one number, one per point (k, 1), or one per vertex (k, sides + 1) [m].
         sides: of the cross-section.
-        uv_scale: turns of the texture round the tube, and v per metre along it.
+        uv_scale: turns of the texture around the tube, and v per metre along it.
     """
     first, second = _frames(path)
     phi = angles(sides)
@@ -167,7 +167,7 @@ def _frames(path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return two unit normals per point that turn as little as possible along the path.
 
     The frame of one point is carried to the next by two reflections (Wang et al., "Computation of Rotation
-    Minimizing Frames", 2008). On a closed path the remaining twist is spread out evenly.
+    Minimizing Frames", 2008). On a closed path the remaining twist is distributed evenly.
     """
     closed = bool(np.linalg.norm(path[0] - path[-1]) < 1e-9)
     tangent = np.gradient(path, axis=0)

@@ -1,7 +1,7 @@
-"""What the JSON header of a glTF or GLB file tells before its geometry is read.
+"""The JSON header of a glTF or GLB file: checks before its geometry is read, and what trimesh leaves out.
 
-trimesh passes over missing textures, compressed geometry and short files without a word, so the header is
-checked here first: a wrong object must not look like a right one.
+trimesh silently ignores missing textures, compressed geometry and truncated files, so the header is checked
+first. It also leaves out transmission, the strength of emission and the scale of normal maps.
 """
 
 import base64
@@ -21,7 +21,7 @@ GLB_MAGIC = b"glTF"
 GLB_HEADER = struct.Struct("<4sII")
 GLB_CHUNK = struct.Struct("<I4s")
 
-# Extensions without which geometry or textures come out wrong, and how to get rid of them.
+# Extensions that cannot be read but change geometry or textures, and how to avoid them.
 UNREADABLE_EXTENSIONS = {
     "KHR_draco_mesh_compression": "export it without Draco compression",
     "EXT_meshopt_compression": "export it without meshopt compression",
@@ -33,7 +33,7 @@ def read_gltf_header(path: Path) -> dict[str, Any]:
     """Return the JSON header of a .gltf or .glb file.
 
     Raises:
-        MeshError: no glTF at all, shorter than it says, or JSON that breaks off.
+        MeshError: not glTF, truncated, or invalid JSON.
     """
     data = path.read_bytes()
     text = _glb_json(path, data) if path.suffix.lower() == ".glb" else data
@@ -77,7 +77,7 @@ def glb_binary(path: Path) -> bytes:
 
 
 def check_gltf(path: Path, header: dict[str, Any]) -> None:
-    """Raise a `MeshError` when files beside ``path`` are missing or it needs what is not supported."""
+    """Raise a `MeshError` if files beside ``path`` are missing or it needs an unsupported extension."""
     for kind in ("buffers", "images"):
         for entry in header.get(kind, []):
             uri = entry.get("uri", "data:")
@@ -93,12 +93,12 @@ def check_gltf(path: Path, header: dict[str, Any]) -> None:
 
 
 def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) -> None:
-    """Raise a `MeshError` when a base-colour texture that the header promises is not in ``loaded``.
+    """Raise a `MeshError` if a base-colour texture named in the header is not in ``loaded``.
 
     Args:
         path: for the message.
         header: of the file.
-        loaded: the materials that trimesh made of it; it leaves out what it cannot decode.
+        loaded: the materials that trimesh made of it; it drops textures that it cannot decode.
     """
     promised = {
         material.get("name"): "baseColorTexture" in material.get("pbrMetallicRoughness", {})
@@ -114,7 +114,7 @@ def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) ->
 
 
 def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
-    """Yield a sentence for every material that will look different from what its author meant."""
+    """Yield a sentence for every material that will look different from what its author intended."""
     for index, material in enumerate(header.get("materials", [])):
         label = f"material '{material.get('name', index)}'"
         extensions = material.get("extensions", {})
@@ -122,7 +122,7 @@ def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
             yield f"{label}: light passes straight through, its body neither bends nor tints it"
         texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
         if texture.get("texCoord", 0) or "KHR_texture_transform" in texture.get("extensions", {}):
-            yield f"{label}: moved texture coordinates are not read, its texture may sit wrong"
+            yield f"{label}: texture transforms are not read, its texture may be misplaced"
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +146,7 @@ def read_extras(path: Path, header: dict[str, Any]) -> dict[str, GltfExtras]:
     """Return the extras of every named material of a .gltf or .glb file.
 
     Raises:
-        OSError, ValueError, KeyError, IndexError: a texture of the extras cannot be read.
+        OSError, ValueError, KeyError, IndexError: a texture cannot be read.
     """
     extras = {}
     for material in header.get("materials", []):

@@ -11,14 +11,14 @@ from digs_warp.sim.mesh.parts import MeshPart
 from digs_warp.sim.mesh.pixels import alpha_pixels, color_texture, mean_over_surface, rgb_pixels
 from digs_warp.sim.scene import Material
 
-# What a mesh without any colour is drawn in: light grey clay, linear.
+# Colour of a mesh without any colour: light grey clay, linear.
 PLAIN_COLOR = (0.4, 0.4, 0.4)
 PLAIN_ROUGHNESS = 0.8
 
-# Blended texels fainter than this are holes: nothing reflects there either.
+# Blended texels with less opacity are holes: they have no reflections either.
 MIN_OPACITY = 0.02
 
-# glTF's cut-off of alphaMode MASK where none is given.
+# glTF's default cut-off for alphaMode MASK.
 DEFAULT_CUTOFF = 0.5
 
 # Zero of x and y in a normal map.
@@ -32,7 +32,7 @@ def materials_of_parts(
 
     Args:
         parts: with the materials of trimesh.
-        extras: what trimesh leaves out, by the name of the material.
+        extras: properties that trimesh leaves out, by name of the material.
     """
     groups: dict[object, list[MeshPart]] = {}
     for part in parts:
@@ -43,7 +43,7 @@ def materials_of_parts(
 
 
 def _key(part: MeshPart) -> tuple[int, bool, bool]:
-    """Tell materials apart; parts without coordinates cannot use the texture of the others."""
+    """Return what distinguishes materials; parts without coordinates cannot use a texture."""
     return id(part.material), part.uvs is not None, part.colored
 
 
@@ -61,14 +61,14 @@ def _material(parts: list[MeshPart], extras: Mapping[str, GltfExtras]) -> Materi
 
 
 def _is_empty(source: Any) -> bool:
-    """Whether trimesh made up a material for a mesh that has texture coordinates but no material."""
+    """Whether trimesh invented a material for a mesh that has texture coordinates but no material."""
     return source.image is None and not source.kwargs and source.name == "material_0"
 
 
 def _simple_material(source: Any, parts: list[MeshPart]) -> Material:
-    """Convert a material of an MTL file: colours are sRGB, as most programs take them.
+    """Convert a material of an MTL file: colours are sRGB, as in most programs.
 
-    With a texture the diffuse colour does not count: exporters leave anything there, even black.
+    With a texture the diffuse colour is ignored: exporters write any colour there, even black.
     """
     name = str(source.name)
     texture = color_texture(source.image, name, parts)
@@ -107,7 +107,7 @@ def _mtl_opacity(source: Any, name: str, textured: bool) -> dict[str, Any]:
 
 
 def _pbr_material(source: Any, parts: Sequence[MeshPart], extras: GltfExtras) -> Material:
-    """Convert a `PBRMaterial` of trimesh; its factors are linear and 1 where they are left out."""
+    """Convert a `PBRMaterial` of trimesh; its factors are linear and default to 1."""
     name = str(source.name or "material")
     factor = source.baseColorFactor  # RGBA bytes, still linear
     base_color = np.ones(3) if factor is None else np.asarray(factor)[:3] / 255.0

@@ -1,4 +1,4 @@
-"""Bad faces out, z up, one size for all: every object is captured from the same distances."""
+"""Cleaned faces, z up, one standard size: every object is captured from the same distances."""
 
 import logging
 from dataclasses import replace
@@ -10,14 +10,14 @@ from digs_warp.sim.mesh.parts import Triangles
 
 logger = logging.getLogger(__name__)
 
-# Longest edge of the bounding box [m]. The cameras of the default trajectory stand about a metre away, where
-# a stereo camera measures well, and all published figures of this project are for objects of this size.
+# Longest edge of the bounding box [m]. The cameras of the default trajectory are about a metre away, where a
+# stereo camera measures well; all published figures of this project are for objects of this size.
 STANDARD_SIZE = 0.5
 
-# A face smaller than this share of the squared box edge has no area that float32 positions can tell from 0.
+# With float32 positions, the area of a face below this share of the squared box edge cannot be told from 0.
 MIN_FACE_AREA = 1e-14
 
-# world_from_source rotations by the axis that points up in the source; the right-handed quarter turns.
+# world_from_source rotations by the axis that points up in the source.
 ROTATION_BY_UP_AXIS = {
     "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -26,7 +26,7 @@ ROTATION_BY_UP_AXIS = {
 
 
 def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
-    """Return the triangles without faces that have no area or a vertex that is not finite.
+    """Return the triangles without faces of zero area or with vertices that are not finite.
 
     Args:
         triangles: in any units.
@@ -38,7 +38,7 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
     if finite.any():
         low, high = _box(triangles.vertices, faces[finite])
         longest = max(float((high - low).max()), np.finfo(np.float64).tiny)
-        # As the renderer will see them: in float32, at a common size.
+        # As the renderer sees them: in float32, at the standard size.
         with np.errstate(invalid="ignore", over="ignore"):
             placed = ((triangles.vertices - low) / longest).astype(np.float32).astype(np.float64)
             areas = 0.5 * np.linalg.norm(face_normals(placed, faces), axis=1)
@@ -57,7 +57,7 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
 
 
 def drop_unused_vertices(triangles: Triangles) -> Triangles:
-    """Return the triangles with only the vertices that they use."""
+    """Return the triangles without unused vertices."""
     used, faces = np.unique(triangles.faces, return_inverse=True)
     return Triangles(
         vertices=triangles.vertices[used],

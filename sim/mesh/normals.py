@@ -10,12 +10,12 @@ from digs_warp.sim.mesh.parts import Triangles
 # still looks round, the sides of a box stay flat.
 CREASE_DEGREES = 40.0
 
-# Normals of one vertex that differ by less are one: sums taken in another order differ in the last bits.
+# Normals that differ by less are the same: the order of a sum changes its last bits.
 SAME_NORMAL = 1e-4
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return normals as long as twice the area of each face, shape (m, 3)."""
+    """Return face normals whose length is twice the area of the face, shape (m, 3)."""
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     return np.cross(b - a, c - a)
 
@@ -23,9 +23,9 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def fill_normals(triangles: Triangles) -> Triangles:
     """Return the triangles with a unit normal at every vertex and windings that agree with them.
 
-    Normals of the file are kept. The others are means over the faces round a vertex; vertices on sharp
-    edges are doubled. glTF asks for flat faces where normals are missing, but the files that lack them
-    are mostly scans of round things: every format is treated alike here.
+    Normals of the file are kept. The others are means over the faces around a vertex; vertices on sharp
+    edges are duplicated. glTF requires flat faces where normals are missing, but files without normals are
+    mostly scans of round objects, so all formats are smoothed.
     """
     missing = np.isnan(triangles.normals.sum(axis=1))
     if missing.any():
@@ -67,16 +67,16 @@ def _with_computed_normals(triangles: Triangles, missing: np.ndarray) -> Triangl
 def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the unit normal of every corner, shape (3 m, 3).
 
-    The mean over the faces that share the corner's position and lie within the crease angle, weighted by
-    their angles there (Thuermer and Wuethrich, "Computing Vertex Normals from Polygonal Facets", 1998),
-    so that it does not depend on how a surface was cut into triangles.
+    The mean over the faces that share the corner's position and meet within the crease angle, weighted by
+    their angles at the corner (Thuermer and Wuethrich, "Computing Vertex Normals from Polygonal Facets",
+    1998), so that it does not depend on how a surface was cut into triangles.
     """
     unit = face_normals(vertices, faces)
     unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-300)
     own = np.repeat(unit, 3, axis=0)
     weighted = own * _corner_angles(vertices, faces).reshape(-1, 1)
 
-    # Corners sorted by position: those of one place are neighbours, [start, start + count).
+    # Corners sorted by position: those of one position are contiguous, [start, start + count).
     _, place = unique_rows(vertices[faces.reshape(-1)])
     order = np.argsort(place, kind="stable")
     counts = np.bincount(place)
@@ -86,7 +86,7 @@ def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     total = weighted.copy()
     cosine = np.cos(np.radians(CREASE_DEGREES))
-    # Step k adds to every corner the k-th next one round its place.
+    # Step k adds to every corner the k-th next one at its position.
     for step in range(1, counts.max()):
         here = np.flatnonzero(counts[place] > step)
         group = place[here]
@@ -106,7 +106,7 @@ def _corner_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where each different row stands first, and the number of the different row of every row."""
+    """Return the index of the first occurrence of each unique row, and the unique row of every row."""
     order = np.lexsort(rows.T)
     ordered = rows[order]
     is_new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])

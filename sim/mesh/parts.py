@@ -36,7 +36,7 @@ def parts_of_scene(loaded: Any, linear_colors: bool) -> list[MeshPart]:
     """Return every triangle mesh of a trimesh scene, once per node that shows it.
 
     Args:
-        loaded: a `trimesh.Scene`; points and lines in it are passed over.
+        loaded: a `trimesh.Scene`; points and lines in it are ignored.
         linear_colors: whether vertex colours are linear (glTF says so) or sRGB (what PLY and OBJ hold).
     """
     import trimesh
@@ -74,7 +74,7 @@ def _part(mesh: Any, world_from_node: np.ndarray, linear_colors: bool) -> MeshPa
         colors = linear_from_srgb(colors)
 
     linear = world_from_node[:3, :3]
-    if np.linalg.det(linear) < 0:  # a mirror turns the winding round
+    if np.linalg.det(linear) < 0:  # a reflection reverses the winding
         faces = faces[:, ::-1]
     with np.errstate(
         invalid="ignore"
@@ -92,14 +92,14 @@ def _part(mesh: Any, world_from_node: np.ndarray, linear_colors: bool) -> MeshPa
 
 
 def _file_normals(mesh: Any) -> np.ndarray:
-    """Return the normals of the file, NaN without; trimesh would compute missing ones unasked."""
+    """Return the normals of the file, NaN without; trimesh would compute missing ones."""
     if "vertex_normals" not in mesh._cache.cache:
         return np.full((len(mesh.vertices), 3), np.nan)
     return np.asarray(mesh.vertex_normals, np.float64)
 
 
 def _turn_normals(normals: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    """Turn normals by the cofactors of a (3, 3) map: the inverse transpose, but safe for flat maps."""
+    """Transform normals by the cofactors of a (3, 3) matrix: its inverse transpose, but safe if singular."""
     rows = (np.cross(linear[i - 2], linear[i - 1]) for i in range(3))
     cofactors = np.stack(list(rows)) * (-1 if np.linalg.det(linear) < 0 else 1)
     turned = normals @ cofactors.T
@@ -116,7 +116,7 @@ def _uvs(mesh: Any) -> np.ndarray | None:
 
 
 def _file_colors(mesh: Any) -> tuple[np.ndarray | None, bool]:
-    """Return the colours as stored, in 0..1, and whether they belong to faces instead of vertices."""
+    """Return the stored colours, in 0..1, and whether they belong to faces instead of vertices."""
     visual = mesh.visual
     attributes = getattr(visual, "vertex_attributes", {})
     if visual.kind == "vertex":
@@ -129,7 +129,7 @@ def _file_colors(mesh: Any) -> tuple[np.ndarray | None, bool]:
 
 
 def _unit_colors(colors: Any) -> np.ndarray:
-    """Bring stored RGB or RGBA of any type to RGB in 0..1, float32."""
+    """Convert stored RGB or RGBA of any type to RGB in 0..1, float32."""
     colors = np.asarray(colors)
     top = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1.0
     return np.clip(np.nan_to_num(colors[:, :3].astype(np.float32) / top), 0.0, 1.0)
@@ -151,7 +151,7 @@ class Triangles:
 
 
 def join_parts(parts: Sequence[MeshPart], part_materials: Sequence[int]) -> Triangles:
-    """Put parts into one list; ``part_materials`` holds the material index of each."""
+    """Join parts into one list; ``part_materials`` is the material index of each."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     uvs = [np.zeros((len(p.vertices), 2)) if p.uvs is None else p.uvs for p in parts]
     return Triangles(

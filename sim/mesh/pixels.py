@@ -10,20 +10,20 @@ from digs_warp.sim.mesh.parts import MeshPart
 
 logger = logging.getLogger(__name__)
 
-# Where a triangle is looked up in a texture for its mean (barycentric): a rule that is exact for quadratic
+# Barycentric sample points for the mean of a texture over a triangle: a rule that is exact for quadratic
 # functions.
 SAMPLE_POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0
 
 
 def rgb_pixels(image: Any, name: str) -> np.ndarray:
-    """Decode to (height, width, 3), uint8; alpha is left out, not blended.
+    """Decode to (height, width, 3), uint8; alpha is dropped, not blended.
 
     Args:
         image: of PIL.
         name: of the material, for the message.
 
     Raises:
-        ValueError: broken off or in an unknown encoding.
+        ValueError: truncated or in an unknown encoding.
     """
     try:
         if image.mode.startswith("I"):  # 16-bit grey: PIL's own conversion clips at 255
@@ -46,7 +46,7 @@ def alpha_pixels(image: Any, name: str) -> np.ndarray | None:
 
 
 def mean_over_surface(image: np.ndarray, parts: Sequence[MeshPart]) -> np.ndarray:
-    """Return the mean texel, shape (c,), over the surface of the parts, not over the unused atlas.
+    """Return the mean texel, shape (c,), over the surface of the parts, without unused parts of the texture.
 
     Args:
         image: shape (height, width, c).

@@ -1,4 +1,4 @@
-"""How an error grows with the sensor's noise, and assertions on it that show the whole curve."""
+"""How an error grows with the sensor's noise; assertions on it show the whole curve."""
 
 import math
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ class DegradationCurve:
 
     Attributes:
         strengths: factors on the sensor's errors, rising, >= 0.
-        errors: at these strengths; what they mean and their unit are the caller's, less is better.
+        errors: at these strengths, in the caller's unit; smaller is better.
     """
 
     strengths: tuple[float, ...]
@@ -24,10 +24,10 @@ class DegradationCurve:
         """Check the errors at some strengths against limits.
 
         Args:
-            limits: largest allowed error by strength; strengths that are not named are free.
+            limits: largest allowed error by strength; other strengths are not checked.
 
         Raises:
-            AssertionError: an error is larger or no number; the message shows the curve.
+            AssertionError: an error is larger, or not a number; the message shows the curve.
             KeyError: a strength that was not measured.
         """
         by_strength = dict(zip(self.strengths, self.errors, strict=True))
@@ -37,14 +37,14 @@ class DegradationCurve:
             raise AssertionError(f"error too large at noise strength {where}\n{self}")
 
     def assert_no_cliff(self, largest_growth: float = 2.0) -> None:
-        """Check that the error nowhere grows much faster than the noise.
+        """Check that the error never grows much faster than the noise.
 
         Args:
             largest_growth: largest allowed exponent; 1: twice the noise, twice the error; 2: four times
-                the error. Averages and fits stay near 1 until their outliers win.
+                the error. Averages and fits stay near 1 until outliers dominate.
 
         Raises:
-            AssertionError: a steeper piece, or an error that is no number; the message shows the curve.
+            AssertionError: a steeper piece, or an error that is not a number; the message shows the curve.
         """
         if not all(math.isfinite(error) for error in self.errors):
             raise AssertionError(f"some errors are no numbers\n{self}")

@@ -4,7 +4,7 @@
     def test_my_function_survives_noise(sensor_noise):
         sensor_noise.measure(my_error).assert_no_cliff()
 
-docs/sensor-noise-plugin.md explains it. Nothing of the simulator is imported before a test asks.
+docs/sensor-noise-plugin.md explains it. The simulator is imported only when a test uses the fixture.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 MARKER = "sensor_noise"
 DEFAULT_STRENGTHS = (0, 1, 2, 4)
 
-# A test wants few and small frames: a second or so to simulate, once.
+# Few and small frames, for tests: about a second to simulate, once.
 DEFAULT_SETTINGS: Mapping[str, Any] = {
     "frames": 6,
     "width": 160,
@@ -45,7 +45,7 @@ def sensor_noise(
 ) -> "NoiseSeries":
     """Simulated captures at rising sensor noise, as the test's marker describes them.
 
-    They are kept in pytest's cache between runs (``pytest --cache-clear`` removes them).
+    pytest's cache keeps them between runs (``pytest --cache-clear`` removes them).
     """
     from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 
@@ -54,7 +54,7 @@ def sensor_noise(
     if marker and marker.args:
         raise pytest.UsageError(f"@pytest.mark.{MARKER} takes keyword arguments only")
     strengths = tuple(settings.pop("strengths", DEFAULT_STRENGTHS))
-    # pytest's own cache may be switched off: then captures live as long as the run.
+    # If pytest's cache is disabled, captures last as long as the run.
     cache = getattr(request.config, "cache", None)
     folder = cache.mkdir("sensor_noise") if cache else tmp_path_factory.mktemp(MARKER)
     return NoiseSeries(_config(settings), strengths, CaptureCache(folder))

@@ -1,4 +1,4 @@
-"""One simulated walk at rising sensor noise, and the captures of it that are kept between test runs."""
+"""One simulated walk at rising sensor noise; its captures are kept between test runs."""
 
 import hashlib
 import os
@@ -26,10 +26,10 @@ _SOURCES = ("*.py", "data/*.py", "device/*.py", "record/*.py", "sim/**/*.py")
 
 @dataclass(frozen=True)
 class CaptureCache:
-    """A folder of captures, each made once.
+    """A folder of captures, each simulated once.
 
     The name of a capture is a hash of its settings and of the files they name. Captures lie in a folder
-    named by the simulator's code and the packages under it; those of other code are removed.
+    named by a hash of the simulator's code and packages; folders of other code are removed.
     """
 
     folder: Path
@@ -72,14 +72,14 @@ class CaptureCache:
 
 @dataclass(frozen=True)
 class NoiseSeries:
-    """Captures of the same walk round the same object; only the sensor's errors differ.
+    """Captures of the same walk around the same object; only the sensor's errors differ.
 
-    Iterating gives (strength, capture), strengths rising; captures are simulated when first asked for.
+    Iterating gives (strength, capture) in rising order; captures are simulated when they are first needed.
 
     Attributes:
         config: of the recording at strength 1.
         strengths: factors on the sensor's errors; 0: perfect depth, 1: as the real sensor.
-        cache: where the captures are kept.
+        cache: keeps the captures.
     """
 
     config: SimulateConfig
@@ -105,7 +105,7 @@ class NoiseSeries:
         return prepare_session(self.config, load_inputs(self.config))
 
     def measure(self, error: Callable[[Capture], float]) -> DegradationCurve:
-        """Return how ``error(capture)`` grows with the noise; less is better."""
+        """Return how ``error(capture)`` grows with the noise; smaller is better."""
         errors = []
         for strength, capture in self:
             try:

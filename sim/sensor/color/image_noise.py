@@ -41,7 +41,7 @@ def read_sigma(rig: StereoRig) -> float:
 
 @dataclass(frozen=True)
 class ShotNoise:
-    """Adds noise with a variance proportional to the signal, per pixel, channel and eye."""
+    """Shot noise: its variance is proportional to the signal, per pixel, channel and eye."""
 
     name: ClassVar[str] = "shot-noise"
 
@@ -70,7 +70,7 @@ class ShotNoise:
 
 @dataclass(frozen=True)
 class ReadNoise:
-    """Adds noise of constant variance, per pixel, channel and eye."""
+    """Read noise: its variance is constant, per pixel, channel and eye."""
 
     name: ClassVar[str] = "read-noise"
 
