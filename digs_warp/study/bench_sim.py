@@ -169,7 +169,7 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
     return [
         Result(
             {"effect": effect},
-            {name: float(np.mean([row[name] for row in rows])) for name in rows[0]},
+            {name: _rounded([row[name] for row in rows]) for name in rows[0]},
             "effects",
         )
         for effect, rows in measured.items()
@@ -195,7 +195,7 @@ def _cause_results(cases: Sequence[Case]) -> list[Result]:
     return [
         Result(
             {"cause": cause.name.lower()},
-            {name: float(np.mean(values)) for name, values in row.items()},
+            {name: _rounded(values) for name, values in row.items()},
             "causes",
         )
         for cause, row in shares.items()
@@ -246,6 +246,11 @@ def _effect_chart(results: Sequence[Result]) -> Chart:
 
 def _columns(scores: Scores) -> dict[str, float]:
     return {label: getattr(scores, name) for name, label in COLUMNS.items()}
+
+
+def _rounded(values: Sequence[float]) -> float:
+    """Return the mean to four decimals: smaller shares are noise."""
+    return round(float(np.mean(values)), 4) + 0.0  # never -0.0
 
 
 def _timed(function: Callable[[], object]) -> tuple[float, float]:

@@ -76,7 +76,10 @@ class Chart:
                 offset = {"xytext": place[0], "textcoords": "offset points", "ha": place[1]}
                 axes.annotate(note, (x, y), fontsize=7, **offset)
         if any(curve.notes for curve in self.curves):
-            axes.margins(x=1.2 if self.rows else 0.18)
+            axes.margins(x=0.18)
+            if self.rows:  # room for the notes to the right of the points
+                ends = [x for curve in self.curves for x in curve.x]
+                axes.set_xlim(0.0, 3.8 * max(ends))
         axes.set_title(self.title)
         axes.set_xlabel(self.x_label)
         axes.set_ylabel(self.y_label)
