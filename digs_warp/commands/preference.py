@@ -13,16 +13,16 @@ from digs_warp.commands.output import OutputFolder
 
 @dataclass(frozen=True, kw_only=True)
 class MakeKit(Command):
-    """Film four reconstructions side by side, in four versions, with answer sheets and a secret key."""
+    """Film four reconstructions side by side in four versions, with answer sheets and a secret key."""
 
     items: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="ITEM")]
-    """Folders, one per question. Each holds the same four folders, named after what is compared, for
-    example default, highdepth, fusion and random: reconstructions of one object."""
+    """Folders, one per question. Each has the same four subfolders with reconstructions of one object, named
+    after what is compared, for example default, highdepth, fusion and random."""
 
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
 
     seconds: float = 8.0
-    """Length of a turn around the object."""
+    """Length of a turn around the object [s]."""
 
     fps: float = 24.0
     """Frames per second."""
@@ -40,7 +40,7 @@ class MakeKit(Command):
             raise DigsError(f"preference: {self.width}x{self.height} px, expected at least 16x16")
 
     def execute(self) -> str:
-        """Film, and say what to hand out."""
+        """Film, and explain what to hand out."""
         from digs_warp.study.preference.design import KEY, VERSIONS
         from digs_warp.study.preference.kit import find_items, make_kit
 
@@ -56,7 +56,7 @@ class MakeKit(Command):
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateSheets(Command):
-    """Count filled answer sheets and test whether the preference can be chance (chi-square)."""
+    """Count filled answer sheets and test whether the preference can be chance (chi-square test)."""
 
     sheets: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SHEET")]
     """CSV files, one per participant or many in one: columns participant, version, question, choice."""

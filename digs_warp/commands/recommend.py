@@ -1,4 +1,4 @@
-"""`digs-warp recommend`: the settings that a measured study found best within a time."""
+"""`digs-warp recommend`: the best measured settings within a time budget."""
 
 import shlex
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ FLAGS = {"train.density.strategy": "density"}
 
 @dataclass(frozen=True, kw_only=True)
 class Recommend(Command):
-    """Pick settings for a time, from what 'digs-warp study run tradeoff' measured."""
+    """Pick settings for a time budget from the results of 'digs-warp study run tradeoff'."""
 
     time_budget: Annotated[float, DURATION]
     """Time for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
@@ -29,7 +29,7 @@ class Recommend(Command):
     published results in docs/study/tradeoff, whose seconds are those of another machine."""
 
     def execute(self) -> str:
-        """Return the settings as flags, with the time and quality that they had."""
+        """Return the settings as flags, with their measured time and quality."""
         from digs_warp.study.engine.store import RESULTS, Store
         from digs_warp.study.studies.tradeoff import best_within
 
@@ -70,7 +70,7 @@ def _default_study() -> Path:
 
 
 def flags(settings: dict[str, Any]) -> list[str]:
-    """Return settings of recording and reconstruction as flags of `digs-warp run`; scene and seed apart."""
+    """Return settings of recording and reconstruction as flags of `digs-warp run`, without scene and seed."""
     words: list[str] = []
     for name, value in settings.items():
         flag = FLAGS.get(name) or name.rpartition(".")[2].replace("_", "-")

@@ -1,4 +1,4 @@
-"""What the figures were measured on."""
+"""The machine that the figures were measured on."""
 
 import platform
 import time
@@ -11,7 +11,7 @@ _INFO = Path("/proc/cpuinfo")
 
 
 def processor() -> str:
-    """Return the processor's name and cores, as the system tells them."""
+    """Return the processor's name and number of cores."""
     if not _INFO.is_file():
         return platform.processor() or platform.machine()
     lines = _INFO.read_text(encoding="utf-8").splitlines()
@@ -21,14 +21,14 @@ def processor() -> str:
 
 
 def worth_of_threads(threads: int, seconds: float = 2.0) -> float:
-    """Return how many times the arithmetic of one thread so many threads get done.
+    """Return how much more arithmetic ``threads`` threads get done than one thread.
 
-    No program can gain more from threads where it computes without waiting. Processors that are two halves of
-    one core, as on many rented machines, get this near 1.
+    This bounds the gain from threads for a program that only computes. Two logical processors of one core, as
+    on many rented machines, get a value near 1.
 
     Args:
         threads: at least 1.
-        seconds: how long either number of threads is watched.
+        seconds: measuring time for either number of threads.
     """
     from threadpoolctl import threadpool_limits
 
@@ -42,7 +42,7 @@ def worth_of_threads(threads: int, seconds: float = 2.0) -> float:
 
 
 def _products_per_second(seconds: float) -> float:
-    """Multiply small matrices, which stay in the cache of one core, for a while."""
+    """Multiply small matrices, which fit into the cache of one core, for a while."""
     a = np.random.default_rng(0).normal(size=(192, 192)).astype(np.float32)
     done, start = 0, time.perf_counter()
     while (past := time.perf_counter() - start) < seconds:

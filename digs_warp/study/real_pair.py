@@ -16,14 +16,14 @@ from digs_warp.sim.sensor.frame import FrameTruth, Motion
 # Surfaces are the same when their disparities differ by no more than this [px].
 SAME_SURFACE = 1.0
 
-# Standard deviation of the grain of these tripod exposures in each channel [DN], after their reduction to a
-# quarter: that of the luma is 0.5 DN, rounding included, in the plainest blocks of either image (second
-# differences across rows and columns, Immerkaer 1996).
+# Standard deviation of the grain of these tripod exposures per channel [DN], at a quarter of their size. Luma
+# has 0.5 DN, rounding included, in the most uniform blocks of either image (second differences across rows
+# and columns, Immerkaer 1996).
 IMAGE_NOISE = 0.75
 
 
 class WarpedRays:
-    """The rays of a frame of which only the disparity is known: opaque, and mirroring nothing."""
+    """The rays of a frame with known disparity only: all surfaces are opaque and reflect nothing."""
 
     def __init__(self, disparity: np.ndarray) -> None:
         self._disparity = disparity
@@ -31,7 +31,7 @@ class WarpedRays:
     def right_visibility(
         self, where: np.ndarray | None = None, depth: np.ndarray | None = None
     ) -> np.ndarray:
-        """Whether a pixel comes out in front when all are moved into the right image."""
+        """Whether a pixel is in front when all pixels are moved into the right image."""
         return self._right_visibility if where is None else self._right_visibility | ~where
 
     @cached_property
@@ -44,7 +44,7 @@ class WarpedRays:
         order = np.argsort(value)  # the nearest is written last
         rows, columns, value = rows[order], columns[order], value[order]
         target = columns - value
-        # Both neighbours: neighbouring pixels of a slanted surface come out up to two pixels apart.
+        # Both neighbours: adjacent pixels of a slanted surface can land two pixels apart.
         for column in (np.floor(target), np.ceil(target)):
             inside = (column >= 0) & (column < width)
             np.maximum.at(front, (rows[inside], column[inside].astype(int)), value[inside])
@@ -56,12 +56,12 @@ class WarpedRays:
         return visible
 
     def reflection_distance(self, where: np.ndarray | None = None) -> np.ndarray:
-        """Nothing is mirrored."""
-        raise DigsError("a recorded pair does not tell what its surfaces mirror")
+        """Unknown for a recorded pair."""
+        raise DigsError("a recorded pair has no information about reflections")
 
     def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
-        """Nothing is transparent."""
-        raise DigsError("a recorded pair does not tell what lies behind its surfaces")
+        """Unknown for a recorded pair."""
+        raise DigsError("a recorded pair has no information about what lies behind its surfaces")
 
 
 def load_motorcycle(folder: Path) -> FrameTruth:

@@ -73,8 +73,8 @@ class SensorStudio:
 
     Attributes:
         rig: the camera of the pictures.
-        truth: what it sees.
-        facts: what the planner knows of that.
+        truth: the frame that it sees.
+        facts: what the planner measures on it.
     """
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ class SensorStudio:
         self.facts = measure_facts([self.truth])
 
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
-        """Return what an effect does alone."""
+        """Return the result of an effect alone."""
         truth = self.truth
         if effect.name == "mis-rectification":
             truth = self._photograph(replace(self.rig, **DRIFT))
@@ -165,7 +165,7 @@ def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
 
 
 def _window(changed: np.ndarray) -> tuple[slice, slice]:
-    """Return the smallest window that holds enough of what has changed."""
+    """Return the smallest window that holds enough of the change."""
     height, width = changed.shape
     sums = np.pad(changed.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     for share in WINDOWS:

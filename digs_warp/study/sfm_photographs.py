@@ -1,7 +1,7 @@
-"""Photographs of a walk round the built-in object, on which the studies of structure from motion measure.
+"""Photographs of a walk around the built-in object, for the benchmarks of structure from motion.
 
-Left eyes only, seen through the sensor's colour path, or through an ideal camera. The folder is a capture
-without depth: complete ones are read again, and a run that was cut off goes on.
+Left images only, with the colour errors of the sensor or of an ideal camera. The folder is a capture without
+depth. A complete one is reused, and an interrupted one is continued.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ LAYERS = (Layer.IMAGE,)
 
 @dataclass(frozen=True)
 class Photographs:
-    """How many photographs of which size [px], over three orbits at about 0.9 m."""
+    """Number and size [px] of photographs over three orbits at about 0.9 m."""
 
     count: int
     width: int
@@ -47,7 +47,7 @@ IDEAL = SensorPlan()
 
 
 def planned_sensor(session: Session) -> SensorPlan:
-    """Return the effects on the images that the scene calls for; none on depth, which is not recorded."""
+    """Return the planned effects on the images; none on depth, which is not recorded."""
     plan = make_plan(session)
     return SensorPlan(color=plan.color, facts=plan.facts)
 
@@ -58,7 +58,7 @@ def only(plan: SensorPlan, effects: frozenset[str]) -> SensorPlan:
 
 
 def photograph_walk(session: Session, folder: Path, plan: SensorPlan = IDEAL) -> list[Frame]:
-    """Return the photographs in ``folder``, taken now where it has none; frames carry the true cameras."""
+    """Return the photographs in ``folder``, taking them first if necessary; frames have the true cameras."""
     if not (folder / INDEX_NAME).is_file():
         _photograph(session, folder, plan)
     return list(read_capture(folder).frames)

@@ -1,8 +1,7 @@
-"""A model as structure from motion would find it, made from the truth of a simulated capture.
+"""A structure-from-motion model made from the truth of a simulated capture, without feature matching.
 
-It lets studies and tests choose the scale, the error of the features and the share of mismatches, and costs
-no feature matching. Points lie where pixels of the frames see the true surface, surround included;
-a view observes a point where its own true depth confirms it.
+Studies and tests choose its scale, feature noise and share of mismatches. Points are where pixels of the
+frames see the true surface, background included. A view observes a point if its true depth confirms it.
 """
 
 from collections.abc import Sequence
@@ -60,7 +59,7 @@ def sfm_from_truth(
 
 
 def with_wrong_baseline(depth: np.ndarray, factor: float) -> np.ndarray:
-    """Return depth [m] of a camera whose baseline is believed to be ``factor`` times the true one."""
+    """Return depth [m] of a camera whose calibrated baseline is ``factor`` times the true one."""
     return depth * np.float32(factor)
 
 
@@ -90,7 +89,7 @@ def _observe(
     mismatches: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return camera numbers, point numbers and pixels of what a view observes."""
+    """Return camera numbers, point numbers and pixels of the observations of a view."""
     height, width = depth.shape
     px, z = frame.camera.project(points_world)
     inside = (z > 0) & np.all((px >= 0) & (px < [width, height]), axis=1)

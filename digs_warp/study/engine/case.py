@@ -1,4 +1,4 @@
-"""One case of a study: what is recorded, how it is reconstructed, and what tells it from the others."""
+"""One case of a study: its labels, and the settings of its recording and its reconstruction."""
 
 import hashlib
 import json
@@ -20,9 +20,9 @@ class Case:
         labels: what the study varies, for its tables: ``{"object": "avocado", "strategy": "fusion"}``.
         recording: settings of `digs_warp.sim.config.SimulateConfig` that differ from the default.
         reconstruction: dotted settings of `digs_warp.pipeline.reconstruct.ReconstructConfig` that differ.
-        effort: how long it takes, relative to the other cases of its study: a guess, for the time budget.
-        threads: CPU threads; None: as the runner has them.
-        finishes: also measure what can be chosen after the training (`engine.scores`).
+        effort: estimated time relative to the other cases of the study, for the time budget.
+        threads: CPU threads; None: those of the runner.
+        finishes: also measure the choices after the training (`engine.scores`).
     """
 
     labels: Mapping[str, Any]
@@ -34,7 +34,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Identifies the case across runs: the same labels and settings have the same key."""
+        """Identifies the case across runs: equal labels and settings give equal keys."""
         return digest([self.labels, self.recording, self.reconstruction])
 
     @property
@@ -49,7 +49,7 @@ class Case:
 
 
 def plain(value: Any) -> Any:
-    """Return a value of dataclasses, paths and NumPy scalars as JSON holds it."""
+    """Return a value of dataclasses, paths and NumPy scalars as JSON stores it."""
     return json.loads(to_json(value))
 
 
@@ -60,16 +60,16 @@ def digest(value: Any) -> str:
 
 
 def with_settings(config: T, changes: Mapping[str, Any]) -> T:
-    """Return ``config`` with some settings changed; it checks its values as when it was made.
+    """Return ``config`` with some settings changed; the new values are checked as usual.
 
     Args:
-        config: a frozen dataclass; its fields may be such records, too.
+        config: a frozen dataclass; its fields may be frozen dataclasses, too.
         changes: dotted name -> value, for example ``{"init.voxel_size": 0.01, "test_every": 6}``.
 
     Raises:
-        DigsError: a name that the record does not have, or a value that it refuses.
+        DigsError: an unknown name, or an invalid value.
     """
-    # All changes of one record at once: settings are checked together, and one alone may be refused.
+    # All changes of one dataclass at once: its settings are checked together, and one alone may be invalid.
     here: dict[str, Any] = {}
     below: dict[str, dict[str, Any]] = {}
     for name, value in changes.items():

@@ -18,7 +18,7 @@ from digs_warp.train.interruption import deferred_interrupt
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run of a study went: numbers of cases by what became of them."""
+    """The outcome of a run of a study: numbers of cases."""
 
     done_before: int
     done: int
@@ -44,15 +44,15 @@ def run_cases(
     workers: int = 1,
     budget: float | None = None,
 ) -> Outcome:
-    """Measure every case that ``folder`` has no result of yet, in order, each in a process of its own.
+    """Measure every case without a result in ``folder``, in order, each in its own process.
 
     A failed case is recorded with its error, does not stop the others, and runs again next time.
 
     Args:
-        cases: those that matter most first.
+        cases: the most important first.
         folder: of the study; results are added to its results.jsonl.
-        measure: what a case does; a function of a module, because another process calls it.
-        workers: cases at the same time. They share the cores: compare times only with 1.
+        measure: the function for a case, at module level because another process calls it.
+        workers: cases at the same time. They share the cores, so times are only comparable with 1.
         budget: seconds; no case is begun that would probably end later. None: no limit.
 
     Raises:
@@ -109,14 +109,14 @@ class _Run:
                 worker.stop()
 
     def _begin(self, case: Case, running: list[Worker]) -> None:
-        """Start a worker; Ctrl-C meanwhile waits until it stands among those that are stopped."""
+        """Start a worker. Ctrl-C is deferred until the worker is in the list of those to stop."""
         with deferred_interrupt() as interruption:
             running.append(Worker(case, self._measure, self._folder, self._threads_of(case)))
         if interruption.asked:
             raise KeyboardInterrupt
 
     def _has_time(self, case: Case) -> bool:
-        """Whether the case would end in time, if its effort is paid as that of the cases before."""
+        """Whether the case would end in time, at the speed of the cases so far."""
         expected = case.effort * self._seconds / self._effort if self._effort else 0.0
         return time.monotonic() + expected <= self._end
 

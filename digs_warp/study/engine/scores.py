@@ -19,15 +19,15 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.study.timing import Stopwatch
 
-# The recording; its scene is that of the case.
+# Settings of the yardstick; the scene is that of the case.
 YARDSTICK: dict[str, Any] = {
     **{"frames": 8, "width": 640, "height": 360, "tier": "truth"},
     **{"samples_per_pixel": 4, "seed": 20260521},
 }
 
-# Smallest alpha that is drawn; the first is the usual one, a step of an 8-bit image.
+# Smallest alpha that is drawn; the first is the usual one, one step of an 8-bit image.
 ALPHA_CUTS = (1 / 255, 0.02, 0.05, 0.1)
-# Each view is drawn this often; the median counts.
+# Each view is drawn this many times; the median counts.
 REPEATS = 3
 
 
@@ -57,7 +57,7 @@ def depth_error(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, floa
 
     Returns:
         ``depth_mae``: mean absolute error [m] over the object's pixels that the Gaussians cover by half;
-        None without any. ``depth_seen``: the share of the object's pixels that they cover so.
+        None without any. ``depth_seen``: the share of the object's pixels that they cover by half.
     """
     from digs_warp.surface.depth_views import depth_views
     from digs_warp.train.evaluate import MASK_THRESHOLD
@@ -82,7 +82,7 @@ def depth_error(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, floa
 def score_finishes(
     gaussians: Gaussians, frames: Sequence[Frame]
 ) -> dict[str, list[dict[str, Any]]]:
-    """Draw and store a result in different ways; it is not trained again.
+    """Draw and store a result in different ways, without training it again.
 
     Returns:
         ``alpha_cuts``: for each cut ``value``, ``seconds`` per view, ``psnr`` [dB] on ``frames``;

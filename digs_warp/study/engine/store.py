@@ -13,8 +13,8 @@ RESULTS = "results.jsonl"
 class Store:
     """Records of finished cases in ``folder/results.jsonl``, by the key of the case.
 
-    A line is added in one write; a line that a killed run left half written is dropped when the file is
-    read. The last record of a case counts: a failed case may be run again.
+    A line is added in one write. A partial last line, left by a killed run, is dropped on reading. The last
+    record of a case counts, because a failed case can be run again.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -35,7 +35,7 @@ class Store:
         self.records[record["key"]] = record
 
     def is_done(self, key: str) -> bool:
-        """Whether the case ended well."""
+        """Whether the case succeeded."""
         return "error" not in self.records.get(key, {"error": ""})
 
     def _read(self) -> None:
@@ -56,7 +56,7 @@ class Store:
 
 
 def _drop_half_line(file: BinaryIO) -> None:
-    """Cut off what follows the last newline: a killed run was writing it."""
+    """Cut off what follows the last newline: a killed run left it."""
     file.seek(0)
     content = file.read()
     file.truncate(content.rfind(b"\n") + 1)

@@ -1,4 +1,4 @@
-"""One case in a process of its own: its peak memory is its own, and a crash ends one case only."""
+"""Each case runs in its own process, which isolates its peak memory and its crashes."""
 
 import multiprocessing
 import os
@@ -20,7 +20,7 @@ _CONTEXT = multiprocessing.get_context("spawn")
 
 
 class Worker:
-    """A process that measures ``case``; wait for ``connection``, then take `result`."""
+    """A process that measures ``case``; wait for ``connection``, then call `result`."""
 
     def __init__(self, case: Case, measure: Measure, folder: Path, threads: int) -> None:
         self.case = case
@@ -32,10 +32,10 @@ class Worker:
         sender.close()  # the child's copy is the only one left: its death ends the connection
 
     def result(self) -> dict[str, Any]:
-        """Return what was measured, with ``case_seconds``; blocks until it is there.
+        """Wait for the measurement and return it, with ``case_seconds``.
 
         Raises:
-            DigsError: the case failed; the message is that of its error, or tells how the process died.
+            DigsError: the case failed; the message is that of its error, or how the process died.
         """
         try:
             error, measured = self.connection.recv()
@@ -54,21 +54,21 @@ class Worker:
 
 
 def _work(sender: Connection, case: Case, measure: Measure, folder: Path, threads: int) -> None:
-    # Ctrl-C reaches the whole process group; the parent ends the workers.
+    # Ctrl-C reaches the whole process group; the parent stops the workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     os.environ["DIGS_WARP_THREADS"] = str(threads)
     start = time.monotonic()
     try:
         measured = measure(case, folder)
-    except Exception as error:  # of any kind: one bad case must not end a night of measuring
+    except Exception as error:  # one bad case must not stop a night of measuring
         sender.send((f"{type(error).__name__}: {error}", None))
         return
     sender.send((None, measured | {"case_seconds": round(time.monotonic() - start, 3)}))
 
 
 def _end_with_the_parent() -> None:
-    """End this process once its parent is gone: a parent that is killed cannot stop its workers."""
+    """End this process when its parent is gone: a killed parent cannot stop its workers."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -1,7 +1,7 @@
-"""Who sees what where: strategies in the order of a Latin square, and the key that undoes it.
+"""The order of the strategies on screen, a Latin square, and the key that decodes the answers.
 
-Over the four versions of a kit every strategy stands once in every place of every question, and has every
-other strategy once as the one before it (a Williams square): neither place nor neighbour can favour it.
+Over the four versions of a kit, every strategy appears once in every place of every question and follows
+every other strategy once (a Williams square), so neither place nor neighbour can favour it.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ KEY = "key.json"
 
 @dataclass(frozen=True)
 class Question:
-    """One video: ``places`` maps the letters to strategies."""
+    """One video; ``places`` maps the letters to strategies."""
 
     version: int
     number: int
@@ -29,7 +29,7 @@ class Question:
 
 
 def design(items: Sequence[str], strategies: Sequence[str]) -> list[Question]:
-    """Return all questions of all versions; versions and questions count from 1.
+    """Return all questions of all versions; both are numbered from 1.
 
     Raises:
         DigsError: not four different strategies, or no items.
@@ -56,7 +56,7 @@ def design(items: Sequence[str], strategies: Sequence[str]) -> list[Question]:
 
 
 def save_key(questions: Sequence[Question], path: Path) -> None:
-    """Write what the letters stand for; participants must not see it."""
+    """Write the meaning of the letters, which participants must not see."""
     rows = [vars(question) for question in questions]
     write_atomically(path, to_json({"questions": rows}).encode())
 
@@ -65,7 +65,7 @@ def load_key(path: Path) -> dict[tuple[int, int], dict[str, str]]:
     """Return strategies by letter for each (version, question).
 
     Raises:
-        DigsError: the file is missing or no key.
+        DigsError: the file is missing or not a key.
     """
     content = read_json(path, "key of a preference kit")
     try:

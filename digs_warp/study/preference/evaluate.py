@@ -1,4 +1,4 @@
-"""Filled answer sheets -> how often each strategy was preferred, and whether that can be chance."""
+"""Count the preferences in filled answer sheets and test whether they can be chance."""
 
 import csv
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ LEAST_EXPECTED = 5.0
 
 @dataclass(frozen=True)
 class Answer:
-    """What a participant preferred in one question."""
+    """The preference of a participant in one question."""
 
     participant: str
     strategy: str
@@ -23,14 +23,14 @@ class Answer:
 
 @dataclass(frozen=True)
 class Preference:
-    """The outcome.
+    """The result of the evaluation.
 
     Attributes:
         counts: answers per strategy.
         chi_square, p_value: Pearson's test against equal preference of all strategies.
-        pairs: p value of each pair of strategies, tested alike on the answers for either, corrected for
-            their number (Holm).
-        participants: how many people answered.
+        pairs: p value of each pair of strategies, from the answers for either of them, with Holm's
+            correction for the number of pairs.
+        participants: number of people who answered.
     """
 
     counts: dict[str, int]
@@ -40,7 +40,7 @@ class Preference:
     participants: int
 
     def text(self) -> str:
-        """Return the outcome as lines for people."""
+        """Return the result as readable lines."""
         total = sum(self.counts.values())
         ranked = sorted(self.counts.items(), key=lambda entry: -entry[1])
         lines = [f"{name:12s} {count:5d}  {100 * count / total:5.1f} %" for name, count in ranked]
@@ -53,20 +53,22 @@ class Preference:
             lines.append(
                 f"fewer than {LEAST_EXPECTED:g} answers per strategy: too few for this test"
             )
-        lines.append("The test takes answers for independent; several of one person are not quite.")
+        lines.append(
+            "The test assumes independent answers; several of one person are not quite independent."
+        )
         return "\n".join(lines)
 
 
 def read_answers(path: Path, key: dict[tuple[int, int], dict[str, str]]) -> list[Answer]:
-    """Read a filled sheet; questions without a choice do not count.
+    """Read a filled sheet, skipping questions without a choice.
 
     Args:
         path: CSV with the columns participant, version, question, choice.
         key: strategies by letter for each (version, question).
 
     Raises:
-        DigsError: the file is missing or has other columns, a question that the key does not have, or a
-            choice that is no letter of it.
+        DigsError: the file is missing or has the wrong columns, a question that the key does not have, or a
+            choice that is not one of its letters.
     """
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
@@ -105,7 +107,7 @@ def _answer(
 
 
 def evaluate(answers: Sequence[Answer], strategies: Sequence[str]) -> Preference:
-    """Count and test; strategies that nobody preferred count as well.
+    """Count and test, including strategies that nobody preferred.
 
     Raises:
         DigsError: no answers, or an answer for a strategy that is not among ``strategies``.

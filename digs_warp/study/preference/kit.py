@@ -102,7 +102,7 @@ def _version(folder: Path, version: int) -> Path:
 def _films(
     results: Mapping[str, Gaussians], size: tuple[int, int], count: int
 ) -> dict[str, list[np.ndarray]]:
-    """Return the frames of every strategy, all seen by the same cameras."""
+    """Return the frames of every strategy, seen by the same cameras."""
     from digs_warp.film.shoot import shoot
 
     cameras, center = _cameras(results, size, count)
@@ -117,7 +117,7 @@ def _cameras(
 ) -> tuple[list[Camera], np.ndarray]:
     from digs_warp.film.camera_path import find_subject, orbit
 
-    # A result with strays far out would make the object small: the tightest one says where it is.
+    # Far stray Gaussians would make the object look small, so the tightest result defines the view.
     subject = min(map(find_subject, results.values()), key=lambda subject: subject.radius)
     return orbit(subject, Intrinsics.from_fov(*size, FOV_DEG), count), subject.center_world
 
@@ -149,14 +149,14 @@ def _lettered(frame: np.ndarray, letter: str) -> np.ndarray:
 
 
 def _answers(questions: Sequence[Question]) -> str:
-    """Return the sheet as CSV, choices still empty."""
+    """Return the answer sheet as CSV with empty choices."""
     lines = [",".join(SHEET_COLUMNS)]
     lines += [f",{question.version},{question.number}," for question in questions]
     return "\n".join(lines) + "\n"
 
 
 def _sheet(questions: Sequence[Question]) -> str:
-    """Return the page that a participant sees; it names no strategy."""
+    """Return the page for a participant; it names no strategy."""
     parts = [
         f"<section><h2>Question {question.number}</h2>"
         f'<video src="question-{question.number}.mp4" controls loop muted></video>'
