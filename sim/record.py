@@ -11,10 +11,10 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter, file_hashes
-from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
 from digs_warp.record.progress import progress
-from digs_warp.record.run_log import RunLog, timed
+from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame, layers_of
 from digs_warp.sim.profiles import Profile
@@ -112,8 +112,8 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
 
 def _is_finished(folder: Path, config: SimulateConfig) -> bool:
     """Whether nothing is left to do."""
-    record = folder / RUN_RECORD
-    if not record.is_file() or not read_json(record, "run record")["results"]:
+    record = RunRecord.find(folder)
+    if record is None or not record.results:
         return False
     try:
         frames = read_capture(folder).frames

@@ -54,6 +54,6 @@ def reconstruct(
                 f"'{out}': the folder already holds results; go on with resume=True if they are of a run "
                 "that was cut off, or choose another folder"
             )
-        return pipeline.reconstruct(capture, config, Path(out), resume)
+        return pipeline.reconstruct(capture, config, Path(out), resume).gaussians
     with TemporaryDirectory(prefix="digs-warp-") as folder:
-        return pipeline.reconstruct(capture, config, Path(folder))
+        return pipeline.reconstruct(capture, config, Path(folder)).gaussians

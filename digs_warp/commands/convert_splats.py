@@ -6,12 +6,7 @@ from typing import Literal
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.output import check_output_file
-from digs_warp.commands.splat_scenes import (
-    SplatOptions,
-    check_splat_target,
-    read_splats,
-    write_splats,
-)
+from digs_warp.commands.splat_options import SplatOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +24,14 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     Raises:
         DigsError: the source cannot be used, or the target not be written.
     """
-    check_splat_target(target)
+    from digs_warp.pipeline.scene_files import check_target, write_scene_file
+
+    check_target(target)
     check_output_file(target, overwrite)
     if target.exists() and source.exists() and target.samefile(source):
         raise DigsError(f"'{target}': is the source itself; name another file")
-    gaussians = read_splats(source, options)
-    write_splats(target, gaussians, source, options, options.spz_version)
+    result = options.read(source)
+    write_scene_file(target, result, source, options.up, options.spz_version)
+    gaussians = result.gaussians
     size = target.stat().st_size / 1e6
     return f"{target}: {len(gaussians):,} Gaussians of degree {gaussians.sh_degree}, {size:.2f} MB"

@@ -2,19 +2,14 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
-from digs_warp.commands.usd_capture import scene_metadata, write_capture_package
-from digs_warp.record.layout import find_gaussians
 from digs_warp.usd.writer import WriteOptions
-
-if TYPE_CHECKING:
-    from digs_warp.data.gaussians import Gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,27 +50,16 @@ class ExportUsd(Command):
 
     def execute(self) -> str:
         """Read, write, say what was written."""
-        from digs_warp.data.gaussians import Gaussians
+        from digs_warp.data.capture import read_capture
+        from digs_warp.pipeline.scene_files import read_scene
+        from digs_warp.pipeline.usd_scene import write_capture_package, write_scene
 
         check_output_file(self.out, self.overwrite)
-        source = find_gaussians(self.source)
-        if self.capture is not None:
-            folders = [source.parent, *(find_gaussians(path).parent for path in self.also)]
-            count = write_capture_package(
-                self.capture, folders, self.out, self.storage, self.surface
-            )
+        capture = read_capture(self.capture) if self.capture else None
+        results = [read_scene(path, capture=capture) for path in (self.source, *self.also)]
+        if capture is not None:
+            write_capture_package(capture, results, self.out, self.storage, self.surface)
         else:
-            gaussians = Gaussians.load(source)
-            count = len(gaussians)
-            write_scene(gaussians, source.parent, self.out, self.storage)
+            write_scene(results[0], self.out, self.storage)
         size = self.out.stat().st_size / 1e6
-        return f"{self.out}: {count:,} Gaussians, {size:.1f} MB"
-
-
-def write_scene(
-    gaussians: "Gaussians", reconstruction: Path, path: Path, options: WriteOptions | None = None
-) -> None:
-    """Write the Gaussians alone; what is known about their making goes along as metadata."""
-    from digs_warp.usd.writer import write_gaussians
-
-    write_gaussians(path, gaussians, scene_metadata(reconstruction), options)
+        return f"{self.out}: {len(results[0].gaussians):,} Gaussians, {size:.1f} MB"

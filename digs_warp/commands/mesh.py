@@ -10,11 +10,9 @@ import tyro
 
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.command import Command
-from digs_warp.commands.extract_mesh import MOST_VIEWS, extract_mesh
 from digs_warp.commands.output import check_output_file
-from digs_warp.commands.splat_scenes import SplatOptions, read_splats
-from digs_warp.data.capture import INDEX_NAME
-from digs_warp.record.layout import CAPTURE, find_gaussians
+from digs_warp.commands.splat_options import SplatOptions
+from digs_warp.pipeline.mesh import MOST_VIEWS, extract_mesh
 from digs_warp.surface.true_surface import read_true_surface
 
 if TYPE_CHECKING:
@@ -63,6 +61,7 @@ class Mesh(Command):
 
     def execute(self) -> str:
         """Extract, write, and say how good the mesh is where that is known."""
+        from digs_warp.data.capture import read_capture
         from digs_warp.surface.files import SUFFIXES, write_mesh
 
         if self.out.suffix.lower() not in SUFFIXES:
@@ -71,10 +70,9 @@ class Mesh(Command):
             )
         check_output_file(self.out, self.overwrite)
         start = perf_counter()
-        gaussians = read_splats(self.source, self.scene)
-        reconstruction = find_gaussians(self.source).parent
-        capture = self._capture_folder()
-        found = extract_mesh(gaussians, reconstruction, capture, self.voxel_size, self.views)
+        capture = read_capture(self.capture) if self.capture else None
+        result = self.scene.read(self.source, capture)
+        found = extract_mesh(result, self.voxel_size, self.views)
         write_mesh(self.out, found.mesh)
         lines = [
             f"{self.out}: {len(found.mesh):,} triangles from {found.views} views, voxels of "
@@ -82,19 +80,9 @@ class Mesh(Command):
             f"{perf_counter() - start:.1f} s",
             f"left out as floaters: {found.removed_parts} parts with {found.removed_triangles} triangles",
         ]
-        if capture is not None:
-            lines += _comparison(found.mesh, capture, 2 * found.voxel)
+        if result.capture is not None:
+            lines += _comparison(found.mesh, result.capture, 2 * found.voxel)
         return "\n".join(lines)
-
-    def _capture_folder(self) -> Path | None:
-        """Return the capture to look from: the named one, or that of a run."""
-        if self.capture is not None:
-            return self.capture
-        folder = self.source if self.source.is_dir() else self.source.parent
-        for candidate in (folder / CAPTURE, folder.parent / CAPTURE):
-            if (candidate / INDEX_NAME).is_file():
-                return candidate
-        return None
 
 
 def _comparison(mesh: "TriangleMesh", capture: Path, threshold: float) -> list[str]:

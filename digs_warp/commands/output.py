@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.run_log import RunRecord
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +53,7 @@ class OutputFolder:
         elif _is_used(self.out) and not self.resume:
             raise DigsError(
                 f"--out '{self.out}': the folder is not empty. Add --resume to go on with an "
-                "interrupted run, --overwrite to start anew, or name another folder."
+                "interrupted run, --overwrite to start again, or name another folder."
             )
         return self.out
 
@@ -73,9 +74,7 @@ def is_ours(folder: Path) -> bool:
     """Whether this program wrote ``folder``: it holds a run record or a capture index of ours."""
     try:
         if (folder / RUN_RECORD).is_file():
-            return {"command", "versions", "settings"} <= read_json(
-                folder / RUN_RECORD, "run record"
-            ).keys()
+            return RunRecord.find(folder) is not None
         return "digs_warp" in read_json(folder / INDEX_NAME, "capture index")
     except DigsError:
         return False

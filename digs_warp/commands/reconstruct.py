@@ -10,7 +10,6 @@ import tyro
 
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
-from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.record import layout
 from digs_warp.record.settings import settings_from_json
@@ -69,9 +68,9 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         capture = read_capture(self.capture)
         folder = self.output.prepare(inputs=[self.capture])
         config = self.reconstruct_config(self.seed)
-        gaussians = reconstruct(capture, config, folder, resume=self.output.resume)
+        result = reconstruct(capture, config, folder, resume=self.output.resume)
         seconds = time.perf_counter() - start
         return (
-            f"{folder / layout.GAUSSIANS}: {len(gaussians):,} Gaussians from {len(capture)} frames, "
-            f"{read_quality(folder)}, {seconds:.1f} s"
+            f"{folder / layout.GAUSSIANS}: {len(result.gaussians):,} Gaussians from {len(capture)} frames, "
+            f"{result.scores}, {seconds:.1f} s"
         )

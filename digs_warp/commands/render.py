@@ -11,7 +11,7 @@ import tyro
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import OutputFolder, check_output_file
-from digs_warp.commands.splat_scenes import SplatOptions, read_splats
+from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.record.files import whole_folder
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
@@ -94,7 +94,7 @@ class Render(Command):
             )
         if is_file:
             check_output_file(self.out, self.overwrite)
-        gaussians = read_splats(self.source, self.scene)
+        gaussians = self.scene.read(self.source).gaussians
         subject = find_subject(gaussians)
         cameras = self._cameras(subject)
         clock = Clock()

@@ -1,7 +1,6 @@
 """`digs-warp run`: from a mesh to a USD scene, all stages in one go."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -11,9 +10,7 @@ import tyro
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
-from digs_warp.commands.quality import read_quality
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
-from digs_warp.commands.usd_capture import write_capture_package
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
@@ -70,6 +67,7 @@ class Run(ReconstructionOptions, SettingsCommand):
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
         from digs_warp.pipeline.reconstruct import reconstruct
+        from digs_warp.pipeline.usd_scene import write_capture_package
         from digs_warp.report import write_report
         from digs_warp.sim.record import simulate
 
@@ -81,29 +79,20 @@ class Run(ReconstructionOptions, SettingsCommand):
         if self.output.resume:
             log.continue_from(record)
         log.save(record)
-        with _saved_stage(log, "simulate", record):
+        with log.saved(record), log.stage("simulate"):
             capture = simulate(self.recording, folder / layout.CAPTURE, self.output.resume)
-        with _saved_stage(log, "reconstruct", record):
-            gaussians = reconstruct(capture, config, reconstruction, self.output.resume)
-        quality = read_quality(reconstruction)
-        log.results = {"gaussians": len(gaussians), "held_out": quality.mean}
-        with _saved_stage(log, "export", record):
-            places = folder / layout.CAPTURE, [reconstruction], folder / layout.SCENE
-            write_capture_package(*places, WriteOptions())
-        with _saved_stage(log, "report", record):
-            write_report(capture, reconstruction, folder / layout.REPORT)
-        what = f"{len(gaussians):,} Gaussians from {len(capture)} frames, {quality}"
+        with log.saved(record), log.stage("reconstruct"):
+            result = reconstruct(capture, config, reconstruction, self.output.resume)
+        log.results = {
+            "gaussians": len(result.gaussians),
+            "held_out": result.scores.mean.to_json(),
+        }
+        with log.saved(record), log.stage("export"):
+            write_capture_package(capture, [result], folder / layout.SCENE, WriteOptions())
+        with log.saved(record), log.stage("report"):
+            write_report(capture, result, folder / layout.REPORT)
+        what = f"{len(result.gaussians):,} Gaussians from {len(capture)} frames, {result.scores}"
         return _summary(folder, log, what)
-
-
-@contextmanager
-def _saved_stage(log: RunLog, name: str, record: Path) -> Iterator[None]:
-    """Time a stage and save the record, also when the stage is cut off."""
-    try:
-        with log.stage(name):
-            yield
-    finally:
-        log.save(record)
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:

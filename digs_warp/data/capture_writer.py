@@ -17,6 +17,7 @@ from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.run_log import RunRecord
 
 FORMAT_VERSION = 1
 
@@ -150,3 +151,11 @@ def file_hashes(folder: Path) -> dict[str, str]:
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name != RUN_RECORD
     }
+
+
+def recorded_hash(folder: Path) -> str | None:
+    """Return one hash over the files that a simulated capture lists in its run.json; None without a list."""
+    record = RunRecord.find(folder)
+    hashes: dict[str, str] = (record.results.get("sha256") if record else None) or {}
+    lines = "".join(f"{hashes[name]}  {name}\n" for name in sorted(hashes))
+    return hashlib.sha256(lines.encode()).hexdigest() if hashes else None

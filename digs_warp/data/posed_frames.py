@@ -35,6 +35,15 @@ class PosedFrames:
     held_out: tuple[Frame, ...]
     sfm_per_metre: float | None = None
 
+    @property
+    def by_time(self) -> list[tuple[Frame, bool]]:
+        """All frames in the order of the recording, each with whether it is held out."""
+        frames = [
+            *((frame, False) for frame in self.training),
+            *((frame, True) for frame in self.held_out),
+        ]
+        return sorted(frames, key=lambda entry: (entry[0].time, entry[0].name))
+
     def save(self, folder: Path) -> None:
         """Write cameras.json into the reconstruction's ``folder``."""
         entries = [
@@ -44,6 +53,23 @@ class PosedFrames:
         ]
         record = {"sfm_per_metre": self.sfm_per_metre, "frames": entries}
         write_atomically(Path(folder) / CAMERAS, to_json(record).encode())
+
+    def moved(self, old: Path, new: Path) -> "PosedFrames":
+        """Return the frames with masks in folder ``old`` taken from the same places in ``new``."""
+
+        def moved(frame: Frame) -> Frame:
+            mask = frame.layers.get(Layer.MASK)
+            if not isinstance(mask, Path) or not mask.is_relative_to(old):
+                return frame
+            return frame.with_layer(Layer.MASK, new / mask.relative_to(old))
+
+        training, held_out = tuple(map(moved, self.training)), tuple(map(moved, self.held_out))
+        return replace(self, training=training, held_out=held_out)
+
+    @staticmethod
+    def as_recorded(capture: Capture) -> "PosedFrames":
+        """Return all frames of a recording with its own cameras and masks; none is held out."""
+        return PosedFrames(capture.frames, ())
 
     @staticmethod
     def load(capture: Capture, folder: Path) -> "PosedFrames":

@@ -4,7 +4,6 @@ import logging
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 
@@ -18,6 +17,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
 from digs_warp.init import edge_kernel, normal_kernel, voxel_kernel
 from digs_warp.init.config import InitConfig
+from digs_warp.init.start import DepthReport
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
 from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
@@ -35,30 +35,6 @@ FLATNESS = 0.2
 
 # A view whose depth calls more than this share of its mask background: the two disagree.
 DISAGREEMENT = 0.25
-
-
-@dataclass
-class DepthReport:
-    """What became of the pixels and voxels.
-
-    Attributes:
-        voxel_size: edge length of the final grid [m].
-        pixels: sums over all views of the pixels left after each filter.
-        voxels: how many were left after each step on the grid.
-        seconds: CPU time of each stage, all threads together [s].
-    """
-
-    voxel_size: float = 0.0
-    pixels: dict[str, int] = field(default_factory=lambda: dict.fromkeys(FILTERS, 0))
-    voxels: dict[str, int] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def add(self, view: ViewPoints) -> None:
-        """Count a view."""
-        for name, count in view.pixels.items():
-            self.pixels[name] += count
-        for name, seconds in view.seconds.items():
-            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
 
 def depth_points(
@@ -85,7 +61,7 @@ def depth_points(
     _require_layers(frames, config)
     for module in (edge_kernel, normal_kernel, voxel_kernel):
         wp.load_module(module, device="cpu")  # once, before several threads launch
-    report = DepthReport()
+    report = DepthReport(pixels=dict.fromkeys(FILTERS, 0))
     size = first_voxel_size(frames, config, sfm_per_metre)
     grid = _GrowingGrid()
     seen = []

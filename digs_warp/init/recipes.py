@@ -6,7 +6,6 @@ units of structure from motion are divided by the factor where they are asked fo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,24 +14,10 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
-from digs_warp.init.depth_points import DepthReport, depth_points
+from digs_warp.init.depth_points import depth_points
 from digs_warp.init.fusion import unmasked_points_in_box
 from digs_warp.init.random_points import random_points
-
-
-@dataclass(frozen=True, eq=False)
-class Initialization:
-    """The points to start from, and how they came about.
-
-    Attributes:
-        points: in the world [m].
-        sources: number of points by where they came from: "depth", "sfm", "random".
-        depth: what became of the depth maps' pixels; None when the strategy does not use depth.
-    """
-
-    points: PointCloud
-    sources: dict[str, int]
-    depth: DepthReport | None = None
+from digs_warp.init.start import Initialization
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:

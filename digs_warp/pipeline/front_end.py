@@ -5,7 +5,7 @@ the depth maps inside them tell the scale; then everything is metric.
 """
 
 import logging
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,13 +21,16 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import looked_at
 from digs_warp.init.recipes import initialize
-from digs_warp.init.scale import estimate_scale
+from digs_warp.init.scale import ScaleEstimate, estimate_scale
+from digs_warp.init.start import Initialization
 from digs_warp.init.strategies import STRATEGIES
-from digs_warp.record.layout import INITIAL_POINTS
-from digs_warp.record.run_log import RunLog
+from digs_warp.pipeline.results import Results
+from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
+from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment, with_masks
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.sfm.quality import SfmQuality
 
 if TYPE_CHECKING:
     from digs_warp.sfm.estimate import SfmResult
@@ -56,26 +59,56 @@ class FrontEndConfig:
 
 
 @dataclass(frozen=True, eq=False)
+class Prepared:
+    """All that a training starts from.
+
+    Attributes:
+        frames: with metric cameras and masks.
+        start: the points, and where they come from.
+        sfm: quality of structure from motion, where images were matched.
+        scale: of the estimated poses; None for given ones.
+    """
+
+    frames: PosedFrames
+    start: Initialization
+    sfm: SfmQuality | None = None
+    scale: ScaleEstimate | None = None
+
+    @staticmethod
+    def load(capture: Capture, folder: Path) -> "Prepared":
+        """Read what `front_end` left in ``folder``.
+
+        Raises:
+            DigsError: a file is missing or broken.
+        """
+        record = RunRecord.find(folder)
+        results = Results.read(record, folder / RUN_RECORD) if record else Results()
+        start = results.start(PointCloud.load(folder / INITIAL_POINTS))
+        return Prepared(PosedFrames.load(capture, folder), start, results.sfm, results.scale)
+
+
+@dataclass(frozen=True, eq=False)
 class _Model:
     """Structure from motion in metres, and the scale it had; the scale of given poses is 1."""
 
     sfm: SfmModel
     sfm_per_metre: float
+    estimate: ScaleEstimate | None = None
 
 
 def front_end(
     capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog, resume: bool = False
-) -> tuple[PosedFrames, PointCloud]:
+) -> Prepared:
     """Return the frames as the reconstruction sees them, and the points that it starts from.
 
-    Leaves cameras.json and initial_points.npz in ``folder``, beside the workspace of structure from motion
-    and new masks, if any; ``resume`` takes from there what is finished.
+    Leaves them in ``folder``, beside the workspace of structure from motion and new masks, if any; ``resume``
+    takes from there what is finished.
 
     Raises:
         DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
     """
     if resume and (folder / INITIAL_POINTS).is_file() and (folder / CAMERAS).is_file():
-        return PosedFrames.load(capture, folder), PointCloud.load(folder / INITIAL_POINTS)
+        return Prepared.load(capture, folder)
     if not capture.knows_poses and config.sfm.poses != "sfm":
         raise DigsError(
             f"{capture}: the recording has no camera poses; let them be estimated with --poses sfm"
@@ -84,14 +117,14 @@ def front_end(
     sparse = None
     if config.needs_sfm:
         with log.stage("structure from motion"):
-            sparse = _structure_from_motion(capture, config.sfm, folder / SFM, log)
+            sparse = _structure_from_motion(capture, config.sfm, folder / SFM)
     if config.segment.masks != "capture":
         with log.stage("masks"):
             frames = _masked(frames, config.segment, folder / MASKS)
     model: _Model | None = None
     if sparse is not None:
         with log.stage("scale"):
-            model = _in_metres(sparse, capture, frames, config.init, log)
+            model = _in_metres(sparse, capture, frames, config.init)
         frames = _registered(frames, model)
     with log.stage("initialize"):
         start = initialize(
@@ -101,12 +134,20 @@ def front_end(
             sfm_per_metre=model.sfm_per_metre if model else None,
             baseline=capture.rig.baseline if capture.rig else None,
         )
-    log.results["initialization"] = {"sources": start.sources} | (
-        asdict(start.depth) if start.depth else {}
+    prepared = Prepared(
+        frames, start, sparse.quality if sparse else None, model.estimate if model else None
     )
-    frames.save(folder)
-    start.points.save(folder / INITIAL_POINTS)
-    return frames, start.points
+    _save(prepared, capture, folder, log)
+    return prepared
+
+
+def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> None:
+    """Leave everything in the folder; the points come last: they tell a resumed run that all is there."""
+    results = Results.of_start(capture.stored_in, prepared.start, prepared.sfm, prepared.scale)
+    log.results = results.to_json()
+    log.save(folder / RUN_RECORD)
+    prepared.frames.save(folder)
+    prepared.start.points.save(folder / INITIAL_POINTS)
 
 
 def _split(capture: Capture, test_every: int) -> PosedFrames:
@@ -119,17 +160,13 @@ def _split(capture: Capture, test_every: int) -> PosedFrames:
     return PosedFrames(tuple(training), tuple(held_out))
 
 
-def _structure_from_motion(
-    capture: Capture, config: SfmConfig, workspace: Path, log: RunLog
-) -> "SfmResult":
+def _structure_from_motion(capture: Capture, config: SfmConfig, workspace: Path) -> "SfmResult":
     """Pose all frames, those held out as well: without a pose they could not be compared."""
     from digs_warp.sfm.estimate import structure_from_motion
 
     if config.readout_time is None:
         config = replace(config, readout_time=capture.readout_time)
-    result = structure_from_motion(capture.frames, config, workspace)
-    log.results["sfm"] = asdict(result.quality)
-    return result
+    return structure_from_motion(capture.frames, config, workspace)
 
 
 def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
@@ -142,16 +179,15 @@ def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFr
 
 
 def _in_metres(
-    sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig, log: RunLog
+    sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig
 ) -> _Model:
     """Scale the model by what the depth maps say (eq. 6 and 7), and choose its world."""
     if sparse.is_metric:
         return _Model(sparse.model, 1.0)
     ratios = local_scales(sparse.model, frames.training, config)
     scale = estimate_scale(ratios, config.scale)
-    log.results["scale"] = asdict(scale)
     sfm = sparse.model.in_metres(scale.sfm_per_metre)
-    return _Model(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre)
+    return _Model(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre, scale)
 
 
 def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:

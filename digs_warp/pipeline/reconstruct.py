@@ -4,30 +4,23 @@ The folder that `reconstruct` leaves behind is described in docs/reconstruction-
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.images import to_uint8, write_image
-from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.seed_gaussians import seed_gaussians
-from digs_warp.pipeline.front_end import FrontEndConfig, front_end
-from digs_warp.record.files import to_json, write_atomically
-from digs_warp.record.layout import EVALUATION, GAUSSIANS, RUN_RECORD
-from digs_warp.record.run_log import RunLog
+from digs_warp.measure.scores import Scores
+from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
+from digs_warp.pipeline.reconstruction import Reconstruction, write_render, write_scores
+from digs_warp.pipeline.results import Results
+from digs_warp.record.layout import GAUSSIANS, RUN_RECORD, TRAINING
+from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.evaluate import (
-    TestView,
-    load_test_views,
-    mean_score,
-    render_views,
-    score_views,
-)
-from digs_warp.train.session import train_gaussians
-
-RENDERS = "renders"
+from digs_warp.train.course import read_course
+from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
+from digs_warp.train.session import Trained, train_gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +32,8 @@ class ReconstructConfig(FrontEndConfig):
 
 def reconstruct(
     capture: Capture, config: ReconstructConfig, folder: Path, resume: bool = False
-) -> Gaussians:
-    """Reconstruct a capture and leave Gaussians, metrics, renders and run.json in ``folder``.
+) -> Reconstruction:
+    """Reconstruct a capture and leave the result in ``folder``, each part as soon as it is finished.
 
     Args:
         capture: the recording; held-out views serve neither the initialization nor the training.
@@ -52,56 +45,68 @@ def reconstruct(
         DigsError: too few frames, nothing to initialize from, or settings that differ on resume.
     """
     folder = Path(folder)
+    record = folder / RUN_RECORD
     log = RunLog("reconstruct", config)
-    if resume:
-        log.continue_from(folder / RUN_RECORD)
-    log.save(folder / RUN_RECORD)
-    try:
-        frames, points = front_end(capture, config, folder, log, resume)
-    finally:
-        log.save(folder / RUN_RECORD)
-    log.results["initial_points"] = len(points)
+    before = log.continue_from(record) if resume else None
+    log.results = before.results if before else {}
+    log.save(record)
+    with log.saved(record):
+        prepared = front_end(capture, config, folder, log, resume)
     with log.stage("load views"):
-        test_views = load_test_views(frames.held_out)
-    gaussians = _train(frames.training, test_views, points, config, folder, resume, log)
+        test_views = load_test_views(prepared.frames.held_out)
+    with log.saved(record):
+        trained = _finished_training(folder) if resume else None
+        if trained is None:
+            trained = _train(prepared, test_views, config, folder, log, resume)
+        result = Reconstruction(
+            gaussians=trained.gaussians,
+            frames=prepared.frames,
+            start=prepared.start,
+            scale=prepared.scale,
+            sfm=prepared.sfm,
+            course=trained.course,
+            stopped_by=trained.stopped_by,
+            folder=folder,
+            capture=capture.stored_in,
+        )
+        log.results = result.results.to_json()
     with log.stage("evaluate"):
-        _write_evaluation(gaussians, test_views, config.train.device, folder, log)
-    log.save(folder / RUN_RECORD)
-    return gaussians
+        scores = _evaluate(trained.gaussians, test_views, config.train.device, folder)
+    result = replace(result, scores=scores)
+    log.results = result.results.to_json()
+    log.save(record)
+    return replace(result, run=log.record())
 
 
 def _train(
-    frames: Sequence[Frame],
+    prepared: Prepared,
     test_views: Sequence[TestView],
-    points: PointCloud,
     config: ReconstructConfig,
     folder: Path,
-    resume: bool,
     log: RunLog,
-) -> Gaussians:
-    if resume and (folder / GAUSSIANS).is_file():
-        return Gaussians.load(folder / GAUSSIANS)
+    resume: bool,
+) -> Trained:
     init = config.init
+    points = prepared.start.points
     seeds = seed_gaussians(points, config.train.sh_degree, init.seed_opacity, init.seed_width)
-    try:
-        return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
-    finally:
-        log.save(folder / RUN_RECORD)
+    frames = prepared.frames.training
+    return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
 
 
-def _write_evaluation(
-    gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path, log: RunLog
-) -> None:
-    """Render and measure the held-out views."""
+def _finished_training(folder: Path) -> Trained | None:
+    """Return what an earlier run had trained to the end, if it came so far."""
+    if not (folder / GAUSSIANS).is_file():
+        return None
+    record = RunRecord.load(folder / RUN_RECORD)
+    stopped_by = Results.read(record, folder / RUN_RECORD).stopped_by
+    return Trained(Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING), stopped_by)
+
+
+def _evaluate(gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path) -> Scores:
+    """Render and measure the held-out views, and leave both in the folder."""
     images = render_views(DeviceGaussians.from_numpy(gaussians, device), views)
-    scores = score_views(images, views)
     for view, image in zip(views, images, strict=True):
-        write_image(folder / RENDERS / f"{view.name}.png", to_uint8(image))
-    mean = mean_score(scores)
-    rows = [
-        {key: None if value != value else value for key, value in asdict(score).items()}
-        for score in scores
-    ]
-    record = {"views": rows, "mean": mean}
-    write_atomically(folder / EVALUATION, to_json(record).encode())
-    log.results["held_out"] = mean
+        write_render(folder, view.name, image)
+    scores = Scores(tuple(score_views(images, views)))
+    write_scores(folder, scores)
+    return scores

@@ -6,13 +6,14 @@ import platform
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.layout import RUN_RECORD
 
 PACKAGE = Path(__file__).resolve().parents[1]
 REPORTED_PACKAGES = ("digs-warp", "warp-lang", "numpy", "trimesh", "usd-core", "OpenImageIO")
@@ -64,9 +65,77 @@ def timed(
         seconds[name] = seconds.get(name, 0.0) + clock() - start
 
 
+@dataclass(frozen=True)
+class RunRecord:
+    """What a run.json says, as plain JSON values.
+
+    Attributes:
+        command: the command that ran, such as "reconstruct".
+        versions: of the packages that decide a result, by name.
+        settings: all settings of the command, defaults included.
+        commit: git commit of the code; None for an installed package.
+        machine: what it ran on.
+        seconds: wall-clock time of each stage [s].
+        results: what the command found out.
+    """
+
+    command: str
+    versions: dict[str, Any]
+    settings: dict[str, Any]
+    commit: str | None = None
+    machine: dict[str, Any] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    results: dict[str, Any] = field(default_factory=dict)
+
+    @staticmethod
+    def load(path: Path) -> "RunRecord":
+        """Read a record.
+
+        Raises:
+            DigsError: the file is missing or broken, or another program wrote it.
+        """
+        content = read_json(path, "run record")
+        if not _is_ours(content):
+            raise DigsError(
+                f"run record '{path}': not one of digs-warp, which has {', '.join(_NEEDED)}; name a "
+                "folder that a command wrote"
+            )
+        known = {
+            each.name: content[each.name] for each in fields(RunRecord) if each.name in content
+        }
+        for name in ("versions", "settings", "machine", "seconds", "results"):
+            if not isinstance(known.get(name, {}), dict):
+                raise DigsError(f"run record '{path}': '{name}' is no JSON object; run again")
+        return RunRecord(**known)
+
+    @staticmethod
+    def find(folder: Path) -> "RunRecord | None":
+        """Read the record of a folder; None where it has none, or that of another program.
+
+        Raises:
+            DigsError: the file is broken.
+        """
+        path = Path(folder) / RUN_RECORD
+        if not path.is_file() or not _is_ours(read_json(path, "run record")):
+            return None
+        return RunRecord.load(path)
+
+    def save(self, path: Path) -> None:
+        """Write the record; the file appears only when it is complete."""
+        write_atomically(path, to_json(self).encode())
+
+
+# What every record holds, and what tells it from another program's run.json.
+_NEEDED = ("command", "versions", "settings")
+
+
+def _is_ours(content: dict[str, Any]) -> bool:
+    return content.keys() >= set(_NEEDED)
+
+
 @dataclass
 class RunLog:
-    """The record of one run: settings, versions, stage times [s], results. Saved as run.json."""
+    """The record of a run while it goes on: settings, stage times [s], results."""
 
     command: str
     settings: Any
@@ -77,35 +146,46 @@ class RunLog:
         """Time a stage; times of a stage entered twice add up."""
         return timed(self.seconds, name)
 
-    def continue_from(self, path: Path) -> None:
-        """Take over the stage times of an interrupted run; without a record there this does nothing.
+    @contextmanager
+    def saved(self, path: Path) -> Iterator[None]:
+        """Save the record after a block, also when it is cut off."""
+        try:
+            yield
+        finally:
+            self.save(path)
+
+    def continue_from(self, path: Path) -> RunRecord | None:
+        """Take over the stage times of an interrupted run; return its record, None without one.
 
         Raises:
             DigsError: the run was begun with other settings; the message names them.
         """
         if not Path(path).is_file():
-            return
-        before = read_json(path, "run record")
-        now = json.loads(to_json(self.settings))
-        if different := _differences(before.get("settings"), now):
+            return None
+        before = RunRecord.load(path)
+        if different := _differences(before.settings, self.record().settings):
             raise DigsError(
                 f"'{Path(path).parent}': begun with other settings ({', '.join(different)}); resume "
-                "with the same ones, or start anew with --overwrite"
+                "with the same ones, or start again with --overwrite"
             )
-        self.seconds |= before.get("seconds", {})
+        self.seconds |= before.seconds
+        return before
+
+    def record(self) -> RunRecord:
+        """Return the record as it stands now."""
+        return RunRecord(
+            command=self.command,
+            versions=versions(),
+            settings=json.loads(to_json(self.settings)),
+            commit=source_commit(),
+            machine={"system": platform.platform(), "cores": os.cpu_count()},
+            seconds={name: round(value, 4) for name, value in self.seconds.items()},
+            results=dict(self.results),
+        )
 
     def save(self, path: Path) -> None:
         """Write the record; safe to call after every stage."""
-        record = {
-            "command": self.command,
-            "versions": versions(),
-            "commit": source_commit(),
-            "machine": {"system": platform.platform(), "cores": os.cpu_count()},
-            "settings": self.settings,
-            "seconds": {name: round(value, 4) for name, value in self.seconds.items()},
-            "results": self.results,
-        }
-        write_atomically(path, to_json(record).encode())
+        self.record().save(path)
 
 
 def _differences(before: Any, now: Any, name: str = "settings") -> list[str]:

@@ -1,24 +1,28 @@
 """How the optimization went: quality of the held-out views, loss and number of splats over time."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from math import isfinite
 
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.report.markup import chart, section
 from digs_warp.report.plots import Line, line_chart
-from digs_warp.report.results import Results
+from digs_warp.train.course import CourseRow
 
 _PSNR = {"psnr": "full frame", "psnr_masked": "inside the mask"}
 _SSIM = {"ssim": "full frame", "ssim_masked": "inside the mask"}
 
+_Value = Callable[[CourseRow], float | None]
 
-def course_section(results: Results) -> str:
+
+def course_section(result: Reconstruction) -> str:
     """Return the section; charts without two values are left out."""
+    rows = result.course
     charts = [
-        *_quality_chart(results.evaluations, "iteration", "iterations", _PSNR, "PSNR [dB]"),
-        *_quality_chart(results.evaluations, "seconds", "training time [s]", _PSNR, "PSNR [dB]"),
-        *_quality_chart(results.evaluations, "iteration", "iterations", _SSIM, "SSIM"),
-        *_loss_chart(results.training),
-        *_splats_chart(results.training),
+        *_quality_chart(rows, _iteration, "iterations", _PSNR, "PSNR [dB]"),
+        *_quality_chart(rows, lambda row: row.seconds, "training time [s]", _PSNR, "PSNR [dB]"),
+        *_quality_chart(rows, _iteration, "iterations", _SSIM, "SSIM"),
+        *_loss_chart(rows),
+        *_splats_chart(rows),
     ]
     if not charts:
         return section("Course of the optimization", "The training log holds too few records.")
@@ -30,9 +34,13 @@ def course_section(results: Results) -> str:
 
 
 def _quality_chart(
-    records: Sequence[dict[str, Any]], key: str, x_label: str, metrics: dict[str, str], name: str
+    rows: Sequence[CourseRow], x: _Value, x_label: str, metrics: dict[str, str], name: str
 ) -> list[str]:
-    lines = [_line(records, key, metric, label, True) for metric, label in metrics.items()]
+    measured = [row for row in rows if row.score]
+    lines = [
+        _line(measured, x, lambda row, m=metric: getattr(row.score, m), label, marker=True)
+        for metric, label in metrics.items()
+    ]
     lines = [line for line in lines if len(line.x) > 1]
     if not lines:
         return []
@@ -42,8 +50,8 @@ def _quality_chart(
     return [chart(svg, alt, f"Mean {name} of the held-out views over {x_label}; higher is better.")]
 
 
-def _loss_chart(records: Sequence[dict[str, Any]]) -> list[str]:
-    line = _line(records, "iteration", "loss", "loss")
+def _loss_chart(rows: Sequence[CourseRow]) -> list[str]:
+    line = _line(rows, _iteration, lambda row: row.loss, "loss")
     if len(line.x) < 2 or min(line.y) <= 0:
         return []
     svg = line_chart([line], "iterations", "training loss", log_y=True)
@@ -52,17 +60,23 @@ def _loss_chart(records: Sequence[dict[str, Any]]) -> list[str]:
     return [chart(svg, alt, caption)]
 
 
-def _splats_chart(records: Sequence[dict[str, Any]]) -> list[str]:
-    line = _line(records, "iteration", "splats", "splats")
+def _splats_chart(rows: Sequence[CourseRow]) -> list[str]:
+    line = _line(rows, _iteration, lambda row: row.splats, "splats")
     if len(line.x) < 2 or min(line.y) == max(line.y):
-        return []  # a constant number stands on the cards
+        return []  # a constant number is on the cards
     svg = line_chart([line], "iterations", "Gaussians")
     alt = f"Number of Gaussians over iterations, from {line.y[0]:,.0f} to {line.y[-1]:,.0f}"
     return [chart(svg, alt, "Number of Gaussians.")]
 
 
+def _iteration(row: CourseRow) -> int:
+    return row.iteration
+
+
 def _line(
-    records: Sequence[dict[str, Any]], x: str, y: str, label: str, marker: bool = False
+    rows: Sequence[CourseRow], x: _Value, y: _Value, label: str, marker: bool = False
 ) -> Line:
-    known = [record for record in records if None not in (record.get(x), record.get(y))]
-    return Line(label, [record[x] for record in known], [record[y] for record in known], marker)
+    """Return the curve through the rows where ``y`` is known."""
+    values = [(x(row), y(row)) for row in rows]
+    known = [(a, b) for a, b in values if a is not None and b is not None and isfinite(b)]
+    return Line(label, [a for a, _ in known], [b for _, b in known], marker)

@@ -1,5 +1,6 @@
 """Small pieces of HTML. Every function takes plain text and escapes it; only ``body`` arguments are HTML."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
@@ -87,9 +88,11 @@ def swatches(items: Iterable[tuple[str, str]]) -> str:
     return f"<div class=swatches>{''.join(parts)}</div>"
 
 
-def number(value: Any, decimals: int, unit: str = "") -> str:
-    """Return a number as text, a dash when it is not known."""
-    return UNKNOWN if value is None else f"{value:,.{decimals}f}{' ' + unit if unit else ''}"
+def number(value: float | None, decimals: int, unit: str = "") -> str:
+    """Return a number as text, a dash for None and NaN: it is not known."""
+    if value is None or math.isnan(value):
+        return UNKNOWN
+    return f"{value:,.{decimals}f}{' ' + unit if unit else ''}"
 
 
 def flat_items(value: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -4,41 +4,35 @@ from html import escape
 from pathlib import Path
 
 from digs_warp.data.capture import Capture
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import write_atomically
 from digs_warp.report.capture_section import capture_section
 from digs_warp.report.course_section import course_section
 from digs_warp.report.markup import card, number
-from digs_warp.report.results import Results, read_results
-from digs_warp.report.run_section import (
-    RunRecords,
-    read_run_records,
-    settings_section,
-    times_section,
-)
+from digs_warp.report.run_section import RunRecords, settings_section, times_section
 from digs_warp.report.sensor_section import sensor_section
 from digs_warp.report.start_section import start_section
 from digs_warp.report.style import CSS
 from digs_warp.report.views_section import views_section
 
 
-def write_report(capture: Capture, reconstruction: Path, path: Path) -> None:
+def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
     """Write the report of a reconstruction as one HTML file without outside parts.
 
     Stage times and settings come from the run.json of the capture, of the reconstruction, and, where
     there is one, of the folder that the report is written into.
 
     Raises:
-        DigsError: the reconstruction folder is incomplete or belongs to another capture.
+        DigsError: the renders are missing, or the reconstruction belongs to another capture.
     """
     path = Path(path)
-    results = read_results(reconstruction)
-    records = read_run_records(capture, results, path)
+    records = RunRecords.find(capture, result, path)
     body = "\n".join(
         [
-            _header(capture, results, records),
-            views_section(capture, results),
-            course_section(results),
-            start_section(results),
+            _header(capture, result, records),
+            views_section(capture, result),
+            course_section(result),
+            start_section(result),
             capture_section(capture),
             sensor_section(capture),
             times_section(records),
@@ -57,30 +51,31 @@ def write_report(capture: Capture, reconstruction: Path, path: Path) -> None:
 
 def _subject(capture: Capture, records: RunRecords) -> str:
     """Return what was captured: the mesh if the capture tells, else the folder's name."""
-    settings = records.capture.get("settings") or {}
+    settings = records.capture.settings if records.capture else {}
     if "mesh" in settings:
         return Path(settings["mesh"]).stem if settings["mesh"] else "Built-in object"
     return capture.folder.resolve().name
 
 
-def _header(capture: Capture, results: Results, records: RunRecords) -> str:
+def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> str:
     k = capture.frames[0].camera.intrinsics
-    training = results.training[-1] if results.training else {}
-    points = results.initial_points
+    mean = result.scores.mean
+    last = result.course[-1] if result.course else None
+    points = len(result.start.points) if result.start else None
     cards = [
-        card("PSNR", number(results.mean.get("psnr"), 2, "dB"), "full frame, held-out views"),
-        card("SSIM", number(results.mean.get("ssim"), 4), "full frame, held-out views"),
-        card("PSNR in mask", number(results.mean.get("psnr_masked"), 2, "dB"), "object only"),
-        card("SSIM in mask", number(results.mean.get("ssim_masked"), 4), "object only"),
-        card("Gaussians", f"{results.splats:,}", f"from {number(points, 0)} points"),
+        card("PSNR", number(mean.psnr, 2, "dB"), "full frame, held-out views"),
+        card("SSIM", number(mean.ssim, 4), "full frame, held-out views"),
+        card("PSNR in mask", number(mean.psnr_masked, 2, "dB"), "object only"),
+        card("SSIM in mask", number(mean.ssim_masked, 4), "object only"),
+        card("Gaussians", f"{len(result.gaussians):,}", f"from {number(points, 0)} points"),
         card(
             "Training",
-            number(training.get("seconds"), 1, "s"),
-            f"{number(training.get('iteration'), 0)} iterations",
+            number(last.seconds if last else None, 1, "s"),
+            f"{number(last.iteration if last else None, 0)} iterations",
         ),
         card("Total", f"{records.total_seconds:.1f} s", "all stages"),
     ]
-    held_out = len(results.views)
+    held_out = len(result.scores.views)
     about = f"{len(capture)} frames of {k.width} by {k.height} pixels, {held_out} of them held out."
     return (
         f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"

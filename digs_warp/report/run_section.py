@@ -2,44 +2,40 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from digs_warp.data.capture import Capture
-from digs_warp.record.files import read_json
-from digs_warp.record.layout import RUN_RECORD
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.record.run_log import RunRecord
 from digs_warp.report.markup import chart, flat_items, section, table
 from digs_warp.report.plots import Bar, bar_chart
-from digs_warp.report.results import Results
 
 
 @dataclass(frozen=True, eq=False)
 class RunRecords:
-    """The run.json of the capture and of the run as a whole, each empty when there is none."""
+    """The records of the capture, of the reconstruction and of the run as a whole; None: there is none."""
 
-    capture: dict[str, Any]
-    whole: dict[str, Any]
-    reconstruction: dict[str, Any]
+    capture: RunRecord | None
+    reconstruction: RunRecord
+    whole: RunRecord | None
+
+    @staticmethod
+    def find(capture: Capture, result: Reconstruction, report: Path) -> "RunRecords":
+        """Find the records in the capture and beside the report.
+
+        The folder of a whole run holds the capture, the reconstruction and the report; a run.json beside
+        the report that belongs to either of the two is not that of a whole run.
+        """
+        beside = report.parent.resolve()
+        parts = [folder.resolve() for folder in (capture.stored_in, result.folder) if folder]
+        whole = None if beside in parts else RunRecord.find(beside)
+        recording = RunRecord.find(capture.stored_in) if capture.stored_in else None
+        return RunRecords(recording, result.run, whole)
 
     @property
     def total_seconds(self) -> float:
         """Wall-clock time of all stages [s]."""
         parts = [self.whole] if self.whole else [self.capture, self.reconstruction]
         return sum(sum(_seconds(part).values()) for part in parts)
-
-
-def read_run_records(capture: Capture, results: Results, report: Path) -> RunRecords:
-    """Read what lies in the capture and beside the report.
-
-    The folder of a whole run holds the capture, the reconstruction and the report; a run.json beside
-    the report that belongs to either of the two is not read again.
-    """
-    beside = report.parent.resolve()
-    own = beside in (capture.folder.resolve(), results.folder.resolve())
-    return RunRecords(
-        capture=_read(capture.folder / RUN_RECORD),
-        whole={} if own else _read(beside / RUN_RECORD),
-        reconstruction=results.run,
-    )
 
 
 def times_section(records: RunRecords) -> str:
@@ -83,12 +79,12 @@ def settings_section(records: RunRecords) -> str:
     """Return the section of settings, versions and machine."""
     named = {"Simulation": records.capture, "Reconstruction": records.reconstruction}
     tables = [
-        f"<div><h3>{name}</h3>{table(['Setting', 'Value'], flat_items(record['settings']))}</div>"
+        f"<div><h3>{name}</h3>{table(['Setting', 'Value'], flat_items(record.settings))}</div>"
         for name, record in named.items()
-        if record.get("settings")
+        if record and record.settings
     ]
-    versions = flat_items(records.reconstruction.get("versions", {}))
-    versions += flat_items(records.reconstruction.get("machine", {}))
+    versions = flat_items(records.reconstruction.versions)
+    versions += flat_items(records.reconstruction.machine)
     if versions:
         tables.append(f"<div><h3>Versions</h3>{table(['Part', 'Version'], versions)}</div>")
     return section(
@@ -98,9 +94,5 @@ def settings_section(records: RunRecords) -> str:
     )
 
 
-def _read(path: Path) -> dict[str, Any]:
-    return read_json(path, "run record") if path.is_file() else {}
-
-
-def _seconds(record: dict[str, Any]) -> dict[str, float]:
-    return record.get("seconds", {})
+def _seconds(record: RunRecord | None) -> dict[str, float]:
+    return record.seconds if record else {}

@@ -1,10 +1,10 @@
 """What the training started from: camera poses, their scale, and the points."""
 
-from collections.abc import Mapping
-from typing import Any
-
+from digs_warp.init.scale import ScaleEstimate
+from digs_warp.init.start import Initialization
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.report.markup import number, section, table
-from digs_warp.report.results import Results
+from digs_warp.sfm.quality import SfmQuality
 
 _SOURCES = {
     "depth": "from the depth maps",
@@ -13,17 +13,16 @@ _SOURCES = {
 }
 
 
-def start_section(results: Results) -> str:
-    """Return the section, or nothing for a record without these results."""
-    record = results.run.get("results") or {}
+def start_section(result: Reconstruction) -> str:
+    """Return the section, or nothing where no figures of the start are known."""
     parts = [
-        *_table("Poses from structure from motion", _sfm_rows(record.get("sfm"))),
-        *_table("Scale of the poses, told by the depth maps", _scale_rows(record.get("scale"))),
-        *_table("Points to start from", _point_rows(record.get("initialization"))),
+        *_table("Poses from structure from motion", _sfm_rows(result.sfm)),
+        *_table("Scale of the poses, told by the depth maps", _scale_rows(result.scale)),
+        *_table("Points to start from", _point_rows(result.start)),
     ]
     if not parts:
         return ""
-    warning = (record.get("scale") or {}).get("warning")
+    warning = result.scale.warning if result.scale else ""
     intro = "Camera poses place the depth maps; what they agree on becomes the first Gaussians."
     return section("Start", f"{intro} Warning: {warning}" if warning else intro, *parts)
 
@@ -32,38 +31,39 @@ def _table(title: str, rows: list[tuple[str, str]]) -> list[str]:
     return [f"<h3>{title}</h3>{table(['', ''], rows)}"] if rows else []
 
 
-def _sfm_rows(quality: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if not quality:
+def _sfm_rows(quality: SfmQuality | None) -> list[tuple[str, str]]:
+    if quality is None:
         return []
     return [
-        ("images registered", f"{quality['registered']} of {quality['images']}"),
-        ("separate models", str(quality["models"])),
-        ("sparse points", f"{quality['points']:,}"),
-        ("images that see a point, mean", number(quality["track_length"], 1)),
-        ("reprojection error, mean", number(quality["reprojection_error_px"], 2, "px")),
-        ("angle between a point's rays, median", number(quality["ray_angle_deg"], 0, "°")),
+        ("images registered", f"{quality.registered} of {quality.images}"),
+        ("separate models", str(quality.models)),
+        ("sparse points", f"{quality.points:,}"),
+        ("images that see a point, mean", number(quality.track_length, 1)),
+        ("reprojection error, mean", number(quality.reprojection_error_px, 2, "px")),
+        ("angle between a point's rays, median", number(quality.ray_angle_deg, 0, "°")),
     ]
 
 
-def _scale_rows(scale: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if not scale:
+def _scale_rows(scale: ScaleEstimate | None) -> list[tuple[str, str]]:
+    if scale is None:
         return []
-    share = 100 * scale["width"] / scale["sfm_per_metre"]
+    share = 100 * scale.width / scale.sfm_per_metre
     return [
-        ("units of the model per metre", number(scale["sfm_per_metre"], 4)),
+        ("units of the model per metre", number(scale.sfm_per_metre, 4)),
         ("spread of the single measurements", number(share, 2, "%")),
-        ("measurements", f"{scale['values']:,}"),
-        ("peaks of their distribution", str(scale["modes"])),
+        ("measurements", f"{scale.values:,}"),
+        ("peaks of their distribution", str(scale.modes)),
     ]
 
 
-def _point_rows(start: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    if not start:
+def _point_rows(start: Initialization | None) -> list[tuple[str, str]]:
+    if start is None:
         return []
-    sources: dict[str, int] = start["sources"]
-    rows = [(_SOURCES.get(name, name), f"{count:,}") for name, count in sources.items()]
-    if start.get("voxel_size"):
-        rows.append(("edge of the voxels", number(1e3 * start["voxel_size"], 2, "mm")))
-    rows += [(f"pixels {name}", f"{count:,}") for name, count in start.get("pixels", {}).items()]
-    rows += [(f"voxels {name}", f"{count:,}") for name, count in start.get("voxels", {}).items()]
+    rows = [(_SOURCES.get(name, name), f"{count:,}") for name, count in start.sources.items()]
+    if start.depth is None:
+        return rows
+    if start.depth.voxel_size:
+        rows.append(("edge of the voxels", number(1e3 * start.depth.voxel_size, 2, "mm")))
+    rows += [(f"pixels {name}", f"{count:,}") for name, count in start.depth.pixels.items()]
+    rows += [(f"voxels {name}", f"{count:,}") for name, count in start.depth.voxels.items()]
     return rows

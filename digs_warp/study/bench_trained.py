@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.commands.splat_scenes import SplatOptions, read_splats, write_splats
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import default_threads
@@ -23,7 +22,8 @@ from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.measure.surface_metrics import surface_score
-from digs_warp.record.layout import GAUSSIANS
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_file
 from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
 from digs_warp.study.results import Result
@@ -46,7 +46,7 @@ VOXELS = (0.008, 0.004, 0.003, 0.002)
 NEAR = 0.005
 
 # Files: name, suffix, version of SPZ; compared in views of this size [px], where alpha exceeds COVERED.
-FORMATS = (
+FORMATS: tuple[tuple[str, str, SpzVersion], ...] = (
     ("npz", ".npz", 3),
     ("PLY", ".ply", 3),
     (".splat", ".splat", 3),
@@ -178,14 +178,13 @@ def measure_formats(gaussians: Gaussians, view_size: tuple[int, int] = VIEW_SIZE
     before = [render(gaussians, camera) for camera in cameras]
     results = []
     with tempfile.TemporaryDirectory() as folder, progress(len(FORMATS), "Measuring") as bar:
-        source = Path(folder) / GAUSSIANS
-        gaussians.save(source)
+        ours = Reconstruction(gaussians=gaussians)
         for name, suffix, version in FORMATS:
             path = Path(folder) / f"scene{suffix}"
             with Stopwatch() as write:
-                write_splats(path, gaussians, source, SplatOptions(), version)
+                write_scene_file(path, ours, Path("bench"), spz_version=version)
             with Stopwatch() as read:
-                stored = read_splats(path, SplatOptions())
+                stored = read_scene(path).gaussians
             scores = [
                 psnr(render(stored, camera).image, view.image, view.alpha > COVERED)
                 for camera, view in zip(cameras, before, strict=True)

@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError
-from digs_warp.record.files import read_json
-from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
@@ -23,15 +22,10 @@ def read_true_surface(capture: Path) -> "TriangleMesh | None":
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.sim.vertex_colors import srgb_vertex_colors
 
-    record = capture / RUN_RECORD
-    if not record.is_file():
+    record = RunRecord.find(capture)
+    if record is None or record.command != "simulate" or "mesh" not in record.settings:
         return None
-    content = read_json(record, "run record")
-    settings = content.get("settings")
-    if content.get("command") != "simulate" or not isinstance(settings, dict):
-        return None
-    if "mesh" not in settings:
-        return None
+    settings = record.settings
     if settings["mesh"] is None:
         from digs_warp.sim.procedural import procedural_scene
 
@@ -41,6 +35,6 @@ def read_true_surface(capture: Path) -> "TriangleMesh | None":
 
         path = Path(settings["mesh"])
         if not path.is_file():
-            raise DigsError(f"'{record}': the mesh '{path}' of the recording is no longer there")
+            raise DigsError(f"capture '{capture}': its mesh '{path}' is no longer there")
         scene = load_scene(path, settings.get("object_size"), settings.get("up", "auto"))
     return TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))

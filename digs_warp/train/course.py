@@ -1,78 +1,88 @@
-"""How a training run goes along: a line of training.jsonl every few iterations."""
+"""The course of a training: loss and quality along iterations and seconds, one JSON object a line."""
 
 import json
-import math
-import time
-from collections.abc import Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from digs_warp.checks import DigsError
+from digs_warp.measure.scores import Score
 from digs_warp.record.files import write_atomically
-from digs_warp.train.evaluate import TestView, mean_score, render_views, score_views
-from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
-from digs_warp.train.trainer import Trainer
-
-# A line every so many iterations.
-LOG_EVERY = 10
 
 
-class Course:
-    """Writes how loss and quality go along iterations and seconds.
-
-    Args:
-        path: the file, one JSON object a line; lines up to the trainer's iteration are kept.
-        trainer: the run.
-        test_views: held-out views to measure; may be empty.
+@dataclass(frozen=True)
+class CourseRow:
+    """Where a training stands.
 
     Attributes:
-        seconds: time spent in `record` so far: measuring the course is no training.
-        psnr: what the held-out views reached last [dB], minus infinity before they are measured.
+        iteration: steps taken.
+        seconds: of training so far [s].
+        loss: of the last step; None before the first.
+        splats: number of Gaussians.
+        score: mean over the held-out views; None where they were not measured.
     """
 
-    def __init__(self, path: Path, trainer: Trainer, test_views: Sequence[TestView]) -> None:
-        self.seconds = 0.0
-        self.psnr = -math.inf
-        self._path = path
-        self._trainer = trainer
-        self._test_views = test_views
-        self._lines = self._lines_before(trainer.optimizer.step)
-        drop_snapshots_after(path.parent, trainer.optimizer.step)
+    iteration: int
+    seconds: float
+    loss: float | None
+    splats: int
+    score: Score | None = None
 
-    def record(self, measure: bool) -> str:
-        """Add a line; return a few words for the progress bar.
-
-        Args:
-            measure: also render and score the held-out views, and keep the Gaussians where asked to.
-        """
-        start = time.perf_counter()
-        trainer = self._trainer
-        step = trainer.optimizer.step
-        if measure and trainer.config.keep_course:
-            save_snapshot(self._path.parent, step, trainer.gaussians.to_numpy())
-        line: dict[str, Any] = {
-            "iteration": step,
-            "seconds": round(trainer.seconds, 4),
-            "loss": trainer.loss_value() if step else None,
-            "splats": len(trainer.gaussians),
+    def to_json(self) -> dict[str, Any]:
+        """Return the row as flat JSON values."""
+        return {
+            "iteration": self.iteration,
+            "seconds": self.seconds,
+            "loss": self.loss,
+            "splats": self.splats,
+            **(self.score.to_json() if self.score else {}),
         }
-        if measure and self._test_views:
-            images = render_views(trainer.gaussians, self._test_views)
-            line |= mean_score(score_views(images, self._test_views))
-            self.psnr = line["psnr"]
-        self._lines.append(json.dumps(line))
-        write_atomically(self._path, ("\n".join(self._lines) + "\n").encode())
-        self.seconds += time.perf_counter() - start
-        return self._in_words(line["loss"])
 
-    def _in_words(self, loss: float | None) -> str:
-        words = [] if loss is None else [f"loss {loss:.4f}"]
-        if self.psnr > -math.inf:
-            words.append(f"held out {self.psnr:.1f} dB")
-        return ", ".join(words)
+    @cached_property
+    def line(self) -> str:
+        """The row as a line of JSON; a long run writes it again and again."""
+        return json.dumps(self.to_json()) + "\n"
 
-    def _lines_before(self, step: int) -> list[str]:
-        """The lines of an interrupted run up to the checkpoint it goes on from."""
-        if step == 0 or not self._path.is_file():
-            return []
-        lines = self._path.read_text(encoding="utf-8").splitlines()
-        return [line for line in lines if json.loads(line)["iteration"] <= step]
+    @staticmethod
+    def from_json(content: dict[str, Any]) -> "CourseRow":
+        """Return what `to_json` wrote.
+
+        Raises:
+            KeyError, TypeError, ValueError: it has another form.
+        """
+        return CourseRow(
+            iteration=int(content["iteration"]),
+            seconds=float(content["seconds"]),
+            loss=None if content["loss"] is None else float(content["loss"]),
+            splats=int(content["splats"]),
+            score=Score.from_json(content) if "psnr" in content else None,
+        )
+
+
+def write_course(path: Path, rows: Iterable[CourseRow]) -> None:
+    """Write a line per row; the file appears only when it is complete."""
+    write_atomically(path, "".join(row.line for row in rows).encode())
+
+
+def read_course(path: Path) -> tuple[CourseRow, ...]:
+    """Return the rows that `write_course` wrote, ascending.
+
+    Raises:
+        DigsError: the file is missing or broken; the message names it, and the line.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DigsError(f"training log '{path}': cannot be read ({error})") from error
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            rows.append(CourseRow.from_json(json.loads(line)))
+        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            raise DigsError(
+                f"training log '{path}', line {number}: {error}; expected a JSON object with 'iteration', "
+                "'seconds', 'loss' and 'splats'"
+            ) from error
+    return tuple(sorted(rows, key=lambda row: row.iteration))

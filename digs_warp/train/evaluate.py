@@ -9,23 +9,13 @@ from digs_warp.camera import Camera
 from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.measure.metrics import psnr, ssim
+from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 
 # The paper's mask threshold tau (section 4.1): above it a pixel counts as object.
 MASK_THRESHOLD = 20
-
-
-@dataclass(frozen=True)
-class ViewScore:
-    """Metrics of one view against the photograph on white; the masked ones are NaN without object."""
-
-    name: str
-    psnr: float
-    ssim: float
-    psnr_masked: float
-    ssim_masked: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,25 +57,14 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
 
 
 def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list[ViewScore]:
-    """Compare rendered images with the photographs."""
+    """Compare rendered images with the photographs on white; without object the masked metrics are NaN."""
     return [
         ViewScore(
-            view.name,
-            psnr(image, view.target),
-            ssim(image, view.target),
-            psnr(image, view.target, view.object_pixels),
-            ssim(image, view.target, view.object_pixels),
+            name=view.name,
+            psnr=psnr(image, view.target),
+            ssim=ssim(image, view.target),
+            psnr_masked=psnr(image, view.target, view.object_pixels),
+            ssim_masked=ssim(image, view.target, view.object_pixels),
         )
         for image, view in zip(images, views, strict=True)
     ]
-
-
-def mean_score(scores: Sequence[ViewScore]) -> dict[str, float | None]:
-    """Return the mean of each metric over the views where it is defined; None where it never is."""
-    names = ("psnr", "ssim", "psnr_masked", "ssim_masked")
-    means: dict[str, float | None] = {}
-    for name in names:
-        values = np.array([getattr(score, name) for score in scores], dtype=np.float64)
-        values = values[np.isfinite(values)]
-        means[name] = float(values.mean()) if len(values) else None
-    return means

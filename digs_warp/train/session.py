@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.data.capture import Frame
@@ -11,9 +12,10 @@ from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.course import LOG_EVERY, Course
+from digs_warp.train.course import CourseRow
 from digs_warp.train.evaluate import TestView
 from digs_warp.train.interruption import deferred_interrupt
+from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 
@@ -27,6 +29,21 @@ CHECKPOINT_SECONDS = 30.0
 TARGET_EVERY = 100
 
 
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """What a training made.
+
+    Attributes:
+        gaussians: the result.
+        course: a row every few iterations; the last one stands at the end of the run.
+        stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None: not known.
+    """
+
+    gaussians: Gaussians
+    course: tuple[CourseRow, ...]
+    stopped_by: str | None
+
+
 def train_gaussians(
     seeds: Gaussians,
     frames: Sequence[Frame],
@@ -35,8 +52,8 @@ def train_gaussians(
     folder: Path,
     log: RunLog,
     resume: bool = False,
-) -> Gaussians:
-    """Train ``seeds`` on ``frames`` and leave Gaussians and the course of the run in ``folder``.
+) -> Trained:
+    """Train ``seeds`` on ``frames``; leave Gaussians and the course of the run in ``folder``, too.
 
     Args:
         seeds: the start.
@@ -44,7 +61,7 @@ def train_gaussians(
         test_views: held-out views that are measured along the way; they never serve the training.
         config: settings.
         folder: where gaussians.npz, training.jsonl and checkpoint.npz go; exists.
-        log: gets the times of the stages and the results.
+        log: gets the times of the stages.
         resume: go on from the folder's checkpoint where there is one, bit for bit.
 
     Raises:
@@ -60,7 +77,7 @@ def train_gaussians(
             trainer = Trainer(seeds, views, config)
         if first_step:
             load_checkpoint(checkpoint, trainer)
-        course = Course(folder / TRAINING, trainer, test_views)
+        course = CourseRecorder(folder / TRAINING, trainer, test_views)
         try:
             with log.stage("train"):
                 stopped = _run_steps(trainer, course, checkpoint)
@@ -72,12 +89,10 @@ def train_gaussians(
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
     gaussians.save(folder / GAUSSIANS)
     checkpoint.unlink(missing_ok=True)
-    log.results |= {"gaussians": len(gaussians), "iterations": trainer.optimizer.step}
-    log.results |= {"stopped by": stopped, "training_seconds": round(trainer.seconds, 3)}
-    return gaussians
+    return Trained(gaussians, tuple(course.rows), stopped)
 
 
-def _run_steps(trainer: Trainer, course: Course, checkpoint: Path) -> str:
+def _run_steps(trainer: Trainer, course: CourseRecorder, checkpoint: Path) -> str:
     """Take the steps that are left; return what ended the run."""
     saved = time.monotonic()
     with (
@@ -110,7 +125,7 @@ def _measures(trainer: Trainer) -> bool:
     return last or for_target or step in trainer.config.evaluate_at
 
 
-def _reason_to_stop(trainer: Trainer, course: Course) -> str:
+def _reason_to_stop(trainer: Trainer, course: CourseRecorder) -> str:
     """Return why the run is over; empty while it is not."""
     stop = trainer.config.stop
     if trainer.optimizer.step >= stop.iterations:

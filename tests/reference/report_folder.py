@@ -13,6 +13,7 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image, write_image
 from digs_warp.geometry import look_at
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import to_json
 from digs_warp.record.run_log import RunLog
 from digs_warp.report import write_report
@@ -111,8 +112,14 @@ def write_reconstruction(folder: Path, capture: Capture) -> None:
     record.save(folder / "run.json")
 
 
+def report_on(run: tuple[Capture, Path, Path]) -> None:
+    """Write the report of a run: capture, folder of the reconstruction, where the page goes."""
+    capture, folder, page = run
+    write_report(capture, Reconstruction.load(folder, capture), page)
+
+
 def write_and_parse(run: tuple[Capture, Path, Path]) -> Page:
-    write_report(*run)
+    report_on(run)
     return Page(run[2].read_text(encoding="utf-8"))
 
 

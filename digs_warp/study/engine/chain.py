@@ -4,7 +4,6 @@ So is structure from motion with the same settings. Cases that run at the same t
 they share: one makes it, the others take it.
 """
 
-import json
 import resource
 import shutil
 import sys
@@ -21,8 +20,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.record.files import read_json, to_json, write_atomically
-from digs_warp.record.layout import EVALUATION, INITIAL_POINTS, RUN_RECORD, TRAINING
-from digs_warp.record.run_log import RunLog, versions
+from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, digest, with_settings
 from digs_warp.study.engine.scores import YARDSTICK, score_finishes, score_on_yardstick
@@ -30,6 +28,7 @@ from digs_warp.study.machine import processor
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruct import ReconstructConfig
+    from digs_warp.pipeline.reconstruction import Reconstruction
 
 CAPTURES = "captures"
 SFM = "sfm"
@@ -75,18 +74,18 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     with _one_matches(config, matched):
         work = _workplace(case, matched, folder)
         before = compile_seconds()
-        gaussians = reconstruct(capture, config, work)
+        result = reconstruct(capture, config, work)
         compiling = compile_seconds() - before
-        measured = _measure(work)
+        measured = _measure(result)
         _share_sfm(work, matched, measured["seconds"])
-    posed = PosedFrames.load(capture, work)
+    assert result.frames is not None and result.start is not None
     yardstick = _yardstick(case, folder)
     measured |= {
-        "yardstick": score_on_yardstick(gaussians, yardstick),
-        "finishes": score_finishes(gaussians, yardstick) if case.finishes else {},
-        "scale_error": _scale_error(capture, config, posed),
-        "surface": _surface_scores(capture, work, gaussians),
-        "recording_seconds": read_json(capture.folder / RUN_RECORD, "run record")["seconds"],
+        "yardstick": score_on_yardstick(result.gaussians, yardstick),
+        "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
+        "scale_error": _scale_error(capture, config, result.frames),
+        "surface": _surface_scores(capture, result.start.points, result.gaussians),
+        "recording_seconds": _recording_seconds(capture),
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
         "machine": processor(),
@@ -112,10 +111,10 @@ def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, Point
     log = RunLog("reconstruct", config)
     with _one_matches(config, matched):
         work = _workplace(case, matched, folder)
-        frames, points = front_end(capture, config, work, log)
+        prepared = front_end(capture, config, work, log)
         _share_sfm(work, matched, log.seconds)
     shutil.rmtree(work)
-    return capture, frames, points
+    return capture, prepared.frames, prepared.start.points
 
 
 def _matched(case: Case, config: "ReconstructConfig", folder: Path) -> Path:
@@ -162,16 +161,18 @@ def _lock(made: Path) -> FileLock:
     return FileLock(f"{made}.lock")
 
 
-def _measure(work: Path) -> dict[str, Any]:
-    run = read_json(work / RUN_RECORD, "run record")
-    lines = (work / TRAINING).read_text(encoding="utf-8").splitlines()
-    course = [line for line in map(json.loads, lines) if "psnr" in line]
+def _measure(result: "Reconstruction") -> dict[str, Any]:
     return {
-        "metrics": read_json(work / EVALUATION, "evaluation")["mean"],
-        "course": course,
-        "seconds": run["seconds"],
-        "results": run["results"],
+        "metrics": result.scores.mean.to_json(),
+        "course": [row.to_json() for row in result.course if row.score],
+        "seconds": dict(result.seconds),
+        "results": result.results.to_json(),
     }
+
+
+def _recording_seconds(capture: Capture) -> dict[str, float]:
+    record = RunRecord.find(capture.folder)
+    return record.seconds if record else {}
 
 
 def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
@@ -218,16 +219,15 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
     return abs(scale.sfm_per_metre / SFM_PER_METRE - 1)
 
 
-def _surface_scores(capture: Capture, work: Path, gaussians: Gaussians) -> dict[str, Any]:
+def _surface_scores(capture: Capture, points: PointCloud, gaussians: Gaussians) -> dict[str, Any]:
     from digs_warp.measure.surface_metrics import surface_score
     from digs_warp.surface.true_surface import read_true_surface
 
     surface = read_true_surface(capture.folder)
     if surface is None:
         return {}
-    points = PointCloud.load(work / INITIAL_POINTS).points_world
     return {
-        "points": surface_score(points, surface, SURFACE_THRESHOLD).to_json(),
+        "points": surface_score(points.points_world, surface, SURFACE_THRESHOLD).to_json(),
         "gaussians": surface_score(gaussians.means, surface, SURFACE_THRESHOLD).to_json(),
     }
 

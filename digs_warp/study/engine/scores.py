@@ -38,12 +38,13 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
         ``psnr``, ``ssim`` [dB, 1] of the whole image and, ``_masked``, of the object; ``flip`` where
         flip-evaluator is installed; ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
     """
+    from digs_warp.measure.scores import mean_score
     from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
+    from digs_warp.train.evaluate import load_test_views, render_views, score_views
 
     views = load_test_views(frames)
     images = render_views(DeviceGaussians.from_numpy(gaussians), views)
-    score = mean_score(score_views(images, views))
+    score = mean_score(score_views(images, views)).to_json()
     if find_spec("flip_evaluator"):
         from digs_warp.measure.flip import flip
 
@@ -118,8 +119,9 @@ def _with_cut(gaussians: Gaussians, frames: Sequence[Frame], cut: float) -> dict
 
 
 def _precisions(gaussians: Gaussians, frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    from digs_warp.measure.scores import mean_score
     from digs_warp.splat.device import DeviceGaussians
-    from digs_warp.train.evaluate import load_test_views, mean_score, render_views, score_views
+    from digs_warp.train.evaluate import load_test_views, render_views, score_views
     from digs_warp.usd.convert import Precision
     from digs_warp.usd.reader import read_gaussians
     from digs_warp.usd.writer import WriteOptions, write_gaussians
@@ -138,7 +140,7 @@ def _precisions(gaussians: Gaussians, frames: Sequence[Frame]) -> list[dict[str,
             "value": precision,
             "seconds": watch.seconds,
             "megabytes": size,
-            "psnr": score["psnr"],
+            "psnr": score.psnr,
         }
         found.append(row)
     return found

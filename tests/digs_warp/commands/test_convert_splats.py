@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.splat_scenes import SUFFIXES, SplatOptions, read_splats
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.pipeline import scene_files
 from digs_warp.record.run_log import RunLog
 from digs_warp.usd.reader import read_scene
 from reference.splat_files import random_gaussians, shapes
@@ -32,8 +32,8 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return code, out + err
 
 
-@pytest.mark.parametrize("source", SUFFIXES)
-@pytest.mark.parametrize("target", SUFFIXES)
+@pytest.mark.parametrize("source", scene_files.SUFFIXES)
+@pytest.mark.parametrize("target", scene_files.SUFFIXES)
 def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str, capsys) -> None:
     """The scene survives, to the precision of the coarsest format."""
     first, second, third = (
@@ -44,7 +44,7 @@ def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str
     code, text = run(capsys, second, third)
     assert code == EXIT_OK, text
     assert "20 Gaussians" in text
-    read = read_splats(third, SplatOptions())
+    read = scene_files.read_scene(third).gaussians
     np.testing.assert_allclose(read.means, gaussians.means, atol=1e-5)
     np.testing.assert_allclose(shapes(read), shapes(gaussians), atol=0.4)
     np.testing.assert_allclose(read.opacities, gaussians.opacities, atol=1.1 / 255)
@@ -54,7 +54,7 @@ def test_any_pair(tmp_path: Path, gaussians: Gaussians, source: str, target: str
 def test_a_reconstruction_folder_is_a_source(tmp_path: Path, gaussians: Gaussians, capsys) -> None:
     gaussians.save(tmp_path / "reconstruction/gaussians.npz")
     assert run(capsys, tmp_path / "reconstruction", tmp_path / "a.ply")[0] == EXIT_OK
-    read = read_splats(tmp_path / "a.ply", SplatOptions())
+    read = scene_files.read_scene(tmp_path / "a.ply").gaussians
     np.testing.assert_array_equal(read.quats, gaussians.quats)
 
 
@@ -64,12 +64,12 @@ def test_up_turns_what_formats_without_axes_hold(
     """A scene trained with y down, converted with --up -y, stands in USD and SPZ, which know where up is."""
     gaussians.save(tmp_path / "a.npz")
     assert run(capsys, tmp_path / "a.npz", tmp_path / "down.ply", "--up", "-y")[0] == EXIT_OK
-    raw = read_splats(tmp_path / "down.ply", SplatOptions())
+    raw = scene_files.read_scene(tmp_path / "down.ply").gaussians
     np.testing.assert_array_equal(raw.means[:, 1], -gaussians.means[:, 2])
     for name in ("b.usdz", "b.spz"):
         target = tmp_path / name
         assert run(capsys, tmp_path / "down.ply", target, "--up", "-y")[0] == EXIT_OK
-        read = read_splats(target, SplatOptions())
+        read = scene_files.read_scene(target).gaussians
         np.testing.assert_allclose(read.means, gaussians.means, atol=1e-5)
 
 

@@ -12,10 +12,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.layers import Layer
-from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
-from digs_warp.pipeline.front_end import FrontEndConfig, front_end
+from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
@@ -32,67 +31,65 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
 
 
 @pytest.fixture(scope="module")
-def found(
-    capture: Capture, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[PosedFrames, PointCloud, Path, RunLog]:
+def found(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> tuple[Prepared, Path]:
     folder = tmp_path_factory.mktemp("reconstruction")
-    log = RunLog("test", FIND_POSES)
-    return *front_end(capture, FIND_POSES, folder, log), folder, log
+    return front_end(capture, FIND_POSES, folder, RunLog("test", FIND_POSES)), folder
 
 
 def test_estimated_cameras_are_metric_and_lie_in_the_recordings_world(
-    capture: Capture, found: tuple[PosedFrames, PointCloud, Path, RunLog]
+    capture: Capture, found: tuple[Prepared, Path]
 ) -> None:
-    frames, _, _, log = found
+    frames = found[0].frames
     true = {frame.name: frame.camera for frame in capture.frames}
     assert len(frames.training) == 9 and len(frames.held_out) == 3
     for frame in (*frames.training, *frames.held_out):
         error = frame.camera.center_world - true[frame.name].center_world
         # The depth is true, so what is left is the error of poses from photographs of 320x240 px.
         assert np.linalg.norm(error) < 0.004
-    assert log.results["scale"]["sfm_per_metre"] == frames.sfm_per_metre
-    assert log.results["sfm"]["registered"] == 12
+    assert found[0].scale is not None and found[0].sfm is not None
+    assert found[0].scale.sfm_per_metre == frames.sfm_per_metre
+    assert found[0].sfm.registered == 12
 
 
 def test_the_points_lie_on_the_object(
-    capture: Capture, found: tuple[PosedFrames, PointCloud, Path, RunLog], tmp_path: Path
+    capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
 ) -> None:
     """As they do with the true poses, but for the error of the estimated ones."""
     from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
     with_true_poses = replace(FIND_POSES, sfm=SfmConfig(poses="capture"))
-    _, expected = front_end(capture, with_true_poses, tmp_path, RunLog("test", {}))
-    distances, _ = KDTree(expected.points_world).query(found[1].points_world)
+    expected = front_end(capture, with_true_poses, tmp_path, RunLog("test", {})).start.points
+    points = found[0].start.points
+    distances, _ = KDTree(expected.points_world).query(points.points_world)
     assert np.median(distances) < 0.005
-    assert len(found[1]) == pytest.approx(len(expected), rel=0.1)
+    assert len(points) == pytest.approx(len(expected), rel=0.1)
 
 
-def test_finished_stages_are_taken_over(
-    capture: Capture, found: tuple[PosedFrames, PointCloud, Path, RunLog]
-) -> None:
-    frames, points, folder, _ = found
+def test_finished_stages_are_taken_over(capture: Capture, found: tuple[Prepared, Path]) -> None:
+    before, folder = found
     log = RunLog("test", FIND_POSES)
-    again, same_points = front_end(capture, FIND_POSES, folder, log, resume=True)
+    again = front_end(capture, FIND_POSES, folder, log, resume=True)
     assert not log.seconds
-    np.testing.assert_array_equal(same_points.points_world, points.points_world)
-    for a, b in zip(again.training, frames.training, strict=True):
+    np.testing.assert_array_equal(again.start.points.points_world, before.start.points.points_world)
+    for a, b in zip(again.frames.training, before.frames.training, strict=True):
         np.testing.assert_array_equal(a.camera.world_from_cam, b.camera.world_from_cam)
+    assert (again.sfm, again.scale) == (before.sfm, before.scale)
+    assert (again.start.sources, again.start.depth) == (before.start.sources, before.start.depth)
 
 
 @pytest.mark.parametrize("strategy", ["default", "fusion", "random"])
 def test_sparse_points_are_triangulated_from_given_poses(
     capture: Capture,
-    found: tuple[PosedFrames, PointCloud, Path, RunLog],
+    found: tuple[Prepared, Path],
     strategy: str,
     tmp_path: Path,
 ) -> None:
     init = InitConfig(strategy=strategy, voxel_size=0.01)  # pyright: ignore[reportArgumentType]
     config = replace(FIND_POSES, sfm=replace(SFM, poses="capture"), init=init)
-    shutil.copytree(found[2] / "sfm", tmp_path / "sfm")  # the same features and matches
-    log = RunLog("test", config)
-    frames, points = front_end(capture, config, tmp_path, log)
-    sources = log.results["initialization"]["sources"]
-    assert sum(sources.values()) == len(points)
+    shutil.copytree(found[1] / "sfm", tmp_path / "sfm")  # the same features and matches
+    prepared = front_end(capture, config, tmp_path, RunLog("test", config))
+    frames, sources = prepared.frames, prepared.start.sources
+    assert sum(sources.values()) == len(prepared.start.points)
     assert ("sfm" in sources) == (strategy != "random")
     assert frames.sfm_per_metre == 1.0
     for frame, original in zip(frames.training, capture.split(4)[0], strict=True):
@@ -101,23 +98,26 @@ def test_sparse_points_are_triangulated_from_given_poses(
 
 
 def test_a_recording_without_poses_ends_upright_and_metric(
-    capture: Capture, found: tuple[PosedFrames, PointCloud, Path, RunLog], tmp_path: Path
+    capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
 ) -> None:
     lost = [
         replace(frame, camera=replace(frame.camera, world_from_cam=np.eye(4)))
         for frame in capture.frames
     ]
     unknown = replace(capture, frames=tuple(lost), about=About(poses_known=False))
-    shutil.copytree(found[2] / "sfm", tmp_path / "sfm")
-    frames, points = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
-    assert len(points) == pytest.approx(len(found[1]), rel=0.15)  # other voxels: turned axes
-    for a, b in zip(frames.training, found[0].training, strict=True):
+    shutil.copytree(found[1] / "sfm", tmp_path / "sfm")
+    prepared = front_end(unknown, FIND_POSES, tmp_path, RunLog("test", {}))
+    frames, points = prepared.frames, prepared.start.points
+    assert len(points) == pytest.approx(
+        len(found[0].start.points), rel=0.15
+    )  # other voxels: turned axes
+    for a, b in zip(frames.training, found[0].frames.training, strict=True):
         # The same distances between the cameras, and the same direction up, within the hand's tilt.
         assert a.camera.world_from_cam[2, 1] == pytest.approx(
             b.camera.world_from_cam[2, 1], abs=0.1
         )
         moved = a.camera.center_world - frames.training[0].camera.center_world
-        expected = b.camera.center_world - found[0].training[0].camera.center_world
+        expected = b.camera.center_world - found[0].frames.training[0].camera.center_world
         assert np.linalg.norm(moved) == pytest.approx(np.linalg.norm(expected), abs=1e-4)
     # The origin is where the cameras look: inside the object.
     low, high = points.bounds
@@ -149,7 +149,9 @@ def test_frames_that_were_not_registered_are_left_out(
     write_image(path, np.zeros_like(read_image(path)))
     config = replace(FIND_POSES, sfm=replace(SFM, min_registered=0.8))
     with caplog.at_level(logging.WARNING):
-        frames, _ = front_end(read_capture(folder), config, tmp_path / "out", RunLog("test", {}))
+        frames = front_end(
+            read_capture(folder), config, tmp_path / "out", RunLog("test", {})
+        ).frames
     assert broken.frames[5].name not in [frame.name for frame in frames.training]
     assert len(frames.training) == 8
     assert broken.frames[5].name in caplog.text
@@ -159,7 +161,7 @@ def test_other_masks_serve_the_training_and_not_the_measurement(
     capture: Capture, tmp_path: Path
 ) -> None:
     config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
-    frames, _ = front_end(capture, config, tmp_path, RunLog("test", {}))
+    frames = front_end(capture, config, tmp_path, RunLog("test", {})).frames
     assert {frame.path(Layer.MASK).parent for frame in frames.training} == {tmp_path / "masks"}
     for frame, original in zip(frames.held_out, capture.split(4)[1], strict=True):
         assert frame.path(Layer.MASK) == original.path(Layer.MASK)
@@ -176,7 +178,7 @@ def test_a_recording_without_masks_gets_them_for_all_frames(
     ]
     config = FrontEndConfig(test_every=4, segment=SegmentConfig(masks="depth"))
     maskless = replace(capture, frames=tuple(bare))
-    frames, _ = front_end(maskless, config, tmp_path, RunLog("test", {}))
+    frames = front_end(maskless, config, tmp_path, RunLog("test", {})).frames
     for frame in (*frames.training, *frames.held_out):
         assert frame.load_mask().max() == 255
 

@@ -87,7 +87,7 @@ def test_an_interrupted_run_resumes_to_the_same_bits(
             reconstruct(capture, CONFIG, tmp_path)
     assert (tmp_path / "checkpoint.npz").exists()
     assert not (tmp_path / "gaussians.npz").exists()
-    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True)
+    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True).gaussians
     whole = Gaussians.load(result / "gaussians.npz")
     for name in FIELDS:
         np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
@@ -108,8 +108,8 @@ def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Pa
         write_image(frame.path(Layer.IMAGE), np.zeros((54, 72, 3), np.uint8))
         write_image(frame.path(Layer.DEPTH), np.full((54, 72), 0.5, np.float32))
     short = replace(CONFIG, train=replace(CONFIG.train, stop=Stop(iterations=5)))
-    a = reconstruct(spoiled, short, tmp_path / "a")
-    b = reconstruct(capture, short, tmp_path / "b")
+    a = reconstruct(spoiled, short, tmp_path / "a").gaussians
+    b = reconstruct(capture, short, tmp_path / "b").gaussians
     np.testing.assert_array_equal(a.means, b.means)
     np.testing.assert_array_equal(a.sh, b.sh)
     scores = [
@@ -124,7 +124,7 @@ def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path
     empty = read_capture(copied(capture, tmp_path / "capture"))
     for number in (0, 3):
         write_image(empty.frames[number].path(Layer.MASK), np.zeros((54, 72), np.uint8))
-    gaussians = reconstruct(empty, CONFIG, tmp_path / "out")
+    gaussians = reconstruct(empty, CONFIG, tmp_path / "out").gaussians
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
     evaluation = json.loads((tmp_path / "out" / "evaluation.json").read_text())
     assert evaluation["views"][0]["psnr_masked"] is None

@@ -10,8 +10,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
-from digs_warp.report import write_report
-from reference.report_folder import write_and_parse
+from reference.report_folder import report_on, write_and_parse
 
 NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
 
@@ -20,7 +19,7 @@ NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
 def test_a_missing_file_is_named(run: tuple[Capture, Path, Path], name: str) -> None:
     (run[1] / name).unlink()
     with pytest.raises(DigsError, match=re.escape(name)):
-        write_report(*run)
+        report_on(run)
     assert not run[2].exists()
 
 
@@ -29,7 +28,7 @@ def test_a_truncated_file_is_named(run: tuple[Capture, Path, Path], name: str) -
     path = run[1] / name
     path.write_bytes(path.read_bytes()[:-10])
     with pytest.raises(DigsError, match=re.escape(name)):
-        write_report(*run)
+        report_on(run)
     assert not run[2].exists()
 
 
@@ -41,23 +40,23 @@ def test_an_evaluation_of_another_form_is_named(
 ) -> None:
     (run[1] / "evaluation.json").write_text(content)
     with pytest.raises(DigsError, match=r"evaluation '.*evaluation\.json'"):
-        write_report(*run)
+        report_on(run)
 
 
 def test_another_capture_or_other_renders_are_refused(run: tuple[Capture, Path, Path]) -> None:
     (run[1] / "renders/0018.png").unlink()
     with pytest.raises(DigsError, match=r"rendered view '.*0018\.png': no such file"):
-        write_report(*run)
+        report_on(run)
     write_image(run[1] / "renders/0018.png", np.zeros((8, 8, 3), np.uint8))
     with pytest.raises(
         DigsError, match=r"0018\.png': \(8, 8, 3\) of uint8, expected \(32, 48, 3\)"
     ):
-        write_report(*run)
+        report_on(run)
     evaluation = json.loads((run[1] / "evaluation.json").read_text())
     evaluation["views"][0]["name"] = "../../secret"
     (run[1] / "evaluation.json").write_text(json.dumps(evaluation))
     with pytest.raises(DigsError, match=r"names view '\.\./\.\./secret', which capture"):
-        write_report(*run)
+        report_on(run)
 
 
 def test_a_broken_sensor_plan_is_named(run: tuple[Capture, Path, Path]) -> None:

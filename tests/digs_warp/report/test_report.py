@@ -10,12 +10,12 @@ import numpy as np
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import read_image, write_image
 from digs_warp.record.run_log import RunLog
-from digs_warp.report import write_report
 from reference.report_folder import (
     HEIGHT,
     TEST_EVERY,
     WIDTH,
     decoded,
+    report_on,
     write_and_parse,
     write_capture,
     write_reconstruction,
@@ -96,10 +96,21 @@ def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> No
     record["results"] |= {
         "sfm": {
             **{"images": 20, "registered": 19, "models": 1, "points": 12345},
-            **{"track_length": 5.27, "reprojection_error_px": 0.44, "ray_angle_deg": 11.9},
+            **{
+                "observations_per_image": 900.0,
+                "track_length": 5.27,
+                "reprojection_error_px": 0.44,
+                "ray_angle_deg": 11.9,
+            },
         },
         "scale": {
-            **{"sfm_per_metre": 4.2434, "width": 0.0212, "values": 2664, "modes": 2},
+            **{
+                "sfm_per_metre": 4.2434,
+                "width": 0.0212,
+                "values": 2664,
+                "modes": 2,
+                "bandwidth": 0.003,
+            },
             "warning": "a second mode is near as high",
         },
         "initialization": {
@@ -175,9 +186,9 @@ def test_a_difference_is_where_the_render_is_wrong(
 
 
 def test_same_input_gives_the_same_bytes(run: tuple[Capture, Path, Path]) -> None:
-    write_report(*run)
+    report_on(run)
     first = run[2].read_bytes()
-    write_report(*run)
+    report_on(run)
     assert run[2].read_bytes() == first
 
 

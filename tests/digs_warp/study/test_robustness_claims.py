@@ -16,6 +16,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.measure.scores import mean_score
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.frame import FrameTruth
@@ -62,7 +63,7 @@ class Walk:
         trained = trainer.gaussians.to_numpy()
         assert all(np.isfinite(getattr(trained, name)).all() for name in FIELDS)
         images = evaluate.render_views(trainer.gaussians, self.held_out)
-        psnr = evaluate.mean_score(evaluate.score_views(images, self.held_out))["psnr"]
+        psnr = mean_score(evaluate.score_views(images, self.held_out)).psnr
         assert psnr is not None
         return psnr
 

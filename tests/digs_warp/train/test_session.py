@@ -20,7 +20,7 @@ from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views
-from digs_warp.train.session import train_gaussians
+from digs_warp.train.session import Trained, train_gaussians
 from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import ball, write_tiny_capture
@@ -31,11 +31,10 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
 
 
-def run(capture: Capture, folder: Path, config: TrainConfig) -> tuple[Gaussians, RunLog]:
+def run(capture: Capture, folder: Path, config: TrainConfig) -> Trained:
     log = RunLog("test", config)
     test_views = load_test_views(capture.frames[:1])
-    gaussians = train_gaussians(ball(300), capture.frames[1:], test_views, config, folder, log)
-    return gaussians, log
+    return train_gaussians(ball(300), capture.frames[1:], test_views, config, folder, log)
 
 
 def course(folder: Path) -> list[dict]:
@@ -44,32 +43,32 @@ def course(folder: Path) -> list[dict]:
 
 def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: Path) -> None:
     config = TrainConfig(stop=Stop(iterations=100_000, time_budget=0.3))
-    gaussians, log = run(capture, tmp_path, config)
-    assert log.results["stopped by"] == "time budget"
-    assert 1 <= log.results["iterations"] < 100_000
+    trained = run(capture, tmp_path, config)
+    assert trained.stopped_by == "time budget"
+    assert 1 <= trained.course[-1].iteration < 100_000
     last = course(tmp_path)[-1]
-    assert last["iteration"] == log.results["iterations"]
+    assert last["iteration"] == trained.course[-1].iteration
     assert last["seconds"] >= 0.3 and "psnr" in last
-    assert len(gaussians) == log.results["gaussians"]
+    assert len(trained.gaussians) == len(Gaussians.load(tmp_path / GAUSSIANS))
     assert not (tmp_path / CHECKPOINT).exists()
 
 
 def test_a_target_quality_ends_the_run(capture: Capture, tmp_path: Path) -> None:
-    _, log = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=5000, target_psnr=24.0)))
+    trained = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=5000, target_psnr=24.0)))
     measured = [line["psnr"] for line in course(tmp_path) if "psnr" in line]
-    assert log.results["stopped by"] == "target psnr"
+    assert trained.stopped_by == "target psnr"
     assert measured[-1] >= 24.0 > max(measured[:-1])
 
 
 def test_a_run_without_budgets_ends_with_its_iterations(capture: Capture, tmp_path: Path) -> None:
-    _, log = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=3)))
-    assert (log.results["stopped by"], log.results["iterations"]) == ("iterations", 3)
+    trained = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=3)))
+    assert (trained.stopped_by, trained.course[-1].iteration) == ("iterations", 3)
 
 
 def test_the_course_is_kept_where_views_are_measured(capture: Capture, tmp_path: Path) -> None:
     save_snapshot(tmp_path, 77, ball(3))  # of a run before
     config = TrainConfig(stop=Stop(iterations=4), evaluate_at=(2,), keep_course=True)
-    gaussians, _ = run(capture, tmp_path, config)
+    gaussians = run(capture, tmp_path, config).gaussians
     kept = load_snapshots(tmp_path)
     assert [iteration for iteration, _ in kept] == [0, 2, 4]
     np.testing.assert_allclose(kept[0][1].means, ball(300).means, atol=1e-6)

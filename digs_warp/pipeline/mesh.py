@@ -1,16 +1,15 @@
-"""A mesh of Gaussians from the cameras that saw them: what `mesh` and `export-usd` share."""
+"""A mesh of Gaussians from the cameras that saw them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.pipeline.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
     from digs_warp.camera import Camera
-    from digs_warp.data.gaussians import Gaussians
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.surface.extract import Mask, Scene
 
@@ -45,60 +44,42 @@ class ExtractedMesh:
 
 
 def extract_mesh(
-    gaussians: "Gaussians",
-    reconstruction: Path,
-    capture: Path | None,
-    voxel: float | None = None,
-    views: int = MOST_VIEWS,
+    result: Reconstruction, voxel: float | None = None, views: int = MOST_VIEWS
 ) -> ExtractedMesh:
-    """Return the surface of Gaussians as a capture's cameras see it, or without one rings of cameras.
+    """Return the surface of Gaussians as the cameras of their capture see it, or else rings of cameras.
 
     Args:
-        gaussians: of one object.
-        reconstruction: folder that they come from: cameras and masks that it kept go before the capture's.
-        capture: the recording, if there is one.
+        result: Gaussians of one object; their views, where they are known, have cameras and masks.
         voxel: finest detail [m]; default: a 160th of the object's size.
         views: how many cameras to use at most, evenly spread.
 
     Raises:
-        DigsError: the capture cannot be read, or the cameras see no surface.
+        DigsError: the cameras see no surface.
     """
     from digs_warp.film.camera_path import find_subject
     from digs_warp.surface.extract import Scene, extract_surface
 
-    subject = find_subject(gaussians)
+    subject = find_subject(result.gaussians)
     scene = Scene(subject.center_world, subject.radius)
-    cameras, masks = _look_from(capture, reconstruction, scene, views)
-    result = extract_surface(gaussians, cameras, scene, voxel, masks)
+    cameras, masks = _look_from(result.frames, scene, views)
+    found = extract_surface(result.gaussians, cameras, scene, voxel, masks)
     return ExtractedMesh(
-        result.mesh,
-        result.removed_parts,
-        result.removed_triangles,
+        found.mesh,
+        found.removed_parts,
+        found.removed_triangles,
         len(cameras),
         scene.voxel if voxel is None else voxel,
     )
 
 
 def _look_from(
-    capture: Path | None, reconstruction: Path, scene: "Scene", views: int
+    frames: PosedFrames | None, scene: "Scene", views: int
 ) -> "tuple[list[Camera], list[Mask] | None]":
-    if capture is None:
+    if frames is None:
         return _evenly(_rings(scene), views), None
-    chosen = _evenly(_frames_of(capture, reconstruction), views)
+    chosen = _evenly((*frames.training, *frames.held_out), views)
     masked = all(frame.has(Layer.MASK) for frame in chosen)
     return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
-
-
-def _frames_of(capture: Path, reconstruction: Path) -> Sequence[Frame]:
-    """Return the frames with the cameras and masks that the reconstruction used, where it kept them."""
-    from digs_warp.data.capture import read_capture
-    from digs_warp.data.posed_frames import CAMERAS, PosedFrames
-
-    recorded = read_capture(capture)
-    if not (reconstruction / CAMERAS).is_file():
-        return recorded.frames
-    posed = PosedFrames.load(recorded, reconstruction)
-    return [*posed.training, *posed.held_out]
 
 
 def _evenly(items: Sequence[Item], count: int) -> list[Item]:

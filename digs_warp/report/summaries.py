@@ -1,18 +1,61 @@
-"""What `digs-warp info` says about each kind of thing."""
+"""What `digs-warp info` says about each kind of thing: a name and what is known, fact by fact."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.commands.facts import Facts
-from digs_warp.commands.quality import read_quality
-from digs_warp.data.capture import Frame, read_capture
+from digs_warp.data.capture import INDEX_NAME, Frame, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
 from digs_warp.record.files import read_json
+from digs_warp.record.run_log import RunRecord
+
+Facts = dict[str, str]
+
+
+def describe(path: Path) -> Facts:
+    """Return what is known about ``path``, in the order in which a reader wants it."""
+    if not path.exists():
+        raise DigsError(f"'{path}': no such file or folder. Check the path.")
+    if path.is_dir():
+        return _summary_of_folder(path)(path)
+    by_suffix: dict[str, Callable[[Path], Facts]] = {
+        ".npz": of_gaussians,
+        **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), of_usd),
+        **dict.fromkeys((".spz", ".splat"), of_splat_file),
+        ".ply": of_ply,
+        **dict.fromkeys((".glb", ".gltf", ".obj", ".stl"), of_mesh),
+    }
+    summary = by_suffix.get(path.suffix.lower())
+    if summary is None:
+        raise DigsError(
+            f"'{path}': cannot tell what '{path.suffix}' is; one of {', '.join(by_suffix)}"
+        )
+    return summary(path)
+
+
+def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
+    if (path / INDEX_NAME).is_file():
+        return of_capture
+    if (path / layout.GAUSSIANS).is_file():
+        return of_reconstruction
+    if (path / layout.CAPTURE).is_dir():
+        return of_run
+    if (path / layout.DATA_SET).is_file():
+        return of_data_set
+    if (record := RunRecord.find(path)) is not None:
+        raise DigsError(
+            f"'{path}': 'digs-warp {record.command}' has not finished here; run it again with --resume"
+        )
+    raise DigsError(
+        f"'{path}': holds neither a capture ({INDEX_NAME}) nor a reconstruction ({layout.GAUSSIANS}) "
+        f"nor the results of 'digs-warp run' ({layout.CAPTURE}/)"
+    )
 
 
 def of_capture(folder: Path) -> Facts:
@@ -85,10 +128,11 @@ def _of_gaussians(gaussians: Gaussians, path: Path) -> Facts:
 
 def of_reconstruction(folder: Path) -> Facts:
     """The Gaussians, how well they match the held-out views, and how long it took."""
-    facts = of_gaussians(folder / layout.GAUSSIANS) | {"kind": "reconstruction"}
-    if (folder / layout.EVALUATION).is_file():
-        facts["quality"] = str(read_quality(folder))
-    return facts | _of_record(folder)
+    result = Reconstruction.load(folder, partial=True)
+    facts = _of_gaussians(result.gaussians, folder / layout.GAUSSIANS) | {"kind": "reconstruction"}
+    if result.scores.views:
+        facts["quality"] = str(result.scores)
+    return facts | _of_seconds(result.run)
 
 
 def of_data_set(folder: Path) -> Facts:
@@ -165,14 +209,14 @@ def of_mesh(path: Path) -> Facts:
 
 
 def _of_record(folder: Path) -> Facts:
-    """Command and stage times from run.json."""
-    if not (folder / layout.RUN_RECORD).is_file():
-        return {}
-    record = read_json(folder / layout.RUN_RECORD, "run record")
-    seconds = record.get("seconds") or {}
-    if not seconds:
-        return {}
-    return {"seconds": ", ".join(f"{name} {value:.1f}" for name, value in seconds.items())}
+    """Stage times of the command that wrote a folder."""
+    record = RunRecord.find(folder)
+    return _of_seconds(record) if record else {}
+
+
+def _of_seconds(record: RunRecord) -> Facts:
+    seconds = ", ".join(f"{name} {value:.1f}" for name, value in record.seconds.items())
+    return {"seconds": seconds} if seconds else {}
 
 
 def _extent(points: np.ndarray) -> str:

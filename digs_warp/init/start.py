@@ -1,0 +1,48 @@
+"""What an initialization returns. Imports nothing heavy: results are read without the code behind them."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from digs_warp.data.point_cloud import PointCloud
+
+if TYPE_CHECKING:
+    from digs_warp.init.view_points import ViewPoints
+
+
+@dataclass
+class DepthReport:
+    """What became of the pixels and voxels.
+
+    Attributes:
+        voxel_size: edge length of the final grid [m].
+        pixels: sums over all views of the pixels left after each filter.
+        voxels: how many were left after each step on the grid.
+        seconds: CPU time of each stage, all threads together [s].
+    """
+
+    voxel_size: float = 0.0
+    pixels: dict[str, int] = field(default_factory=dict)
+    voxels: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, view: "ViewPoints") -> None:
+        """Count a view."""
+        for name, count in view.pixels.items():
+            self.pixels[name] += count
+        for name, seconds in view.seconds.items():
+            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+
+
+@dataclass(frozen=True, eq=False)
+class Initialization:
+    """The points to start from, and how they came about.
+
+    Attributes:
+        points: in the world [m].
+        sources: number of points by where they came from: "depth", "sfm", "random".
+        depth: what became of the depth maps' pixels; None when the strategy does not use depth.
+    """
+
+    points: PointCloud
+    sources: dict[str, int]
+    depth: DepthReport | None = None

@@ -1,0 +1,267 @@
+"""The result of a reconstruction, in memory and in the folder of docs/reconstruction-format.md.
+
+Nobody else reads or names the files of that folder that tell of a result.
+"""
+
+import logging
+import shutil
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import INDEX_NAME, Capture, read_capture
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import read_image, to_uint8, write_image
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.posed_frames import CAMERAS, PosedFrames
+from digs_warp.init.scale import ScaleEstimate
+from digs_warp.init.start import Initialization
+from digs_warp.measure.scores import Scores
+from digs_warp.pipeline.results import Results
+from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.layout import (
+    CAPTURE,
+    COURSE,
+    EVALUATION,
+    GAUSSIANS,
+    INITIAL_POINTS,
+    RUN_RECORD,
+    TRAINING,
+    find_gaussians,
+)
+from digs_warp.record.run_log import RunRecord
+from digs_warp.sfm.quality import SfmQuality
+from digs_warp.train.course import CourseRow, read_course, write_course
+from digs_warp.train.snapshots import load_snapshots
+
+logger = logging.getLogger(__name__)
+
+RENDERS = "renders"
+MASKS = "masks"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reconstruction:
+    """Gaussians, and what is known of how they were made.
+
+    A finished reconstruction has everything; of Gaussians from elsewhere only they are known.
+
+    Attributes:
+        gaussians: the result, in metres.
+        frames: training and held-out views with the cameras and masks that were used, where these were not
+            stored those of the capture; None where the capture is not known.
+        start: the points that the training started from, and where they come from.
+        scale: between structure from motion and metres; None for given poses.
+        sfm: quality of structure from motion; None where no images were matched.
+        scores: how well the held-out views match.
+        course: loss and quality along the training, a row every few iterations.
+        stopped_by: what ended the training: "iterations", "target psnr" or "time budget".
+        run: settings, versions and machine, and the seconds of each stage.
+        folder: where it is stored.
+        capture: folder of the recording; None where it is not known, or only in memory.
+    """
+
+    gaussians: Gaussians
+    frames: PosedFrames | None = None
+    start: Initialization | None = None
+    scale: ScaleEstimate | None = None
+    sfm: SfmQuality | None = None
+    scores: Scores = field(default_factory=Scores)
+    course: tuple[CourseRow, ...] = ()
+    stopped_by: str | None = None
+    run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
+    folder: Path | None = None
+    capture: Path | None = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings as JSON values; empty where they are not known."""
+        return self.run.settings
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall-clock time of each stage [s]."""
+        return self.run.seconds
+
+    @property
+    def strategy(self) -> str | None:
+        """How the initial points were made, such as "highdepth"; None where it is not known."""
+        return (self.settings.get("init") or {}).get("strategy")
+
+    @property
+    def masks(self) -> str | None:
+        """Where the masks came from: "capture", or how they were made; None where it is not known."""
+        return (self.settings.get("segment") or {}).get("masks")
+
+    @property
+    def results(self) -> Results:
+        """The counts and figures in run.json."""
+        last = self.course[-1] if self.course else None
+        return replace(
+            Results.of_start(self.capture, self.start, self.sfm, self.scale),
+            gaussians=len(self.gaussians),
+            iterations=last.iteration if last else None,
+            stopped_by=self.stopped_by,
+            training_seconds=round(last.seconds, 3) if last else None,
+            held_out=self.scores.mean if self.scores.views else None,
+        )
+
+    def load_render(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        """Return a held-out view as the Gaussians show it on white, sRGB, uint8.
+
+        Args:
+            name: of the frame.
+            shape: of its photograph, (height, width, 3).
+
+        Raises:
+            DigsError: it was not stored, or has another size.
+        """
+        path = self._stored() / RENDERS / f"{name}.png"
+        pixels = read_image(path, "rendered view")
+        if pixels.dtype != np.uint8 or pixels.shape != shape:
+            raise DigsError(
+                f"rendered view '{path}': {pixels.shape} of {pixels.dtype}, expected {shape} of uint8 "
+                "as the capture has; reconstruct again"
+            )
+        return pixels
+
+    def load_snapshots(self) -> tuple[tuple[int, Gaussians], ...]:
+        """Return (iteration, Gaussians) of the training, ascending; empty where none were kept.
+
+        Raises:
+            DigsError: a file is broken.
+        """
+        return load_snapshots(self.folder) if self.folder else ()
+
+    def save(self, folder: Path) -> "Reconstruction":
+        """Write a folder that `load` reads; return the reconstruction with it as its folder.
+
+        Renders, snapshots and masks of the folder that it was loaded from are copied.
+        """
+        folder = Path(folder)
+        frames = self.frames
+        if self.folder is not None and self.folder.resolve() != folder.resolve():
+            for name in (RENDERS, COURSE, MASKS):
+                if (self.folder / name).is_dir():
+                    shutil.copytree(self.folder / name, folder / name, dirs_exist_ok=True)
+            frames = frames.moved(self.folder, folder) if frames else None
+        if frames:
+            frames.save(folder)
+        if self.start:
+            self.start.points.save(folder / INITIAL_POINTS)
+        write_course(folder / TRAINING, self.course)
+        write_scores(folder, self.scores)
+        run = replace(self.run, results=self.results.to_json())
+        run.save(folder / RUN_RECORD)
+        self.gaussians.save(folder / GAUSSIANS)
+        return replace(self, folder=folder, frames=frames, run=run)
+
+    @staticmethod
+    def load(
+        folder: Path, capture: Capture | None = None, partial: bool = False
+    ) -> "Reconstruction":
+        """Read the folder of a reconstruction, or of a whole run.
+
+        Args:
+            folder: of 'digs-warp reconstruct' or 'digs-warp run', or its gaussians.npz.
+            capture: the recording; without it, the one that was reconstructed, if it is still there.
+            partial: accept a folder that has Gaussians but was not finished; what is missing stays unknown.
+
+        Raises:
+            DigsError: a file is missing or broken; the message names it.
+        """
+        if not Path(folder).exists():
+            raise DigsError(f"reconstruction '{folder}': no such folder")
+        folder = find_gaussians(Path(folder)).parent
+        gaussians = Gaussians.load(folder / GAUSSIANS)
+
+        def wanted(name: str) -> bool:
+            return not partial or (folder / name).is_file()
+
+        scores = _read_scores(folder / EVALUATION) if wanted(EVALUATION) else Scores()
+        course = read_course(folder / TRAINING) if wanted(TRAINING) else ()
+        run = RunRecord.load(folder / RUN_RECORD) if not partial else RunRecord.find(folder)
+        results = Results.read(run, folder / RUN_RECORD) if run else Results()
+        points = folder / INITIAL_POINTS
+        frames, place = _find_frames(folder, capture, results.capture)
+        return Reconstruction(
+            gaussians=gaussians,
+            frames=frames,
+            start=results.start(PointCloud.load(points)) if points.is_file() else None,
+            scale=results.scale,
+            sfm=results.sfm,
+            scores=scores,
+            course=course,
+            stopped_by=results.stopped_by,
+            run=run or RunRecord("", {}, {}),
+            folder=folder,
+            capture=place,
+        )
+
+    @staticmethod
+    def of_gaussians(
+        gaussians: Gaussians, folder: Path, capture: Capture | None = None
+    ) -> "Reconstruction":
+        """Return Gaussians that another program wrote into ``folder``, with the views of a capture.
+
+        Without ``capture``, it is the one that a run left in or beside the folder, if any.
+        """
+        frames, place = _find_frames(folder, capture)
+        return Reconstruction(gaussians=gaussians, frames=frames, capture=place)
+
+    def _stored(self) -> Path:
+        if self.folder is None:
+            raise DigsError("reconstruction: it is only in memory; save it to a folder first")
+        return self.folder
+
+
+def write_scores(folder: Path, scores: Scores) -> None:
+    """Write the scores into the folder of a reconstruction."""
+    write_atomically(folder / EVALUATION, to_json(scores.to_json()).encode())
+
+
+def write_render(folder: Path, name: str, image: np.ndarray) -> None:
+    """Write a held-out view, values in 0..1, where `Reconstruction.load_render` finds it."""
+    write_image(folder / RENDERS / f"{name}.png", to_uint8(image))
+
+
+def find_capture(folder: Path, recorded: Path | None = None) -> Path | None:
+    """Return the capture that a run left in or beside ``folder``, else the ``recorded`` one, else None."""
+    candidates = (folder / CAPTURE, folder.parent / CAPTURE, recorded)
+    return next((path for path in candidates if path and (path / INDEX_NAME).is_file()), None)
+
+
+def _read_scores(path: Path) -> Scores:
+    content = read_json(path, "evaluation")
+    try:
+        return Scores.from_json(content)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise DigsError(
+            f"evaluation '{path}': {error!r}; expected 'mean', and 'views' that each have a 'name'; "
+            "reconstruct again"
+        ) from error
+
+
+def _find_frames(
+    folder: Path, capture: Capture | None, recorded: Path | None = None
+) -> tuple[PosedFrames | None, Path | None]:
+    """Return the frames as used, and where the capture is; one that nobody named may be broken."""
+    if capture is not None:
+        return _frames(folder, capture), capture.stored_in
+    place = find_capture(folder, recorded)
+    if place is None:
+        return None, None
+    try:
+        return _frames(folder, read_capture(place)), place
+    except DigsError as error:
+        logger.warning("the views of '%s' are not known: %s", folder, error)
+        return None, place
+
+
+def _frames(folder: Path, capture: Capture) -> PosedFrames:
+    if (folder / CAMERAS).is_file():
+        return PosedFrames.load(capture, folder)
+    return PosedFrames.as_recorded(capture)

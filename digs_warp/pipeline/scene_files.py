@@ -1,0 +1,93 @@
+"""Gaussians from any kind of file or folder, and into any kind of file."""
+
+from pathlib import Path
+from typing import Literal
+
+from digs_warp.checks import DigsError, require_file
+from digs_warp.data.capture import Capture
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.usd_scene import write_scene
+from digs_warp.record.layout import GAUSSIANS, find_gaussians
+
+UpAxis = Literal["z", "y", "-y"]
+SpzVersion = Literal[2, 3, 4]
+
+OURS = ".npz"
+SPLAT_SUFFIXES = (".ply", ".spz", ".splat")
+USD_SUFFIXES = (".usdz", ".usdc", ".usda")
+SUFFIXES = (OURS, *SPLAT_SUFFIXES, *USD_SUFFIXES)
+
+
+def read_scene(
+    source: Path, up: UpAxis = "z", drop_broken: bool = False, capture: Capture | None = None
+) -> Reconstruction:
+    """Return the Gaussians of a file or folder, with all that is known of their making.
+
+    Args:
+        source: a folder of 'digs-warp reconstruct' or 'run', an ``.npz``, a splat file or a USD scene.
+        up: the axis that points up in PLY and .splat files, which do not say it.
+        drop_broken: leave out Gaussians with NaN or infinite values of a splat file, instead of refusing it.
+        capture: the recording; default: the one that a run left in or beside the folder, if any.
+
+    Raises:
+        DigsError: the source is missing, damaged or none of these.
+    """
+    path = find_gaussians(Path(source))
+    if path.name == GAUSSIANS:
+        return Reconstruction.load(path, capture, partial=True)
+    gaussians = _read_gaussians(path, up, drop_broken)
+    return Reconstruction.of_gaussians(gaussians, path.parent, capture)
+
+
+def check_target(target: Path) -> None:
+    """Raise a `DigsError` unless the suffix of ``target`` is one that `write_scene_file` knows."""
+    if target.suffix.lower() not in SUFFIXES:
+        raise DigsError(
+            f"'{target}': suffix '{target.suffix}', expected one of {', '.join(SUFFIXES)} for Gaussians"
+        )
+
+
+def write_scene_file(
+    target: Path,
+    result: Reconstruction,
+    source: Path,
+    up: UpAxis = "z",
+    spz_version: SpzVersion = 3,
+) -> None:
+    """Write Gaussians in the format that the suffix of ``target`` names.
+
+    A USD scene says how a reconstruction was made, and of other Gaussians the name of their ``source``.
+    """
+    suffix = target.suffix.lower()
+    if suffix in SPLAT_SUFFIXES:
+        from digs_warp.interchange.splats.files import write_splat_file
+
+        write_splat_file(target, result.gaussians, up, spz_version)
+    elif suffix not in USD_SUFFIXES:
+        result.gaussians.save(target)
+    elif result.folder is not None:
+        write_scene(result, target)
+    else:
+        from digs_warp.usd.writer import write_gaussians
+
+        write_gaussians(target, result.gaussians, {"source": source.name})
+
+
+def _read_gaussians(path: Path, up: UpAxis, drop_broken: bool) -> Gaussians:
+    suffix = path.suffix.lower()
+    if suffix in SPLAT_SUFFIXES:
+        from digs_warp.interchange.splats.files import read_splat_file
+
+        return read_splat_file(path, up, drop_broken)
+    if suffix in (*USD_SUFFIXES, ".usd"):
+        from digs_warp.usd.reader import read_gaussians
+
+        return read_gaussians(path)
+    require_file(path, "Gaussians")
+    if suffix != OURS:
+        raise DigsError(
+            f"'{path}': suffix '{path.suffix}', expected Gaussians: a folder of 'digs-warp reconstruct', "
+            f"or one of {', '.join(SUFFIXES)}"
+        )
+    return Gaussians.load(path)

@@ -1,0 +1,139 @@
+"""From a reconstruction to its USD scene, alone or in the package of its capture."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import recorded_hash
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.pipeline.mesh import extract_mesh
+from digs_warp.pipeline.reconstruction import Reconstruction
+
+if TYPE_CHECKING:
+    from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.usd.cameras import CameraPath
+    from digs_warp.usd.capture_scene import SceneVariant
+    from digs_warp.usd.writer import WriteOptions
+
+logger = logging.getLogger(__name__)
+
+
+def write_scene(result: Reconstruction, path: Path, options: "WriteOptions | None" = None) -> None:
+    """Write the Gaussians alone; what is known about their making goes along as metadata."""
+    from digs_warp.usd.writer import write_gaussians
+
+    write_gaussians(path, result.gaussians, scene_metadata(result), options)
+
+
+def write_capture_package(
+    capture: Capture,
+    results: Sequence[Reconstruction],
+    path: Path,
+    options: "WriteOptions | None" = None,
+    surface: bool = False,
+) -> None:
+    """Write one scene of all reconstructions of a capture, with its cameras.
+
+    Args:
+        capture: the recording.
+        results: its reconstructions; the first is shown by default, and its scene has the cameras, and the
+            course of the training where it was kept.
+        path: the ``.usdz`` file.
+        options: precision and degree.
+        surface: also extract a mesh from the first reconstruction, for the scene.
+
+    Raises:
+        DigsError: there is no surface to extract, or the scene cannot be written.
+    """
+    from digs_warp.usd.capture_scene import CaptureScene, write_capture_scene
+
+    shown = results[0]
+    posed = shown.frames or PosedFrames.as_recorded(capture)
+    capture_hash = recorded_hash(capture.stored_in) if capture.stored_in else None
+    scene = CaptureScene(
+        variants=tuple(map(_variant, results, variant_labels(results))),
+        cameras=_camera_path(capture, posed),
+        source_mesh=_source_mesh(capture),
+        surface=extract_mesh(replace(shown, frames=posed)).mesh if surface else None,
+        course=shown.load_snapshots(),
+        metadata=scene_metadata(shown) | ({"capture_sha256": capture_hash} if capture_hash else {}),
+    )
+    write_capture_scene(path, scene, options)
+
+
+def scene_metadata(result: Reconstruction) -> dict[str, Any]:
+    """Return what is known about the making of a reconstruction.
+
+    USD has no place for what the training assumed of its renderer: its constants are part of it.
+    """
+    from digs_warp.splat.config import DEFAULT_OPTIONS as options
+
+    metadata: dict[str, Any] = {
+        "kernel": {
+            "dilation_px2": options.dilation,
+            "min_alpha": options.min_alpha,
+            "max_alpha": options.max_alpha,
+        }
+    }
+    if result.run.versions:
+        metadata |= {"settings": result.settings, "versions": result.run.versions}
+    if result.scores.views:
+        metadata["held_out"] = result.scores.mean.to_json()
+    return metadata
+
+
+def variant_labels(results: Sequence[Reconstruction]) -> list[str]:
+    """Return a name for each: its initialization, else its folder; numbered where they repeat."""
+    names = [
+        result.strategy or (result.folder.resolve().name if result.folder else "gaussians")
+        for result in results
+    ]
+    return [
+        f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
+    ]
+
+
+def _variant(result: Reconstruction, name: str) -> "SceneVariant":
+    from digs_warp.usd.capture_scene import SceneVariant
+
+    metadata = scene_metadata(result)
+    own = {key: metadata[key] for key in ("settings", "held_out") if key in metadata}
+    points = result.start.points if result.start else None
+    return SceneVariant(name, result.gaussians, points, own)
+
+
+def _camera_path(capture: Capture, posed: PosedFrames) -> "CameraPath | None":
+    """Return the cameras as the reconstruction used them, in the order of the recording."""
+    from digs_warp.usd.cameras import CameraPath
+
+    views = posed.by_time
+    times = [frame.time for frame, _ in views]
+    if any(later <= before for before, later in pairwise(times)):
+        times = [float(i) for i in range(len(views))]  # photographs without a clock
+    try:
+        return CameraPath(
+            cameras=tuple(frame.camera for frame, _ in views),
+            times=tuple(times),
+            names=tuple(frame.name for frame, _ in views),
+            held_out=tuple(held_out for _, held_out in views),
+            baseline=capture.rig.baseline if capture.rig else None,
+        )
+    except DigsError as error:
+        logger.warning("the scene gets no cameras: %s", error)
+        return None
+
+
+def _source_mesh(capture: Capture) -> "TriangleMesh | None":
+    from digs_warp.surface.true_surface import read_true_surface
+
+    try:
+        return read_true_surface(capture.stored_in) if capture.stored_in else None
+    except DigsError as error:
+        logger.warning("the scene gets no source mesh: %s", error)
+        return None

@@ -1,0 +1,77 @@
+"""Records how a training run goes along: a line of training.jsonl every few iterations."""
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from digs_warp.measure.scores import Score, mean_score
+from digs_warp.train.course import CourseRow, read_course, write_course
+from digs_warp.train.evaluate import TestView, render_views, score_views
+from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
+from digs_warp.train.trainer import Trainer
+
+# Iterations from one line to the next.
+LOG_EVERY = 10
+
+
+class CourseRecorder:
+    """Writes how loss and quality go along iterations and seconds.
+
+    Args:
+        path: the file, one JSON object a line; lines up to the trainer's iteration are kept.
+        trainer: the run.
+        test_views: held-out views to measure; may be empty.
+
+    Attributes:
+        rows: what was recorded so far.
+        seconds: time spent in `record` so far: measuring the course is no training.
+        psnr: what the held-out views reached last [dB], minus infinity before they are measured.
+    """
+
+    def __init__(self, path: Path, trainer: Trainer, test_views: Sequence[TestView]) -> None:
+        step = trainer.optimizer.step
+        # A resumed run keeps the rows up to the checkpoint it goes on from.
+        before = read_course(path) if step and path.is_file() else ()
+        self.rows = [row for row in before if row.iteration <= step]
+        self.seconds = 0.0
+        self.psnr = -math.inf
+        self._path = path
+        self._trainer = trainer
+        self._test_views = test_views
+        drop_snapshots_after(path.parent, step)
+
+    def record(self, measure: bool) -> str:
+        """Add a line; return a few words for the progress bar.
+
+        Args:
+            measure: also render and score the held-out views, and keep the Gaussians where asked to.
+        """
+        start = time.perf_counter()
+        trainer = self._trainer
+        step = trainer.optimizer.step
+        if measure and trainer.config.keep_course:
+            save_snapshot(self._path.parent, step, trainer.gaussians.to_numpy())
+        row = CourseRow(
+            iteration=step,
+            seconds=round(trainer.seconds, 4),
+            loss=trainer.loss_value() if step else None,
+            splats=len(trainer.gaussians),
+            score=self._measured() if measure and self._test_views else None,
+        )
+        if row.score:
+            self.psnr = row.score.psnr
+        self.rows.append(row)
+        write_course(self._path, self.rows)
+        self.seconds += time.perf_counter() - start
+        return self._in_words(row.loss)
+
+    def _measured(self) -> Score:
+        images = render_views(self._trainer.gaussians, self._test_views)
+        return mean_score(score_views(images, self._test_views))
+
+    def _in_words(self, loss: float | None) -> str:
+        words = [] if loss is None else [f"loss {loss:.4f}"]
+        if self.psnr > -math.inf:
+            words.append(f"held out {self.psnr:.1f} dB")
+        return ", ".join(words)
