@@ -2,12 +2,15 @@
 
 import importlib
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from digs_warp.study.benchmarks import BENCHMARKS
 from digs_warp.study.results import Result, format_number, format_tables, write_json_lines
+
+REPOSITORY = Path(__file__).resolve().parents[3]
 
 RESULTS = [
     Result({"splats": 1000, "stage": "forward"}, {"time [ms]": 12.345678, "passes": 3}),
@@ -54,5 +57,14 @@ def test_every_benchmark_names_a_function_that_exists(benchmark) -> None:
 
 @pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda benchmark: benchmark.name)
 def test_every_benchmark_has_a_place_in_its_page(benchmark) -> None:
-    page = (Path(__file__).resolve().parents[3] / "docs" / benchmark.page).read_text()
-    assert f"<!-- {benchmark.name}" in page
+    assert f"<!-- {benchmark.name}" in (REPOSITORY / "docs" / benchmark.page).read_text()
+
+
+def test_every_mark_of_a_page_is_filled_by_a_script_that_exists() -> None:
+    names = {(benchmark.page, benchmark.name) for benchmark in BENCHMARKS}
+    for page in (REPOSITORY / "docs").glob("*.md"):
+        found = re.findall(r"<!-- ([^:>]+): written by (\S+) -->", page.read_text())
+        for mark, script in found:
+            assert (REPOSITORY / script).is_file(), (page, script)
+            if script == "scripts/pages.py" and mark != "machine":
+                assert (page.name, mark.split()[0]) in names, (page, mark)
