@@ -6,7 +6,7 @@ from digs_warp.device.contiguous import bytes_from, floats_from
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Only loops of fixed length become vector code: a row is walked in pieces of so many pixels, then one by one.
+# Only loops of fixed length become vector code: a row is done in pieces of this many pixels, then the rest.
 _PIECE = wp.constant(32)
 
 

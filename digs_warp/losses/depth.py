@@ -94,7 +94,7 @@ def depth_weights(
         image: sRGB, (height, width, 3), uint8.
         mask: 0..255, (height, width); a pixel of the object has 128 or more.
         depth: [m], NaN where unknown.
-        confidence: 0..1, (height, width); None: all alike.
+        confidence: 0..1, (height, width); None: 1 everywhere.
     """
     values = image.astype(np.float32) / 255.0
     across = np.abs(np.diff(values, axis=1, append=values[:, -1:])).mean(axis=2)

@@ -90,7 +90,7 @@ class Launch(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class RasterLaunches:
-    """The kernels of a view, in the order in which they run; tiles are listed after the projection."""
+    """The launches of a view, in order; the binner lists the tiles between the first two."""
 
     project: Launch
     forward: Launch
@@ -116,7 +116,7 @@ class RasterBackend(Protocol):
         ...
 
     def ends(self, tiles: int, pixels: int) -> int:
-        """Return the length of `RasterJob.ends`, for views of so many tiles and padded pixels."""
+        """Return the length of `RasterJob.ends`, given the tiles and padded pixels of the largest view."""
         ...
 
     def record(self, job: RasterJob) -> RasterLaunches:

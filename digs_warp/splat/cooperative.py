@@ -1,6 +1,6 @@
 """Compositing on a GPU: a block of threads per 16x16 tile, one thread per pixel.
 
-The formulas stand in `digs_warp.splat.rasterize`. The threads of a block load the records of a batch of
+The formulas are in `digs_warp.splat.rasterize`. The threads of a block load the records of a batch of
 splats into shared memory together (3DGS), so that each record is read from global memory once per tile
 rather than once per pixel, and the block leaves when all of its pixels are saturated.
 

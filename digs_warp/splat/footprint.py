@@ -33,7 +33,7 @@ class ViewParams:
     rotation: wp.mat33  # cam_from_world
     translation: wp.vec3
     center_world: wp.vec3
-    # The tiles of the view, and those of them that are drawn: columns first .. end - 1, rows alike.
+    # The tiles of the view, and those that are drawn: columns and rows first .. end - 1.
     columns: int
     rows: int
     first_column: int

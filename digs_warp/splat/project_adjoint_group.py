@@ -71,7 +71,7 @@ def project_backward_group_kernel(
     size = wp.min(_GROUP, gaussians.means.shape[0] - begin)
     cam = splats.views[0]
     memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
-    # A view: of the local array itself, LLVM reads the address anew after every write.
+    # A view: LLVM reloads the address of the local array itself after every write.
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
         g = begin + member
@@ -93,7 +93,7 @@ def project_backward_group_kernel(
         put_vec3(d.color, state, _D_COLOR + member)
         state[_ABSOLUTE_U + member] = d.absolute_u
         state[_ABSOLUTE_V + member] = d.absolute_v
-    # Of a group that is not full, the rest is zeros; what becomes of them is not written.
+    # Padding slots compute on zeros and are discarded.
     for i in range(_GROUP):
         mean, log_scale, q, opacity_logit = parameters_at(state, i)
         f = footprint_of(cam, mean, log_scale, q)

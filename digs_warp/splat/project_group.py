@@ -47,7 +47,7 @@ def project_group_kernel(
     size = wp.min(_GROUP, gaussians.means.shape[0] - begin)
     cam = splats.views[0]
     memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
-    # A view: of the local array itself, LLVM reads the address anew after every write.
+    # A view: LLVM reloads the address of the local array itself after every write.
     state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
     for member in range(size):
         given = begin + member
@@ -59,7 +59,7 @@ def project_group_kernel(
             state,
             _PARAMETERS + member,
         )
-    # Of a group that is not full, the rest is zeros; what becomes of them is not written.
+    # Padding slots compute on zeros and are discarded.
     for i in range(_GROUP):
         mean, log_scale, quat, opacity_logit = parameters_at(state, _PARAMETERS + i)
         p = projection_of(cam, mean, log_scale, quat, opacity_logit)

@@ -22,8 +22,8 @@ partial gradients: threads never share an address, so the result is the same for
 
 What keeps the inner loops fast: no libm calls, no branches (`wp.where`), no variable name used in two
 loops, and all pixel state of a tile, copies of its gradient planes included, in one array whose stride LLVM
-knows (a read from a Warp array, whose stride is known only at run time, becomes a gather). How that state
-lies in memory, and why, stands in `digs_warp.splat.tile`.
+knows (a read from a Warp array, whose stride is known only at run time, becomes a gather).
+`digs_warp.splat.tile` says how that state lies in memory, and why.
 Splats are drawn in groups: which blocks of the tile each one touches is found for the group at once
 (`digs_warp.splat.tile_blocks`), and kept for the backward pass.
 The options are constants of the kernel, and what a view does not ask for is not in it: there is one kernel

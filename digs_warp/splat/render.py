@@ -47,7 +47,7 @@ class RenderOutput:
         alpha: coverage in 0..1, shape (height, width), float32.
         depth: expected planar depth [m], shape (height, width), NaN where nothing is drawn; None unless
             the options ask for it, as the next two.
-        median_depth: planar depth [m] at which the coverage passes 1/2, NaN where it does not, alike.
+        median_depth: planar depth [m] at which the coverage passes 1/2, NaN where it does not, same shape.
         normals: sum of the weighted unit normals, camera axes, shape (height, width, 3).
     """
 

@@ -232,7 +232,7 @@ class SplatRenderer:
         return min(there, self.options.max_sh_degree, there if wanted is None else wanted)
 
     def _record(self, degree: int) -> None:
-        """Record the launches for so many bands of the colour on the present buffers, if they are not."""
+        """Record the launches for ``degree`` bands and the present buffers, unless they are recorded."""
         if (degree, self.binner.generation) == (self._degree, self._generation):
             return
         self._degree, self._generation = degree, self.binner.generation

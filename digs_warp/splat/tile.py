@@ -49,7 +49,7 @@ BLOCK_ROW_SHIFT = wp.constant((TILE_SIZE // BLOCK_HEIGHT).bit_length() - 1)
 # third of the time of a row goes into index checks.
 BLOCKS_MASK = wp.constant(TILE_PIXELS // (BLOCK_HEIGHT * BLOCK_WIDTH) - 1)
 BLOCK_ROW_MASK = wp.constant(TILE_SIZE // BLOCK_HEIGHT - 1)
-# Splats of a tile are drawn in groups of so many; which pixels are saturated is looked up before each.
+# Splats of a tile are drawn in groups; saturated blocks are looked up before each group.
 GROUP = wp.constant(16)
 # Blocks of a tile; those that are not saturated are one bit each.
 BLOCKS = wp.constant(TILE_PIXELS // (BLOCK_HEIGHT * BLOCK_WIDTH))
@@ -64,7 +64,7 @@ _EXP_5 = wp.constant(0.005739180249832998 / 8.0**5)
 
 
 def planes_memory(planes: int) -> int:
-    """Return how many floats hold so many planes, wherever they begin."""
+    """Return how many floats hold ``planes`` planes at any alignment."""
     return planes * PLANE_FLOATS + _CACHE_LINE
 
 
