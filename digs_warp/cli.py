@@ -97,7 +97,7 @@ def _how_to_go_on(arguments: Sequence[str], command: Command) -> str:
     if not command.can_resume:
         return "Nothing was written."
     again = [argument for argument in arguments if argument not in ("--overwrite", "--resume")]
-    # A command with an output folder goes on when it is told to; a study does so by itself.
+    # A command with an output folder needs --resume; a study resumes by itself.
     resume = ["--resume"] if hasattr(command, "output") else []
     return f"To go on where it stopped: {shlex.join([PROGRAM, *again, *resume])}"
 

@@ -21,32 +21,36 @@ RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "re
 
 @dataclass(frozen=True, kw_only=True)
 class Convert(Command):
-    """Write a capture or Gaussians in another program's format; what the source is decides.
+    """Convert Gaussians, captures and recordings between file formats.
 
-    Gaussians: digs-warp convert out/reconstruction scene.spz, or a.ply b.usdz: any two of .npz, .ply, .spz,
-    .splat, .usdz, .usdc, .usda. A capture: digs-warp convert out/capture --to colmap --out out/colmap
-    (nerfstudio reads the capture as it is). A recording of a real camera becomes a capture: digs-warp
-    convert my/recording --from tum --out out/capture.
+    Gaussians: 'digs-warp convert out/reconstruction scene.spz' or 'digs-warp convert a.ply b.usdz', with any
+    two of .npz, .ply, .spz, .splat, .usdz, .usdc and .usda.
+
+    A capture, for another program: 'digs-warp convert out/capture --to colmap --out out/colmap'. nerfstudio
+    reads captures as they are.
+
+    A recording of a real camera becomes a capture: 'digs-warp convert my/recording --from tum --out
+    out/capture'.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
     """A capture folder; or Gaussians: a reconstruction folder or a file; or, with --from, a recording."""
 
     target: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="TARGET")] = None
-    """The file or folder to write; --out says the same."""
+    """The file or folder to write, instead of --out."""
 
     out: Path | None = None
-    """The file or folder to write; a folder has to be new or empty, unless --overwrite is given."""
+    """The file or folder to write. A folder must be new or empty, unless --overwrite is given."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace the file if it exists; delete the results of an earlier run in the folder first."""
+    """Replace the file if it exists, or first delete the results of an earlier run in the folder."""
 
     to: CaptureFormat | None = None
-    """For a capture, the format: COLMAP model (text or binary), TUM RGB-D, BOP, or Redwood for Open3D."""
+    """For a capture: the format to write. COLMAP (text or binary), TUM RGB-D, BOP, or Redwood for Open3D."""
 
     recorded_as: Annotated[RecordingFormat | None, tyro.conf.arg(name="from")] = None
-    """For a recording of a real RGB-D camera, the form of its folder; a capture folder is written
-    (docs/recordings.md says what each form holds)."""
+    """For a recording of a real RGB-D camera: the format of its folder (see docs/recordings.md). The result
+    is a capture."""
 
     gaussians: Annotated[SplatConversion, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SplatConversion
@@ -54,7 +58,7 @@ class Convert(Command):
 
     def __post_init__(self) -> None:
         if (self.target is None) == (self.out is None):
-            raise DigsError("name what to write once: as TARGET or with --out")
+            raise DigsError("name what to write, either as TARGET or with --out")
         if self.recorded_as is not None and self.to is not None:
             raise DigsError(
                 "--from and --to together: convert the recording to a capture first, then the capture"

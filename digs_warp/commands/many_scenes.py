@@ -9,16 +9,16 @@ from digs_warp.checks import DigsError
 
 @dataclass(frozen=True, kw_only=True)
 class ManyScenes:
-    """Several recordings in one folder: every mesh, in every environment, on every walk."""
+    """Record every mesh in every environment on several camera paths, all into one folder."""
 
     meshes: str | None = None
-    """Mesh files as a pattern, for example 'meshes/**/*.glb' (in quotes)."""
+    """Pattern for mesh files, in quotes, for example 'meshes/**/*.glb'."""
 
     environments: str | None = None
-    """Environment files as a pattern, for example 'skies/*.hdr' (in quotes)."""
+    """Pattern for environment files, in quotes, for example 'skies/*.hdr'."""
 
     trajectories: int = 1
-    """Walks around each object in each environment; each has its own seed."""
+    """Camera paths per object and environment, each with its own seed."""
 
     def __post_init__(self) -> None:
         if self.trajectories < 1:

@@ -1,4 +1,4 @@
-"""The rules for writing results: nothing of the user's is ever lost without being told to."""
+"""The rules for writing results: no file of the user's is deleted unless a flag says so."""
 
 import shutil
 from collections.abc import Sequence
@@ -19,13 +19,13 @@ class OutputFolder:
     """Where the results go."""
 
     out: Path
-    """Folder to write; it has to be new or empty, unless --resume or --overwrite is given."""
+    """Folder for the results. It must be new or empty, unless --resume or --overwrite is given."""
 
     resume: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Go on where an interrupted run with the same settings stopped."""
+    """Continue an interrupted run that had the same settings."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Delete the results of an earlier run in this folder first."""
+    """First delete the results of an earlier run in this folder."""
 
     def __post_init__(self) -> None:
         if self.resume and self.overwrite:

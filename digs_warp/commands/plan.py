@@ -24,7 +24,7 @@ class _PlanOptions(SimulateConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan(SettingsCommand):
-    """Look at a few frames of a scene and say which effects of the depth camera it calls for, and why."""
+    """Render a few frames of a scene and list the sensor effects that matter on it, and why."""
 
     recording: Annotated[_PlanOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=_PlanOptions

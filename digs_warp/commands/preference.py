@@ -62,7 +62,7 @@ class EvaluateSheets(Command):
     """CSV files, one per participant or many in one: columns participant, version, question, choice."""
 
     key: Path
-    """The key.json of the kit."""
+    """The key.json of the kit, which says what stood where."""
 
     def execute(self) -> str:
         """Return counts, shares and p values."""

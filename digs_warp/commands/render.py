@@ -34,14 +34,14 @@ OTHER_FILES = (".avi", ".mov", ".mkv", ".webm", ".m4v", ".apng", ".webp", ".png"
 class Render(Command):
     """Film a scene: an orbit around the object, or along the path of a capture.
 
-    Says how many frames per second were rendered; writing the video is timed apart.
+    Prints how many frames per second were rendered, without the time to write the video.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """A folder of 'digs-warp reconstruct' or 'run', or Gaussians as .npz, .ply, .spz, .splat or USD."""
 
     out: Path
-    """What to write: a video (.mp4, VP9: browsers play it), an animated .gif, or a folder of PNG frames."""
+    """What to write: a video that browsers play (.mp4, VP9), an animated .gif, or a folder of PNG frames."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the file, or the frames of an earlier run in the folder, if they exist."""
@@ -50,7 +50,7 @@ class Render(Command):
     """Move along the camera path of this capture folder instead of around the object."""
 
     elevation_deg: float = 20.0
-    """Height of an orbit over the horizon [degrees]."""
+    """Elevation of the orbit above the horizon [degrees]."""
 
     seconds: float = 4.0
     """Length of the film; an orbit is one turn."""
@@ -65,7 +65,7 @@ class Render(Command):
     """Height of a frame [px]."""
 
     fov_deg: float | None = None
-    """Horizontal field of view [degrees]; 45 for an orbit, that of the capture for its path."""
+    """Horizontal field of view [degrees]. Default: 45 for an orbit, the capture's for its path."""
 
     background: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Red, green and blue of the background, 0 to 1."""
