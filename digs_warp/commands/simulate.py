@@ -103,10 +103,11 @@ class Simulate(SettingsCommand):
         log.save(record)
         with log.stage("simulate"):
             results = simulate_many(jobs, folder, self.output.resume)
-        log.results = {"scenes": len(results), "failed": [r.name for r in results if r.error]}
+        failed = [each.name for each in results if each.error]
+        log.results = {"scenes": len(results), "failed": failed}
         log.save(record)
         lines = format_facts({result.name: str(result) for result in results})
         summary = f"{lines}\n\nAlso in {folder / DATA_SET}"
-        if failed := log.results["failed"]:
+        if failed:
             raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{summary}")
         return f"{summary}. {len(results)} scenes in {log.seconds['simulate']:.0f} s"
