@@ -3,8 +3,9 @@
     import digs_warp as dw
 
     capture = dw.simulate("mug.glb", frames=20)        # a recording, in memory or in a folder
-    gaussians = dw.reconstruct(capture, iterations=300)
-    view = dw.render(gaussians, capture.frames[0].camera)
+    result = dw.reconstruct(capture, iterations=300)
+    result.save_usd("mug.usdz")
+    view = result.render(capture.frames[0].camera)
     gradients = view.backward(adj_image=...)           # NumPy in, NumPy out
 
 The names in ``__all__`` are public: they keep their meaning, and a change is announced in CHANGELOG.md, as
@@ -27,9 +28,13 @@ if TYPE_CHECKING:
     from digs_warp.checks import DigsError as DigsError
     from digs_warp.data.capture import Capture as Capture
     from digs_warp.data.capture import Frame as Frame
+    from digs_warp.data.capture_writer import CaptureWriter as CaptureWriter
+    from digs_warp.data.capture_writer import FrameImages as FrameImages
     from digs_warp.data.gaussians import Gaussians as Gaussians
     from digs_warp.data.layers import Layer as Layer
     from digs_warp.geometry import look_at as look_at
+    from digs_warp.pipeline.reconstruction import Reconstruction as Reconstruction
+    from digs_warp.sim.sensor.cause import Cause as Cause
     from digs_warp.sim.stream import StereoFrame as StereoFrame
     from digs_warp.splat.config import RasterOptions as RasterOptions
     from digs_warp.splat.render import RenderGradients as RenderGradients
@@ -42,12 +47,16 @@ __version__ = "0.1.0"
 _HOMES = {
     "Camera": "digs_warp.camera",
     "Capture": "digs_warp.data.capture",
+    "CaptureWriter": "digs_warp.data.capture_writer",
+    "Cause": "digs_warp.sim.sensor.cause",
     "DigsError": "digs_warp.checks",
     "Frame": "digs_warp.data.capture",
+    "FrameImages": "digs_warp.data.capture_writer",
     "Gaussians": "digs_warp.data.gaussians",
     "Intrinsics": "digs_warp.camera",
     "Layer": "digs_warp.data.layers",
     "RasterOptions": "digs_warp.splat.config",
+    "Reconstruction": "digs_warp.pipeline.reconstruction",
     "RenderGradients": "digs_warp.splat.render",
     "RenderOutput": "digs_warp.splat.render",
     "StereoFrame": "digs_warp.sim.stream",

@@ -15,7 +15,7 @@ from digs_warp.data.capture import read_capture
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md")])
 NAMES = [str(path.relative_to(REPOSITORY)) for path in DOCUMENTS]
-CODE_FOLDERS = ("digs_warp", "sim", "usd", "tests", "docs", "scripts", r"\.ci")
+CODE_FOLDERS = ("digs_warp", "sim", "usd", "tests", "docs", "scripts", "examples", r"\.ci")
 
 each_document = pytest.mark.parametrize("document", DOCUMENTS, ids=NAMES)
 

@@ -1,4 +1,4 @@
-"""`reconstruct`: a recording in memory or on disk -> Gaussians."""
+"""`reconstruct`: a recording in memory or on disk -> a reconstruction."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -8,8 +8,8 @@ from digs_warp.api.settings import with_settings
 from digs_warp.checks import DigsError
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.data.gaussians import Gaussians
 from digs_warp.init.strategies import StrategyName
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import RUN_RECORD
 
 
@@ -22,15 +22,17 @@ def reconstruct(
     seed: int = 0,
     resume: bool = False,
     **settings: Any,
-) -> Gaussians:
+) -> Reconstruction:
     """Reconstruct a recording as Gaussian splats.
 
         result = reconstruct(capture, iterations=300, voxel_size=0.005)
+        view = result.render(camera)
+        result.save_usd("scene.usdz")
 
     Args:
         capture: a recording, or its folder.
         out: folder for everything that the reconstruction leaves behind
-            (docs/reconstruction-format.md). Default: a temporary one, which is deleted.
+            (docs/reconstruction-format.md). Default: none is kept.
         strategy: which points to start from. Default: those from depth.
         iterations: training steps. Default: 1000.
         seed: decides everything random.
@@ -54,6 +56,6 @@ def reconstruct(
                 f"'{out}': the folder already holds results; go on with resume=True if they are of a run "
                 "that was cut off, or choose another folder"
             )
-        return pipeline.reconstruct(capture, config, Path(out), resume).gaussians
+        return pipeline.reconstruct(capture, config, Path(out), resume)
     with TemporaryDirectory(prefix="digs-warp-") as folder:
-        return pipeline.reconstruct(capture, config, Path(folder)).gaussians
+        return pipeline.reconstruct(capture, config, Path(folder)).in_memory()

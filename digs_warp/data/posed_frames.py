@@ -4,7 +4,7 @@ A recording's own poses and masks may differ from these: structure from motion e
 segmentation the others. ``cameras.json`` in the reconstruction's folder keeps them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,13 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.record.files import read_json, to_json, write_atomically
 
 CAMERAS = "cameras.json"
+MASKS = "masks"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +59,27 @@ class PosedFrames:
     def moved(self, old: Path, new: Path) -> "PosedFrames":
         """Return the frames with masks in folder ``old`` taken from the same places in ``new``."""
 
-        def moved(frame: Frame) -> Frame:
-            mask = frame.layers.get(Layer.MASK)
-            if not isinstance(mask, Path) or not mask.is_relative_to(old):
-                return frame
+        def moved(frame: Frame, mask: Path) -> Frame:
             return frame.with_layer(Layer.MASK, new / mask.relative_to(old))
 
-        training, held_out = tuple(map(moved, self.training)), tuple(map(moved, self.held_out))
+        return self._with_masks_of(old, moved)
+
+    def with_masks_loaded(self, folder: Path) -> "PosedFrames":
+        """Return the frames with masks in ``folder`` held in memory."""
+        return self._with_masks_of(
+            folder, lambda frame, _: frame.with_layer(Layer.MASK, frame.load_mask())
+        )
+
+    def _with_masks_of(self, folder: Path, change: Callable[[Frame, Path], Frame]) -> "PosedFrames":
+        """Return the frames, those with a mask in ``folder`` changed."""
+
+        def changed(frame: Frame) -> Frame:
+            mask = frame.layers.get(Layer.MASK)
+            if isinstance(mask, Path) and mask.is_relative_to(folder):
+                return change(frame, mask)
+            return frame
+
+        training, held_out = tuple(map(changed, self.training)), tuple(map(changed, self.held_out))
         return replace(self, training=training, held_out=held_out)
 
     @staticmethod
@@ -110,6 +126,9 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
     }
     # Masks of the recording stay where they are; only ours lie in the reconstruction's folder.
     mask = frame.layers.get(Layer.MASK)
+    if isinstance(mask, np.ndarray):  # nobody else stores it
+        mask = Path(folder) / MASKS / f"{frame.name}.png"
+        write_image(mask, frame.load_mask())
     if isinstance(mask, Path) and mask.resolve().is_relative_to(Path(folder).resolve()):
         entry["mask"] = str(mask.resolve().relative_to(Path(folder).resolve()))
     return entry

@@ -7,10 +7,11 @@ import logging
 import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import INDEX_NAME, Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
@@ -36,6 +37,9 @@ from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.train.course import CourseRow, read_course, write_course
 from digs_warp.train.snapshots import load_snapshots
+
+if TYPE_CHECKING:
+    from digs_warp.splat.render import RenderOutput
 
 logger = logging.getLogger(__name__)
 
@@ -108,6 +112,39 @@ class Reconstruction:
             training_seconds=round(last.seconds, 3) if last else None,
             held_out=self.scores.mean if self.scores.views else None,
         )
+
+    def render(self, camera: Camera, **settings: Any) -> "RenderOutput":
+        """Return a view of the Gaussians; the settings are those of `digs_warp.splat.render.render`."""
+        from digs_warp.splat.render import render
+
+        return render(self.gaussians, camera, **settings)
+
+    def save_usd(self, path: Path | str, capture: Capture | None = None) -> None:
+        """Write a USD scene.
+
+        Args:
+            path: the file; its suffix decides: .usdz (package), .usdc (binary), .usda (text).
+            capture: the recording: its cameras and the initial points go into the scene (.usdz only).
+
+        Raises:
+            DigsError: another suffix, or the scene cannot be written.
+        """
+        from digs_warp.pipeline.usd_scene import write_capture_package, write_scene
+
+        if capture is None:
+            write_scene(self, Path(path))
+        else:
+            write_capture_package(capture, [self], Path(path))
+
+    def in_memory(self) -> "Reconstruction":
+        """Return the reconstruction without its folder: masks that were made for it are loaded.
+
+        Renders of held-out views and snapshots of the training stay behind.
+        """
+        frames = self.frames
+        if frames and self.folder:
+            frames = frames.with_masks_loaded(self.folder)
+        return replace(self, frames=frames, folder=None)
 
     def load_render(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
         """Return a held-out view as the Gaussians show it on white, sRGB, uint8.

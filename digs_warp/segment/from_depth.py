@@ -1,4 +1,4 @@
-"""Masks without a network: the foreground by its depth, with borders from the photograph.
+"""Masks without a network: what stands in front by its depth, with borders from the photograph.
 
 The surface that the object stands on, or the wall behind it, is the plane that most depth pixels lie in. What
 is nearer falls into pieces at jumps of depth, and the piece in the middle of the image is the object. Depth
@@ -10,46 +10,46 @@ import numpy as np
 
 from digs_warp.checks import check_shape
 
-# GrabCut runs on an image with at most this side [px]: more pixels take longer and hardly improve it.
+# The cut runs on an image of at most this side [px]: its time grows with the pixels, its exactness little.
 CUT_SIZE = 720
 CUT_ROUNDS = 3
 
-# Width of the band around the depth's borders where colours decide, as a share of the image's longer side.
+# Width, as a share of the image's longer side, of the band at the depth's borders in which colours decide.
 BAND = 0.012
 
 # Unknown depth takes its neighbour's value over this distance, as a share of the image's longer side.
 GAP = 0.015
 
-# Smallest share of the known pixels in a plane, and the relative distance within which pixels belong to it.
+# A plane counts from this share of the known pixels on. Pixels belong to it within this relative distance.
 PLANE_SHARE = 0.35
 PLANE_MARGIN = 0.015
 PLANE_TRIALS = 200
 PLANE_SAMPLES = 2000
 
-# A table or a wall covers this share of the image border, or lies behind something and spans nearly all
-# known pixels. A flat side of the object does neither.
+# A table or a wall reaches the border of the image, this share of it, or lies behind something while it
+# spans nearly all that is known. A flat side of the object does neither.
 PLANE_BORDER_SHARE = 0.3
 LEAST_IN_FRONT = 0.003
 PLANE_SPAN = 0.8
 
-# Neighbours belong together if their depths differ by less than this share.
+# Neighbours belong together when their depths differ by less than this share.
 LARGEST_STEP = 0.05
 
-# Other pieces are kept if they have at least this share of the best score and are about as far away.
+# Pieces beside the best one are kept from this share of its score on, if they are about as far away.
 PIECE_SHARE = 0.1
 PIECE_DEPTH_RATIO = 1.3
 
 # Weight of a pixel by its distance to the middle, as a share of the image's shorter side.
 CENTER_SIGMA = 0.2
 
-# A piece that the image border cuts is rarely the object: its score falls by this, per share of the border.
+# What the border of the image cuts is rarely the object: its score falls by this, per share of the border.
 BORDER_PENALTY = 100.0
 
 OBJECT, SURROUND = 255, 0
 
 
 def mask_from_depth(image: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return the mask of the foreground in the middle of the image; empty if there is none.
+    """Return the mask of what stands in front, in the middle of the image; empty where nothing does.
 
     Args:
         image: sRGB, shape (height, width, 3), uint8.
@@ -78,7 +78,7 @@ def mask_from_depth(image: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 
 def object_by_depth(depth: np.ndarray) -> np.ndarray:
-    """Return the pixels of the middle piece in front of plane and surround, (h, w) bool."""
+    """Return the pixels of the piece in the middle that stands before plane and surround, (h, w) bool."""
     in_front = np.isfinite(depth) & ~on_or_behind_main_plane(depth)
     labels = connected_pieces(depth, in_front)
     if not in_front.any():
@@ -98,7 +98,7 @@ def object_by_depth(depth: np.ndarray) -> np.ndarray:
 
 
 def on_or_behind_main_plane(depth: np.ndarray) -> np.ndarray:
-    """Return which pixels the main plane accounts for, (height, width) bool; none if there is no plane.
+    """Return which pixels the main plane accounts for, (height, width) bool; none where there is no plane.
 
     The inverse depth of a plane is linear in the image, whatever the camera: 1 / z = a u + b v + c.
     It is found by RANSAC (Fischler and Bolles 1981) with a fixed seed.
@@ -190,7 +190,7 @@ def closed(mask: np.ndarray, radius: int) -> np.ndarray:
 
 
 def without_enclosed_holes(near: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Return ``near`` with its holes filled, unless depth shows that they are real."""
+    """Return ``near`` with its holes filled where no depth says that one sees through."""
     import cv2
 
     _, labels = cv2.connectedComponents((~near).astype(np.uint8), connectivity=4)
@@ -201,7 +201,7 @@ def without_enclosed_holes(near: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def main_pieces(mask: np.ndarray) -> np.ndarray:
-    """Return the largest connected piece and all that are not much smaller, without stray pixels."""
+    """Return the largest connected piece and all that are not much smaller; strays are left out."""
     import cv2
 
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
@@ -213,12 +213,12 @@ def main_pieces(mask: np.ndarray) -> np.ndarray:
 
 
 def refine_by_color(image: np.ndarray, near: np.ndarray, far: np.ndarray) -> np.ndarray:
-    """Return the object, (height, width) bool: near and far change only close to their borders."""
+    """Return the object, (height, width) bool: near and far stay what they are away from their borders."""
     import cv2
 
     radius = max(1, round(BAND * max(near.shape)))
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    # The image border is not a border of the object.
+    # The image border is no border of the object.
     sure_object = cv2.erode(near.astype(np.uint8), kernel, borderValue=1)
     sure_surround = cv2.erode(far.astype(np.uint8), kernel, borderValue=1)
     if not (sure_object.any() and sure_surround.any()):  # nothing to learn colours from
@@ -244,7 +244,7 @@ def _weights(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _border_share(labels: np.ndarray, wanted: np.ndarray, pieces: int) -> np.ndarray:
-    """Return the share of the image border that each piece covers, (pieces,)."""
+    """Return which share of the image's border each piece takes, (pieces,)."""
     along = _border_pixels(wanted)
     return np.bincount(_border_pixels(labels)[along], minlength=pieces) / len(along)
 

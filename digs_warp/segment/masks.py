@@ -1,4 +1,4 @@
-"""Frames -> one mask file each, from the source that the settings name; resumable."""
+"""Frames -> one mask file each, from whatever source the settings name; resumable."""
 
 import hashlib
 import json
@@ -26,10 +26,10 @@ logger = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
 
-# Masks that cover less or more of the image than this cause a warning.
+# A mask that covers less or more of the image than this is worth a word.
 ALMOST_EMPTY, ALMOST_FULL = 0.001, 0.98
 
-# The layers that each source reads.
+# What each source reads of a frame.
 _INPUTS = {
     "capture": (Layer.MASK,),
     "folder": (Layer.IMAGE,),
@@ -42,7 +42,7 @@ MaskOf = Callable[[int, Frame], np.ndarray]
 
 
 def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> list[Path]:
-    """Return the mask file of every frame: 8 bits, the frame's size, 0: background, 255: object.
+    """Return the mask file of every frame: 8 bits, of the frame's size, 0 surely not object, 255 surely.
 
     New masks are written into ``folder`` as NAME.png. Those that are there already, made with the same
     settings from the same files, are kept.
@@ -116,7 +116,7 @@ def _mask_maker(config: SegmentConfig) -> MaskOf:
 
 
 def _workers(config: SegmentConfig) -> int:
-    # onnxruntime uses all cores for one image.
+    # onnxruntime spreads one image over all cores.
     return 1 if config.masks == "isnet" else default_threads()
 
 
@@ -167,7 +167,7 @@ def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
 
 
 def _state(source: PixelSource) -> list[str | int]:
-    """Return what changes if the pixels do: name, size and time of a file."""
+    """Return what changes when the pixels do: of a file its name, size and time."""
     if isinstance(source, Path):
         return [str(source.resolve()), source.stat().st_size, source.stat().st_mtime_ns]
     return [hashlib.sha256(source.tobytes()).hexdigest()]

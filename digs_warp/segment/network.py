@@ -1,4 +1,4 @@
-"""Masks by isnet-general-use, the network of the paper, run in the same way as in the program rembg.
+"""Masks by isnet-general-use, the network of the paper, as the program rembg runs it.
 
 The network is that of Qin et al., "Highly accurate dichotomous image segmentation", ECCV 2022. What happens
 to the image before and after it is part of the result, so each step is that of rembg: Lanczos to 1024 x 1024
@@ -60,7 +60,7 @@ class MaskNetwork:
 
 
 def network_input(image: np.ndarray) -> np.ndarray:
-    """Return the network's input for an image (height, width, 3) uint8: (1, 3, 1024, 1024), float32."""
+    """Return what the network sees of an image (height, width, 3) uint8: (1, 3, 1024, 1024), float32."""
     from PIL import Image
 
     resized = Image.fromarray(image).resize((INPUT_SIZE, INPUT_SIZE), Image.Resampling.LANCZOS)
@@ -70,7 +70,7 @@ def network_input(image: np.ndarray) -> np.ndarray:
 
 
 def mask_from_output(output: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Return the mask (height, width), uint8, of the network's output; a constant output has no object."""
+    """Return the mask (height, width), uint8, of the network's map; a constant map is no object."""
     from PIL import Image
 
     low, high = float(output.min()), float(output.max())
@@ -93,7 +93,7 @@ def _open_session(path: Path, threads: int) -> Any:
     options.log_severity_level = 3  # errors only
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors have no common base class
+    except Exception as error:  # onnxruntime's errors share no base class of their own
         raise DigsError(
             f"mask network '{path}': not a network that onnxruntime can load ({error}); download it again "
             f"from {MODEL_URL}"

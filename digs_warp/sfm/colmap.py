@@ -1,6 +1,6 @@
-"""The calls into COLMAP that use images: features and matches, with progress and Ctrl-C.
+"""The calls into COLMAP that look at images: features and matches, each with progress and Ctrl-C.
 
-These options decide the result, so each one that differs from COLMAP's default has a reason.
+What COLMAP is told here decides the result, so every option that is not its default says why.
 """
 
 import os
@@ -22,24 +22,23 @@ from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.interruptible import run_interruptible
 
-# Longest side [px] up to which images are enlarged twice by default: small images have too few features,
-# and for large ones the enlarged image takes half of the time.
+# Longest side [px] up to which images are enlarged twice by default: small ones show too few features, and in
+# large ones those of the enlarged image take half of all the time.
 ENLARGED_UP_TO = 1000
 
-# Most matches of neighbouring photographs are correct, so RANSAC's confidence criterion may stop it early.
-# COLMAP's minimum of 100 trials takes as long as the matching and finds the same inliers.
+# Most matches of neighbouring photographs are right, and RANSAC's own confidence tells when it may stop.
+# COLMAP's least number of trials, 100, costs as much as the matching and finds the same inliers.
 FEWEST_TRIALS = 30
 
-# COLMAP reports no progress while it detects or matches features, and its database must not be opened
-# meanwhile (a second SQLite in the process breaks its locks): it gets the work in batches that take
-# seconds.
+# COLMAP reports no progress while it finds or matches features, and its database must not be looked into
+# meanwhile (a second SQLite in the process breaks its locks): it gets the work in portions of seconds.
 IMAGES_PER_CALL = 8
 PAIRS_PER_CALL = 256
 
 
 @dataclass(frozen=True)
 class ImageSet:
-    """The images by their names in COLMAP: paths below a common folder.
+    """The images as COLMAP names them: paths below a common folder.
 
     Attributes:
         root: the folder above all images.
@@ -61,14 +60,14 @@ class ImageSet:
 
 
 def quiet_pycolmap() -> Any:
-    """Return pycolmap, with logging set to errors only."""
+    """Return pycolmap, which from then on reports errors only: progress bars tell the rest."""
     pycolmap = import_pycolmap()
     pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
     return pycolmap
 
 
 def extract_features(images: ImageSet, config: SfmConfig, threads: int, database: Path) -> None:
-    """Detect SIFT features in all images that have none yet.
+    """Find SIFT features in all images that have none yet.
 
     Raises:
         DigsError: an image that COLMAP cannot read.
@@ -100,7 +99,7 @@ def extract_features(images: ImageSet, config: SfmConfig, threads: int, database
 
 
 def seeks_in_enlarged(images: ImageSet, config: SfmConfig) -> bool:
-    """Return whether features are also detected in the images enlarged twice: by default in small ones."""
+    """Return whether features are also sought in the images enlarged twice: by default in small ones."""
     if config.double_size is not None:
         return config.double_size
     longest = max(max(k.width, k.height) for k in images.intrinsics)
@@ -158,7 +157,7 @@ def match_pairs(
     threads: int,
     database: Path,
 ) -> None:
-    """Match the features of the given pairs and keep the inliers of one relative pose."""
+    """Match the features of the given pairs and keep what one relative pose explains."""
     pycolmap = quiet_pycolmap()
     options = pycolmap.FeatureMatchingOptions()
     options.num_threads = threads

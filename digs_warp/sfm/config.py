@@ -5,7 +5,7 @@ from typing import Literal
 
 from digs_warp.checks import DigsError, check_within
 
-# No video camera takes longer per image [s]; a larger number was meant in milliseconds.
+# No video camera takes longer for an image [s]; a number above it was meant in milliseconds.
 LONGEST_READOUT = 0.5
 
 

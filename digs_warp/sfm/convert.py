@@ -50,7 +50,7 @@ def _camera(frame: Frame, image: Any) -> Camera:
 
 
 def _observations(images: Sequence[Any], point_ids: Sequence[int]) -> Observations:
-    """All observations, camera by camera."""
+    """All measurements, camera by camera."""
     index = {key: number for number, key in enumerate(point_ids)}
     cameras, points, px = [], [], []
     for number, image in enumerate(images):

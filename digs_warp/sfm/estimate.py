@@ -1,4 +1,4 @@
-"""Frames -> `SfmModel`: all of structure from motion, cached and resumable in a workspace."""
+"""Frames -> `SfmModel`: the whole of structure from motion, cached and resumable in a workspace."""
 
 import logging
 import shutil
@@ -38,12 +38,12 @@ FEWEST_IMAGES = 3
 
 @dataclass(frozen=True, eq=False)
 class SfmResult:
-    """The result of structure from motion.
+    """What structure from motion found.
 
     Attributes:
-        model: cameras and points; in [sfm] if the poses were estimated, in metres if they were given.
+        model: cameras and points; in [sfm] when the poses were estimated, in metres when they were given.
         is_metric: whether the poses were given, so that ``sfm_per_metre`` is 1.
-        quality: of the model.
+        quality: how good the model is.
         seconds: time of each stage [s]; stages that were cached are near 0.
     """
 
@@ -56,19 +56,19 @@ class SfmResult:
 def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace: Path) -> SfmResult:
     """Return cameras and sparse points of a recording (paper section 3.2).
 
-    Features are detected in the whole image, because the background connects the views. Finished stages
-    stay in the workspace: with the same images and settings they are not repeated, and an interrupted run
-    continues where it stopped.
+    Features are sought in the whole image, background included: it is what holds the views together.
+    What is finished stays in the workspace: with the same images and settings it is not done again, and an
+    interrupted run goes on where it stopped.
 
     Args:
-        frames: at least three, in the order of the recording, with known intrinsics. Their poses are used
-            only if ``config.poses`` asks for them, their times for a rolling shutter.
-        config: settings.
-        workspace: folder for COLMAP's database and model; created if missing.
+        frames: at least three, in the order of the recording; their intrinsics are taken as known. Their
+            poses serve only where ``config.poses`` asks for them, their times for a rolling shutter.
+        config: what to do.
+        workspace: folder for COLMAP's database and model; created when missing.
 
     Raises:
-        DigsError: too few images or features, images that are not connected (with the number of images that
-            are), or a camera that did not move enough.
+        DigsError: too few images or features, images that do not hang together (with the number of
+            images that do), or a camera that did not move enough.
     """
     if len(frames) < FEWEST_IMAGES:
         raise DigsError(
@@ -120,7 +120,7 @@ def _find_and_match(images: ImageSet, config: SfmConfig, place: Workspace, log: 
 
 
 def choose_pairs(images: ImageSet, config: SfmConfig, database: Path) -> list[tuple[int, int]]:
-    """Return the pairs to match; the features in the database find loops."""
+    """Return the pairs to compare; loops are found by the features in the database."""
     count = len(images.names)
     if config.pairing == "exhaustive" or (config.pairing == "auto" and count <= EXHAUSTIVE_UP_TO):
         return all_pairs(count)
@@ -136,7 +136,7 @@ def choose_pairs(images: ImageSet, config: SfmConfig, database: Path) -> list[tu
 def _make_model(
     frames: Sequence[Frame], images: ImageSet, config: SfmConfig, place: Workspace
 ) -> dict[str, Any]:
-    """Write the model folder; return the record about it."""
+    """Write the model folder; return what to note about it."""
     threads, database = default_threads(), place.database
     unfinished = place.folder / "mapping"
     shutil.rmtree(unfinished, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Estimated cameras compared with true ones, up to the similarity that structure from motion cannot know."""
+"""Estimated cameras against true ones, up to the similarity that structure from motion cannot know."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class PoseErrors:
     Attributes:
         centers_m: distance of each centre to the true one [m], shape (n,).
         rotations_deg: angle of each rotation to the true one [degree], shape (n,).
-        sfm_per_metre: the scale according to the true poses.
+        sfm_per_metre: the scale that the true poses tell.
         world_from_sfm: the alignment.
     """
 
@@ -41,7 +41,7 @@ class PoseErrors:
 
 
 def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
-    """Return the least-squares similarity that maps ``source`` onto ``target``, (n, 3) each.
+    """Return the similarity that maps ``source`` onto ``target``, (n, 3) each, with least squares.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
     IEEE PAMI 1991, eq. 40 to 42; never a reflection.
@@ -66,7 +66,7 @@ def umeyama(source: np.ndarray, target: np.ndarray) -> Similarity:
 
 
 def pose_errors(model: SfmModel, frames: Sequence[Frame]) -> PoseErrors:
-    """Compare the model's cameras with the true cameras of the frames with the same names.
+    """Compare the model's cameras with those of the frames of the same names, taken as true.
 
     Raises:
         DigsError: fewer than three cameras, or cameras on one line.

@@ -1,4 +1,4 @@
-"""Why there is no model: a diagnosis from the features and matches in the database."""
+"""Why no model came out: told by what the features and matches in the database look like."""
 
 from pathlib import Path
 
@@ -8,15 +8,15 @@ from digs_warp.checks import DigsError
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.sfm.colmap import ImageSet
 
-# If half of the images have fewer features, nothing can be matched.
+# Fewer features than this on half of the images are too few to match anything.
 FEW_FEATURES = 50
 
-# If a homography explains this share of the matched pairs, the camera only turned, or saw one flat wall.
+# This share of the matched pairs explained by a homography alone means a turning camera or one flat wall.
 MOSTLY_FLAT = 0.8
 
 
 def no_model_error(images: ImageSet, database: Path) -> DigsError:
-    """Return the error that names the failed stage and what to try."""
+    """Return the error that says how far the images came and what to try."""
     pycolmap = import_pycolmap()
     with pycolmap.Database.open(database) as db:
         features = [db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]
@@ -34,8 +34,8 @@ def no_model_error(images: ImageSet, database: Path) -> DigsError:
         )
     elif matched and flat_pairs > MOSTLY_FLAT * len(matched):
         hint = (
-            f"{flat_pairs} of the pairs differ only by a rotation of the camera or show one flat wall, which "
-            "gives no depth: walk around the object instead of turning on the spot"
+            f"{flat_pairs} of the pairs differ by a turn of the camera or show one flat wall, which tells "
+            "nothing about depth: walk round the object instead of turning on the spot"
         )
     else:
         hint = "try --pairing exhaustive, more --features, a larger --feature-size, or more frames"

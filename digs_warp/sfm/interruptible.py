@@ -1,4 +1,4 @@
-"""Long calls into COLMAP that show progress and that Ctrl-C can stop."""
+"""Long calls into COLMAP that Ctrl-C can stop and whose progress can be watched."""
 
 import threading
 from collections.abc import Callable
@@ -12,16 +12,16 @@ POLL_SECONDS = 0.2
 def run_interruptible(
     call: Callable[[], Result], cancel: Callable[[], Any], watch: Callable[[], Any] = lambda: None
 ) -> Result:
-    """Run ``call`` on a separate thread and return its result.
+    """Run ``call`` on a thread of its own and return its result.
 
-    Python handles Ctrl-C only while the main thread runs Python code, and a call into COLMAP takes minutes.
-    So the main thread waits here.
+    Python handles Ctrl-C on the main thread only when that one runs Python code, and a call into COLMAP
+    takes minutes; so the main thread waits here.
 
     Args:
         call: the work; it must release the interpreter lock while it computes.
-        cancel: asks ``call`` to return soon; called on Ctrl-C, which is raised after ``call`` has returned,
-            so that its output is complete.
-        watch: called several times a second while it runs, and once at the end.
+        cancel: asks ``call`` to return soon; called on Ctrl-C, which is raised once ``call`` has returned:
+            what it writes is then whole.
+        watch: called several times a second meanwhile, and once at the end.
     """
     results: list[Result] = []
     errors: list[BaseException] = []

@@ -1,6 +1,6 @@
 """The calls into COLMAP that place cameras and points: mapping and triangulation, with progress and Ctrl-C.
 
-These options decide the result, so each one that differs from COLMAP's default has a reason.
+What COLMAP is told here decides the result, so every option that is not its default says why.
 """
 
 from collections.abc import Sequence
@@ -15,19 +15,19 @@ from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.interruptible import run_interruptible
 
-# Smallest number of images in a model; COLMAP's own limit of 10 would reject small sets.
+# A model of fewer images is no reconstruction; COLMAP's own limit of 10 would refuse small sets.
 SMALLEST_MODEL = 3
 
-# All images are adjusted together each time their number, or that of the points, has grown by this factor.
+# All images are adjusted together when their number, or that of the points, has grown by this factor.
 GLOBAL_ADJUSTMENT_GROWTH = 1.4
-# An adjustment stops when a step reduces the error by less than this share.
+# Share by which the error has to fall in a step of an adjustment for another step to follow.
 LEAST_GAIN = 1e-5
 
 
 def map_images(
     images: ImageSet, config: SfmConfig, threads: int, database: Path, folder: Path
 ) -> list[Any]:
-    """Place the cameras and return all resulting models, the largest first.
+    """Place the cameras and return all models that came out, the largest first.
 
     Returns:
         pycolmap.Reconstruction objects; COLMAP also writes them into ``folder``.
@@ -50,7 +50,7 @@ def _map_one_by_one(
     pycolmap: Any, places: tuple[Path, Path, Path], options: Any, bar: Any
 ) -> dict[int, Any]:
     token = pycolmap.CancellationToken()
-    placed: list[int] = []  # counted on COLMAP's thread, displayed on this one
+    placed: list[int] = []  # counted on COLMAP's thread, shown by this one
     return run_interruptible(
         lambda: pycolmap.incremental_mapping(
             *places, options,
@@ -96,8 +96,8 @@ def incremental_options(pycolmap: Any, config: SfmConfig, threads: int) -> Any:
     options.num_threads = threads
     options.random_seed = config.sfm_seed
     options.min_model_size = SMALLEST_MODEL
-    # Bundle adjustment of all images runs as often as in COLMAP's settings for videos, and stops once it
-    # gains little: on 14 photographs of 1600x900 that saves a quarter of the time at the same errors.
+    # Bundle adjustment of all images runs as often as COLMAP itself has it for videos, and stops where it no
+    # longer gains: on 14 photographs of 1600x900 that saves a quarter of the time at the same errors.
     options.ba_global_frames_ratio = options.ba_global_points_ratio = GLOBAL_ADJUSTMENT_GROWTH
     options.ba_global_function_tolerance = options.ba_local_function_tolerance = LEAST_GAIN
     # A capture's images are free of distortion.
@@ -116,7 +116,7 @@ def triangulate(
     database: Path,
     folder: Path,
 ) -> Any:
-    """Return the model with the given poses (4, 4) and the points triangulated from the matches."""
+    """Return the model of the given poses (4, 4) with the points that the matches give in them."""
     pycolmap = quiet_pycolmap()
     model = _model_of_known_poses(pycolmap, images, world_from_cams, database)
     options = incremental_options(pycolmap, config, threads)

@@ -1,7 +1,7 @@
-"""Which images to match: neighbours in time, and images that look similar (loops).
+"""Which images are worth comparing: neighbours in time, and images that look alike (loops).
 
-COLMAP closes loops with a vocabulary tree, which has to be downloaded. Here the words come from the recording
-itself: a few hundred images do not need a larger vocabulary.
+COLMAP closes loops with a vocabulary tree, a file of its own that has to be downloaded. Here the words
+come from the recording itself: a few hundred images need no larger vocabulary.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,11 @@ import numpy as np
 
 from digs_warp.checks import check_shape
 
-# Up to this many images, all pairs are matched: that costs less than a missed loop.
+# Up to this many images every pair is compared: matching them all costs less than a wrong loop.
 EXHAUSTIVE_UP_TO = 40
 
 WORDS = 64
-# Number of descriptors that the vocabulary is learned from, and of passes over them: about 190 per word.
+# Descriptors that the vocabulary is learnt from, in all, and passes over them: about 190 a word.
 SAMPLES = 12_000
 PASSES = 8
 
@@ -27,7 +27,7 @@ def all_pairs(count: int) -> list[tuple[int, int]]:
 def sequential_pairs(count: int, overlap: int) -> list[tuple[int, int]]:
     """Return pairs i < j of a video: the next ``overlap`` images, and 2, 4, 8, ... images ahead.
 
-    The powers of two, up to 2^overlap, connect distant parts of a slow walk, as in COLMAP.
+    The powers of two, up to 2^overlap, tie distant parts of a slow walk together, as COLMAP does.
     """
     steps = sorted({*range(1, overlap + 1), *(2**power for power in range(overlap + 1))})
     return [(i, i + step) for i in range(count) for step in steps if i + step < count]
@@ -36,16 +36,16 @@ def sequential_pairs(count: int, overlap: int) -> list[tuple[int, int]]:
 def loop_pairs(
     descriptors: Sequence[np.ndarray], per_image: int, min_gap: int, seed: int = 0
 ) -> list[tuple[int, int]]:
-    """Return pairs i < j of the most similar images, except neighbours in time.
+    """Return pairs i < j of the images that look most alike, apart from neighbours in time.
 
     An image is described by its VLAD vector (Jégou et al., "Aggregating local descriptors into a
     compact image representation", CVPR 2010), with intra-normalization (Arandjelović and Zisserman,
-    "All about VLAD", CVPR 2013); similarity is the cosine.
+    "All about VLAD", CVPR 2013); likeness is the cosine.
 
     Args:
         descriptors: of each image, shape (features, dimensions); any numeric type.
-        per_image: largest number of partners per image.
-        min_gap: partners are at least this many images apart.
+        per_image: how many partners each image gets, at most.
+        min_gap: partners lie at least this many images away.
         seed: of the vocabulary.
     """
     count = len(descriptors)
@@ -82,7 +82,7 @@ def learn_words(descriptors: Sequence[np.ndarray], seed: int = 0) -> np.ndarray:
 def vlad(descriptors: Sequence[np.ndarray], words: np.ndarray) -> np.ndarray:
     """Return the VLAD vector of each image, shape (images, words * dimensions), unit length, float32.
 
-    For each word, the differences of its descriptors from it are summed and normalized; an image without
+    Per word the differences of its descriptors to it are summed and normalized; an image without
     features gets zeros.
     """
     vectors = np.zeros((len(descriptors), *words.shape), np.float32)

@@ -1,4 +1,4 @@
-"""Random pose errors of a given size, to see how much the later stages depend on the poses."""
+"""Random pose errors of a stated size: how much does everything after the poses depend on them?"""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ def perturbed_poses(
     translation_error: float,
     seed: int,
 ) -> list[np.ndarray]:
-    """Return the poses (4, 4), each rotated and moved by an independent normal error.
+    """Return the poses (4, 4), each turned and moved by an independent normal error.
 
     Args:
         world_from_cams: the poses, (4, 4) each.

@@ -1,4 +1,4 @@
-"""How good a sparse model is, without ground truth, and which ones cannot be used at all."""
+"""How good a sparse model is, without knowing the truth, and which ones cannot be used at all."""
 
 import logging
 from dataclasses import dataclass
@@ -10,29 +10,29 @@ from digs_warp.data.sfm_model import SfmModel
 
 logger = logging.getLogger(__name__)
 
-# The camera has to move by this share of its distance to the scene. Below, nearly all image motion comes
-# from the rotation of the camera, which has no information about depth.
+# The camera has to move by this share of its distance to what it sees. Below, nearly all of the image
+# motion is the camera's turning, which tells nothing about depth.
 LEAST_MOTION = 0.01
 
-# If images see fewer points on average, the given poses do not belong to them.
+# Points that an image sees on average, below which given poses and images have nothing to do with each other.
 FEWEST_OBSERVATIONS = 10
 
-# Ratio of the second to the first extent of the cameras' path below which it counts as a straight line.
+# Second against first extent of the path of the cameras, from where on it counts as a straight line.
 STRAIGHT = 0.01
 
 
 @dataclass(frozen=True)
 class SfmQuality:
-    """Indicators of a model's quality.
+    """What tells a good model from a bad one.
 
     Attributes:
         images: number of images that were given.
         registered: number of images that the model places.
-        models: number of models that the images were split into; one is good.
+        models: number of models that the images fell into; one is good.
         points: number of sparse points.
         observations_per_image: mean number of points that a placed image sees.
         track_length: mean number of images that see a point.
-        reprojection_error_px: mean distance [px] between projected and measured points.
+        reprojection_error_px: mean distance [px] between where points are and where they were measured.
         ray_angle_deg: median over the points of the widest angle [degree] at which two of its cameras see
             it; a few degrees are needed for exact depth.
     """
@@ -94,28 +94,28 @@ def ray_angles_deg(model: SfmModel) -> np.ndarray:
 
 
 def check_completeness(quality: SfmQuality, min_registered: float) -> None:
-    """Reject a model with too few of the images; warn if it does not have all.
+    """Refuse a model that holds too few of the images; warn of one that holds not all.
 
     Raises:
-        DigsError: with the number of its images and what to try.
+        DigsError: with how many images it holds and what to try.
     """
     if quality.registered < min_registered * quality.images:
         raise DigsError(
             f"structure from motion: the largest of {quality.models} models holds {quality.registered} of "
-            f"{quality.images} images, expected at least {min_registered:.0%}. The images are not "
-            "connected: record a textured surround and more frames, or try --pairing "
+            f"{quality.images} images, expected at least {min_registered:.0%}. The images do not hang "
+            "together: record a textured surround all round and more frames, or try --pairing "
             "exhaustive, more --features, a larger --feature-size; --min-registered "
-            f"{quality.registered / quality.images:.2f} continues with this model"
+            f"{quality.registered / quality.images:.2f} goes on with this model"
         )
     if quality.registered < quality.images:
         logger.warning(
-            "structure from motion: only the largest model is used, with %d of %d images",
+            "structure from motion: only the largest model is used: %d of %d images; the others are left out",
             *(quality.registered, quality.images),
         )
 
 
 def check_agreement(quality: SfmQuality) -> None:
-    """Reject given poses that hardly any feature match fits.
+    """Refuse given poses that hardly any match of features fits.
 
     Raises:
         DigsError: with the number of points that do fit.
@@ -129,7 +129,7 @@ def check_agreement(quality: SfmQuality) -> None:
 
 
 def check_motion(model: SfmModel) -> None:
-    """Reject cameras that turned on the spot or moved along a straight line.
+    """Refuse cameras that turned on the spot or moved along a straight line.
 
     Raises:
         DigsError: with the extents of the path and what to record instead.
@@ -144,10 +144,10 @@ def check_motion(model: SfmModel) -> None:
     if extents[0] < LEAST_MOTION * distance:
         raise DigsError(
             f"structure from motion: the cameras moved by {extents[0] / distance:.2%} of their distance to "
-            "what they see: they turned on the spot, which gives no depth. Walk around the object"
+            "what they see: they turned on the spot, which tells nothing about depth. Walk round the object"
         )
     if extents[1] < STRAIGHT * extents[0]:
         raise DigsError(
             "structure from motion: the cameras lie on a straight line, "
-            "expected a walk around the object; the rotation about that line is undetermined"
+            "expected a walk round the object; one line of sight leaves the turn about it undetermined"
         )

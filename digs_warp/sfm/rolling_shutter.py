@@ -1,18 +1,18 @@
 """Bundle adjustment for cameras that read their rows one after another while they move.
 
-COLMAP assumes that all rows of an image are exposed at the same time. Walking and hand shake distort each
-image by a pixel or two, which makes COLMAP's poses wrong by millimetres. Here each image has a pose in the
-middle of its read-out and a spin, because a hand shakes too fast to estimate the spin from neighbouring
-photographs. The travel during the read-out comes from the poses of the neighbours. A point seen in row v of
-an image with h rows lies at
+COLMAP takes every image for one moment. A hand that walks and shakes bends each image by a pixel or two,
+and COLMAP pays for that with poses that are wrong by millimetres. Here an image has, beside the pose in the
+middle of its read-out, a spin of its own: a hand shakes too fast for neighbouring photographs to tell. How
+the camera travels meanwhile is taken from the poses of its neighbours. A point seen in the row v of an image
+of h rows lies at
 
     x = R(tau w) (R X + t) + tau n,    tau = v / h - 1/2,
 
-where w is the spin [rad per read-out] and n the travel [SfM units per read-out]. (Hedborg et al., "Rolling
+with the spin w [rad per read-out] and the travel n [SfM units per read-out]. (Hedborg et al., "Rolling
 shutter bundle adjustment", CVPR 2012, interpolate both between the frames of a video.)
 
-Spins that all images share look like a different focal length or a distorted scene. So spins are expected
-to equal those of the walk, plus a hand's shake.
+Spins that all images share look like another focal length or a bent scene. So a spin is expected to be that
+of the walk, give or take a hand's shake.
 """
 
 from dataclasses import dataclass, replace
@@ -24,22 +24,22 @@ from digs_warp.geometry import matrix_from_rotation_vector
 # How fast a hand's shake turns a camera, RMS per axis [rad/s]; measured walks have 0.15 in all.
 HAND_SHAKE = 0.1
 
-# Error of a feature's position [px]; larger errors get smaller weights (Cauchy).
+# Error of a feature's position [px]; larger ones count less and less (Cauchy's weights).
 PIXEL_ERROR = 0.5
 
 MAX_STEPS = 15
-# The iteration stops when a step reduces the cost by less than this share.
+# Share by which the cost has to fall in a step for another one to follow.
 LEAST_GAIN = 5e-3
 DAMPING = 1e-6
 MOST_DAMPING = 1e3
 
-# Unknowns per image: rotation and translation of its pose, and its spin.
+# Unknowns of an image: turn and shift of its pose, and its spin.
 _WIDTH = 9
 
 
 @dataclass(frozen=True, eq=False)
 class RollingViews:
-    """Observations of m points in n images.
+    """Where n images saw m points.
 
     Attributes:
         focals: focal lengths [px], shape (n, 2).
@@ -49,7 +49,7 @@ class RollingViews:
         readout_time: from the first to the last row [s], above 0.
         cameras: image of each of k observations, ascending, shape (k,).
         points: point of each observation, shape (k,).
-        px: measured position, shape (k, 2).
+        px: where it was seen, shape (k, 2).
     """
 
     focals: np.ndarray
@@ -63,7 +63,7 @@ class RollingViews:
 
     @property
     def moments(self) -> np.ndarray:
-        """Time of each observation after the middle row, in read-outs, shape (k,)."""
+        """When each observation was read, in read-outs after the middle row, shape (k,)."""
         return self.px[:, 1] / self.heights[self.cameras] - 0.5
 
 
@@ -85,7 +85,7 @@ class RollingModel:
 
 
 def adjust(views: RollingViews, start: RollingModel) -> RollingModel:
-    """Return the model that fits the observations best, starting from one for a global shutter.
+    """Return the model that fits the observations best, from a start that took the shutter for global.
 
     Levenberg-Marquardt with the points eliminated (Schur complement).
     """
@@ -108,12 +108,12 @@ def adjust(views: RollingViews, start: RollingModel) -> RollingModel:
 
 
 def residuals(views: RollingViews, model: RollingModel) -> np.ndarray:
-    """Return the projected minus the measured positions [px], shape (k, 2)."""
+    """Return where the model sees the points, less where they were seen [px], shape (k, 2)."""
     return _project(views, _seen(views, model)) - views.px
 
 
 def walking_spins(views: RollingViews, model: RollingModel) -> np.ndarray:
-    """Return each camera's spin according to the neighbouring poses [rad per read-out], shape (n, 3)."""
+    """Return how the neighbouring poses say that each camera turns [rad per read-out], shape (n, 3)."""
     from scipy.spatial.transform import Rotation
 
     before, after, share = _neighbours(views)
@@ -130,14 +130,14 @@ def _travel(views: RollingViews, model: RollingModel) -> np.ndarray:
 
 
 def _neighbours(views: RollingViews) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the images before and after each image, and the read-out as a share of the time between them."""
+    """Return the image before and after each, and the share of a read-out in the time between them."""
     index = np.arange(len(views.times))
     before, after = np.maximum(index - 1, 0), np.minimum(index + 1, len(index) - 1)
     return before, after, views.readout_time / (views.times[after] - views.times[before])
 
 
 def _seen(views: RollingViews, model: RollingModel) -> np.ndarray:
-    """Return the points in the camera's axes at the time they were read, (k, 3)."""
+    """Return the points in the axes of the cameras at the moments they were read, (k, 3)."""
     own, moments = views.cameras, views.moments[:, None]
     still = np.einsum("kij,kj->ki", model.rotations[own], model.points[views.points])
     still += model.translations[own]
@@ -152,14 +152,14 @@ def _project(views: RollingViews, seen: np.ndarray) -> np.ndarray:
 
 
 def _cost(views: RollingViews, model: RollingModel) -> float:
-    """Return the cost: Cauchy's function of the errors, plus the penalty for unexpected spins."""
+    """Return the sum that is minimized: Cauchy's function of the errors, and the unexpected spins."""
     error = residuals(views, model) / PIXEL_ERROR
     surprise = _surprise(views, model)
     return float(np.log1p((error**2).sum(axis=1)).sum() + (surprise**2).sum())
 
 
 def _surprise(views: RollingViews, model: RollingModel) -> np.ndarray:
-    """Return the deviation of spins from those of the walk, in units of a hand's shake."""
+    """Return how far spins are from those of the walk, in units of a hand's shake."""
     expected = walking_spins(views, model)
     return (model.spins - expected) / (HAND_SHAKE * views.readout_time)
 
@@ -216,7 +216,7 @@ class _Equations:
 
         n, m = len(self.of_images), len(self.of_points)
         inverse = np.linalg.inv(_damped(self.of_points, damping))
-        # One block per row and observation; points eliminated: S = U - W V^-1 W^T.
+        # One block a row and observation; points eliminated: S = U - W V^-1 W^T.
         starts = np.searchsorted(self.images, np.arange(n + 1))
         shape = (_WIDTH * n, 3 * m)
         both = bsr_array((self.of_both, self.points, starts), shape=shape)
@@ -235,7 +235,7 @@ def _derivatives(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of the errors by the image, (k, 2, 9), and by the point, (k, 2, 3).
 
-    They ignore the camera's rotation during the read-out: at most a hundredth, and steps are repeated.
+    How far a camera turns while it reads is left out of them: a hundredth at most, and steps are repeated.
     """
     focals = views.focals[views.cameras] / (PIXEL_ERROR * seen[:, 2:])
     by_seen = np.zeros((len(seen), 2, 3))
@@ -255,7 +255,7 @@ def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
 
 
 def _damped(blocks: np.ndarray, damping: float) -> np.ndarray:
-    """Return blocks with larger diagonals: seven unknowns (the gauge) are undetermined."""
+    """Return blocks with larger diagonals: seven unknowns (place, turn, size) are nobody's."""
     diagonal = np.einsum("nii->ni", blocks)
     damped = blocks.copy()
     np.einsum("nii->ni", damped)[:] += damping * diagonal + 1e-12

@@ -1,4 +1,4 @@
-"""COLMAP's model, which assumes a global shutter, corrected for a rolling one."""
+"""COLMAP's model, which takes images for moments, corrected for a rolling shutter."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,19 +24,19 @@ from digs_warp.sfm.rolling_shutter import (
 def correct_rolling_shutter(
     reconstruction: Any, frames: Sequence[Frame], images: ImageSet, readout_time: float
 ) -> None:
-    """Change the poses and points of a model to fit images that were read row after row.
+    """Change poses and points of a model to those that fit images read row after row.
 
-    Poses become those of the middle rows. Feature positions do not change; the errors of the points are
-    those that remain with the rolling shutter.
+    Poses become those of the middle rows. Where features were measured stays as it is; the errors of the
+    points are those that are left with the shutter taken into account.
 
     Args:
         reconstruction: a pycolmap.Reconstruction of these images.
-        frames: all frames of the recording; their times have to increase.
+        frames: all frames of the recording; their times have to rise.
         images: their names in COLMAP.
         readout_time: from the first to the last row [s], above 0.
 
     Raises:
-        DigsError: times that do not increase.
+        DigsError: times that do not rise.
     """
     model = sfm_model(reconstruction, frames, images)
     views = _views(model, frames, readout_time)

@@ -1,11 +1,11 @@
-"""COLMAP's working folder, and which of its parts are still valid for these images and settings.
+"""The folder in which COLMAP works: which of its parts still belong to these images and settings.
 
     database.db   features and matches, as COLMAP keeps them
     model/        the sparse model, COLMAP's binary files; COLMAP's own viewer opens it
     stages.json   the key of each stage: a hash of everything that decides its result
     images/       only for a recording in memory: its left images as PNG files
 
-A stage whose key is unchanged is not repeated; an interrupted one continues.
+A stage whose key is unchanged is not done again; one that was cut off goes on with what is missing.
 """
 
 import hashlib
@@ -53,7 +53,7 @@ def with_image_files(frames: Sequence[Frame], folder: Path) -> list[Frame]:
 
 
 def stage_keys(frames: Sequence[Frame], config: SfmConfig) -> StageKeys:
-    """Return a hash of everything that decides the result of each stage; reads every image file once."""
+    """Return what decides the result of each stage, as hashes; reads every image file once."""
     images = [
         [frame.name, hashlib.sha256(frame.path(Layer.IMAGE).read_bytes()).hexdigest()]
         for frame in frames
@@ -100,7 +100,7 @@ class Workspace:
         return self.folder / MODEL
 
     def prepare(self) -> None:
-        """Delete the results of other images or settings; keep the rest."""
+        """Delete what belongs to other images or settings; keep the rest."""
         self.folder.mkdir(parents=True, exist_ok=True)
         found = self._read()
         if found.get("features") != self.keys.features:
@@ -115,13 +115,13 @@ class Workspace:
         self._write(found | {"features": self.keys.features, "matches": self.keys.matches})
 
     def finished_model(self) -> dict[str, Any] | None:
-        """Return the record of the finished model; None: there is none yet."""
+        """Return what was noted about the model when it was finished, or None: there is none yet."""
         found = self._read()
         done = found.get("model") == self.keys.model and self.model.is_dir()
         return found.get("notes", {}) if done else None
 
     def finish_model(self, notes: dict[str, Any]) -> None:
-        """Record that the model is complete, with facts about how it was made."""
+        """Note that the model is complete, with what is worth knowing about how it came about."""
         self._write(self._read() | {"model": self.keys.model, "notes": notes})
 
     def _forget_matches(self) -> None:
@@ -134,7 +134,7 @@ class Workspace:
     def _read(self) -> dict[str, Any]:
         try:
             return read_json(self.folder / STAGES, "structure from motion, stages")
-        except DigsError:  # missing or truncated: all stages are repeated
+        except DigsError:  # none yet, or broken off: everything is done anew
             return {}
 
     def _write(self, content: dict[str, Any]) -> None:

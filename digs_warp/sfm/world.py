@@ -1,4 +1,4 @@
-"""The axes of the world, which structure from motion leaves undetermined, up to a rigid motion in metres."""
+"""Where the world's axes lie: structure from motion leaves that open, up to a rigid motion in metres."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from digs_warp.sfm.evaluate import umeyama
 
 
 def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> np.ndarray:
-    """Return the rigid motion, (4, 4), that best aligns metric cameras with the recorded ones.
+    """Return the rigid motion, (4, 4), that lays metric cameras over the recorded ones as well as one can.
 
-    It changes no distances: the recorded poses determine only the axes.
+    It changes no distance, so nothing is learnt from the recorded poses but where the axes lie.
 
     Raises:
         DigsError: fewer than three cameras, or cameras on one line.
@@ -27,17 +27,17 @@ def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> 
 def upright_world(cameras: Sequence[Camera], center: np.ndarray) -> np.ndarray:
     """Return the rigid motion, (4, 4), to a world with z up and ``center`` at the origin.
 
-    Up is the mean direction of the images' tops: people hold cameras upright. The first camera lies above the
-    negative y axis.
+    Up is where the tops of the images point on average: people hold cameras upright. The first camera
+    lies above the negative y axis.
 
     Raises:
-        DigsError: the cameras are rolled in all directions: there is no up.
+        DigsError: the cameras are turned about their axes in all directions: there is no up.
     """
     up = -np.mean([camera.world_from_cam[:3, 1] for camera in cameras], axis=0)
     if np.linalg.norm(up) < 0.1:
         raise DigsError(
-            "structure from motion: the images are rolled in all directions, so the up direction is unknown; "
-            "give the recording's poses, or leave out the rolled images"
+            "structure from motion: the images are turned in all directions, so nothing tells where up is; "
+            "give the recording's poses, or leave out the images that are turned"
         )
     z = up / np.linalg.norm(up)
     ahead = center - cameras[0].center_world

@@ -42,9 +42,40 @@ def test_memory_and_folder_give_the_same_gaussians_and_only_out_is_left(
     assert list(temporary.iterdir()) == []
     on_disk = dw.reconstruct(str(folder), out=tmp_path / "out", **SETTINGS)
     assert list(temporary.iterdir()) == []
-    assert same(in_memory, on_disk) and len(on_disk) > 50
+    assert same(in_memory.gaussians, on_disk.gaussians) and len(on_disk.gaussians) > 50
+    assert in_memory.scores == on_disk.scores and in_memory.folder is None
+    assert in_memory.frames and on_disk.frames
+    for here, there in zip(in_memory.frames.training, on_disk.frames.training, strict=True):
+        np.testing.assert_array_equal(here.load_mask(), there.load_mask())
     loaded = dw.load(tmp_path / "out")
-    assert isinstance(loaded, dw.Gaussians) and same(loaded, on_disk)
+    assert isinstance(loaded, dw.Reconstruction)
+    assert same(loaded.gaussians, on_disk.gaussians) and loaded.scores == on_disk.scores
+
+
+def test_a_result_in_memory_can_be_saved_with_its_masks(
+    recording: dw.Capture, tmp_path: Path
+) -> None:
+    result = dw.reconstruct(recording, **SETTINGS)
+    result.save(tmp_path / "saved")
+    loaded = dw.Reconstruction.load(tmp_path / "saved", recording)
+    assert result.frames and loaded.frames
+    for group in ("training", "held_out"):
+        for here, there in zip(
+            getattr(loaded.frames, group), getattr(result.frames, group), strict=True
+        ):
+            np.testing.assert_array_equal(here.load_mask(), there.load_mask())
+
+
+def test_a_result_renders_and_writes_usd(recording: dw.Capture, tmp_path: Path) -> None:
+    result = dw.reconstruct(recording, iterations=2)
+    camera = recording.frames[0].camera
+    view = result.render(camera, background=(0.0, 0.0, 0.0))
+    wanted = dw.render(result.gaussians, camera, background=(0.0, 0.0, 0.0))
+    np.testing.assert_array_equal(view.image, wanted.image)
+    for name, capture in (("plain.usdc", None), ("package.usdz", recording)):
+        result.save_usd(tmp_path / name, capture)
+        loaded = dw.load(tmp_path / name)
+        assert isinstance(loaded, dw.Gaussians) and len(loaded) == len(result.gaussians)
 
 
 def test_structure_from_motion_reads_images_in_memory(tmp_path: Path) -> None:
@@ -62,8 +93,8 @@ def test_structure_from_motion_reads_images_in_memory(tmp_path: Path) -> None:
     ]
     capture = replace(stored, stored_in=None, frames=tuple(frames))
     out = tmp_path / "out"
-    gaussians = dw.reconstruct(capture, out, strategy="default", features=1500, iterations=0)
-    assert len(gaussians) > 20
+    result = dw.reconstruct(capture, out, strategy="default", features=1500, iterations=0)
+    assert len(result.gaussians) > 20
     assert len(list((out / "sfm" / "images").iterdir())) == len(capture)
 
 
