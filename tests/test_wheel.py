@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from digs_warp import __version__
+
 # Build and install without a network: what they need comes with '.[dev]'.
 pytest.importorskip("setuptools", minversion="77", reason="install it with: pip install '.[dev]'")
 pytestmark = pytest.mark.slow
@@ -159,6 +161,7 @@ def test_an_editable_install_finds_the_folders(source: Path, project: Path) -> N
 
 
 def test_the_command_answers(installed: Path, tmp_path: Path) -> None:
+    assert f"digs-warp {__version__}" in run(installed / "digs-warp", "--version", cwd=tmp_path)
     assert "usage: digs-warp" in run(installed / "digs-warp", "--help", cwd=tmp_path)
     assert "usage: digs-warp run" in run(installed / "digs-warp", "run", "--help", cwd=tmp_path)
 

@@ -1,4 +1,4 @@
-"""Splats under any invertible transform: exact shapes, colours turned by the nearest rotation. NumPy only."""
+"""Splats under any invertible transform: exact shapes, colours under the nearest rotation. NumPy only."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix
 from digs_warp.sh import rotate_sh
 from digs_warp.usd.convert import SplatArrays
 
-# Splats handled at a time: a few (n, 3, 3) arrays of them.
+# Splats per chunk, because of the (n, 3, 3) arrays.
 CHUNK = 65536
 
 
@@ -18,9 +18,9 @@ def deformed(
 ) -> SplatArrays:
     """Return the splats of frame a in frame b under an affine ``b_from_a``, shape (4, 4).
 
-    A Gaussian of covariance C becomes one of ``L C L^T``, L the linear part: exact, also where L mirrors,
-    shears or scales axes differently. A colour that depends on the direction has no such law: it is
-    turned (or mirrored) by the orthogonal factor of L's polar decomposition, exact for similarities.
+    A Gaussian of covariance C becomes one of ``L C L^T``, L the linear part: exact, even if L mirrors, shears
+    or scales the axes differently. There is no such rule for view-dependent colours: they are rotated (or
+    mirrored) by the orthogonal factor of L's polar decomposition, which is exact for similarities.
     ``sh_out`` takes the coefficients where it is given.
 
     Raises:

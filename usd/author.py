@@ -1,4 +1,4 @@
-"""What every scene of ours is made of: a Y-up, metric asset with provenance, and fields of splats."""
+"""The parts of every scene that we write: a Y-up asset in metres with provenance, and fields of splats."""
 
 import json
 from collections.abc import Iterator
@@ -66,7 +66,7 @@ def author_field(field: "Usd.Prim", arrays: SplatArrays, time: float | None = No
     _set_array(field, names.SCALES, arrays.scales, code)
     _set_array(field, names.OPACITIES, arrays.opacities, code)
     stored = _set_array(field, names.SH_COEFFICIENTS, arrays.sh.reshape(-1, 3), code)
-    # Not a primvar by its namespace, but importers look for this metadata of primvars.
+    # Its namespace is not that of a primvar, but importers look for this metadata of primvars.
     stored.SetMetadata("elementSize", coefficients)
     stored.SetMetadata("interpolation", UsdGeom.Tokens.vertex)
     field.GetAttribute(names.SH_DEGREE).Set(round(coefficients**0.5) - 1)
@@ -100,7 +100,7 @@ def _set_array(
 def _author_provenance(asset: "Usd.Prim", metadata: dict[str, Any]) -> None:
     """Record who wrote the asset, and from what settings, in the terms of UsdMedia's AuthorshipAPI.
 
-    By name: the class is there only from OpenUSD 26.11 on. No time stamp: same input, same bytes.
+    By name, because the class exists only from OpenUSD 26.11 on. No time stamp: same input, same bytes.
     """
     from pxr import Sdf
 

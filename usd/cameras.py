@@ -34,7 +34,7 @@ class CameraPath:
         cameras: one per view; intrinsics may differ, image sizes may not.
         times: when each view was taken [s], ascending.
         names: of the views.
-        held_out: whether a view was kept from the training.
+        held_out: whether a view was left out of the training.
         baseline: distance [m] to the right camera along x; None with one camera.
     """
 
@@ -110,7 +110,7 @@ def author_cameras(stage: "Usd.Stage", path: CameraPath, box: np.ndarray) -> Non
 
 
 def _animate(rig: "UsdGeom.Xform", cameras: Sequence[Camera]) -> None:
-    """Author translation and rotation apart: between two views everyone turns along the shorter arc."""
+    """Author translation and rotation separately, so that rotations take the shorter arc between views."""
     from pxr import Gf, UsdGeom
 
     asset_from_usd = np.stack(
@@ -128,7 +128,7 @@ def _animate(rig: "UsdGeom.Xform", cameras: Sequence[Camera]) -> None:
 
 
 def _author_lens(camera: "UsdGeom.Camera", intrinsics: Sequence[Intrinsics]) -> None:
-    """Author the film back; values that differ from view to view become time samples."""
+    """Author the lens; values that differ between views become time samples."""
     attributes = {
         "focal": camera.CreateFocalLengthAttr(),
         "width": camera.CreateHorizontalApertureAttr(),
@@ -169,7 +169,7 @@ def _clipping_range(cameras: Sequence[Camera], box: np.ndarray) -> tuple[float, 
 def _author_render_product(
     stage: "Usd.Stage", camera: "UsdGeom.Camera", size: tuple[int, int]
 ) -> None:
-    """Say how many pixels the camera has: a USD camera knows only the shape of its image."""
+    """Author the number of pixels: a USD camera only has the shape of its image."""
     from pxr import Gf, UsdRender
 
     product = UsdRender.Product.Define(stage, f"{names.RENDER_PATH}/{camera.GetPrim().GetName()}")

@@ -3,11 +3,11 @@
 ::
 
     scene.usdz
-      default.usdc                /Asset: variant sets init and lod; what follows hangs below it
+      default.usdc                /Asset with the variant sets init and lod, and below it:
         /Asset/Gaussians          ParticleField3DGaussianSplat, the payload of the selected variants
         /Asset/Rig/left, right    UsdGeomCamera; time code i is view i
         /Asset/Source/...         initial points and meshes, purpose guide
-        /Asset/Progress           inactive; the splats in the course of the training
+        /Asset/Progress           inactive; the splats during the training
         /Render/...               RenderProduct of each camera: the image size
       splats_<init>_<lod>.usdc    one payload per combination
       progress.usdc
@@ -61,7 +61,7 @@ class SceneVariant:
 
 @dataclass(frozen=True, eq=False)
 class CaptureScene:
-    """What goes into the package of one capture; all in our world (z up, metres).
+    """The content of the package of one capture, all in our world (z up, metres).
 
     Attributes:
         variants: one for each reconstruction, at least one; the first is shown by default.
@@ -183,13 +183,13 @@ def _begin_payload() -> "tuple[Usd.Stage, Usd.Prim]":
 
 
 def _author_variant(stage: "Usd.Stage", variant: str, each: SceneVariant) -> None:
-    """Author one reconstruction: its levels, its initial points, what is known about it."""
+    """Author one reconstruction: its levels, its initial points, its metadata."""
     asset = stage.GetDefaultPrim()
     inits = asset.GetVariantSets().AddVariantSet(names.INIT_SET)
     inits.AddVariant(variant)
     inits.SetVariantSelection(variant)
     with inits.GetVariantEditContext():
-        # Inside the variant: the levels of this reconstruction are its own.
+        # Inside the variant: every reconstruction has its own levels.
         levels = asset.GetVariantSets().AddVariantSet(names.LOD_SET)
         for level in LEVELS:
             levels.AddVariant(level)
@@ -228,7 +228,7 @@ def _course_layer(
 
 
 def _author_course(stage: "Usd.Stage", course: Sequence[tuple[int, Gaussians]]) -> None:
-    """Refer to the course, switched off: importers expect one field of splats."""
+    """Refer to the course, inactive: importers expect one field of splats."""
     from pxr import Vt
 
     prim = stage.DefinePrim(names.PROGRESS_PATH, names.FIELD_TYPE)
@@ -238,7 +238,7 @@ def _author_course(stage: "Usd.Stage", course: Sequence[tuple[int, Gaussians]]) 
 
 
 def _union(boxes: list[np.ndarray]) -> np.ndarray:
-    """Return the box around all boxes that hold something; a metre around the origin if none does."""
+    """Return the box around all non-empty boxes; a metre around the origin if all are empty."""
     filled = np.stack(
         [box for box in boxes if (box[0] <= box[1]).all()] or [[[-1.0] * 3, [1.0] * 3]]
     )

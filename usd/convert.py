@@ -23,7 +23,7 @@ MIN_SCALE = 1e-12
 MIN_OPACITY = float(np.finfo(np.float32).tiny)
 MAX_OPACITY = 1.0 - 2.0**-24
 
-# Opacities read from a file may leave 0..1 by this much (rounding) before they are taken for logits.
+# Opacities in a file may be outside 0..1 by this much (rounding); beyond it, they are probably logits.
 OPACITY_SLACK = 1e-3
 
 # How the arrays are stored: all float32; positions float32 and the rest float16; all float16.
@@ -155,11 +155,11 @@ def gaussians_from_arrays(arrays: SplatArrays) -> Gaussians:
 def transformed(
     arrays: SplatArrays, b_from_a: Similarity, sh_out: np.ndarray | None = None
 ) -> SplatArrays:
-    """Return the splats of frame a in frame b: positions, orientations, scales and SH all turned.
+    """Return the splats of frame a in frame b, with positions, orientations, scales and SH transformed.
 
     The orientations become unit quaternions with w >= 0. ``sh_out`` takes the coefficients where it is given.
     """
-    # Coordinate by coordinate: products with one long side are three times as fast that way round.
+    # Coordinate by coordinate: products with one long side are three times as fast with it last.
     linear = b_from_a.scale * b_from_a.rotation
     positions = linear @ arrays.positions.T.astype(np.float64, order="C")
     positions += b_from_a.translation[:, None]
@@ -185,7 +185,7 @@ def _turned_quats(quats: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return turned.T.astype(np.float32, order="C")
 
 
-@lru_cache(maxsize=16)  # those who turn splats piece by piece ask again for every piece
+@lru_cache(maxsize=16)  # asked again for every piece of the same splats
 def _quat_products(rotation: bytes) -> np.ndarray:
     """Return the products of a rotation's quaternion with the four unit quaternions, in columns, (4, 4)."""
     matrix = np.frombuffer(rotation).reshape(3, 3)
@@ -207,9 +207,9 @@ def check_rows(arrays: SplatArrays, what: str) -> None:
 
 
 def is_finite(values: np.ndarray) -> bool:
-    """Whether no value is NaN or infinite; quicker than asking every value where none is."""
+    """Whether no value is NaN or infinite; faster than np.isfinite if there are none."""
     with np.errstate(over="ignore", invalid="ignore"):
-        # NaN and infinity survive a sum; a sum of finite values that overflows is looked at again.
+        # NaN and infinity survive a sum. Finite values whose sum overflows are checked one by one.
         if values.dtype == np.float32 and values.flags.c_contiguous:
             flat = values.reshape(-1)
             total = np.dot(flat, flat)  # of squares, because that is quicker than a plain sum
@@ -250,8 +250,8 @@ def color_sums(arrays: SplatArrays) -> np.ndarray:
 
 
 def display_color(sums: np.ndarray) -> np.ndarray:
-    """Return the mean colour, linear RGB in 0..1, shape (3,), of what `color_sums` summed up."""
+    """Return the mean colour, linear RGB in 0..1, shape (3,), from the result of `color_sums`."""
     mean_sh = sums[:3] / sums[3]
-    # A field of degree 0 looks the same from everywhere: any direction will do.
+    # Degree 0 has the same colour in all directions.
     srgb = rgb_from_sh(mean_sh[None, None], np.array([[0.0, 0.0, 1.0]]))[0]
     return linear_from_srgb(np.clip(srgb, 0.0, 1.0))

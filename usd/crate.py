@@ -1,8 +1,8 @@
-"""The binary format of USD (a crate, ``.usdc``), as far as its frame and its table of values go.
+"""The binary format of USD (a crate, ``.usdc``): its frame and its table of values.
 
-A header points to a table of sections at the end; the section FIELDS lists all values: small ones
-themselves, others by their place in the file. An array of numbers lies there as its length (64 bits) and its
-bytes, as they are in memory, so that readers map it. The format is that of OpenUSD's
+A header points to a table of sections at the end. The section FIELDS lists all values: small values directly,
+others by their place in the file. An array of numbers is stored as its length (64 bits) and its bytes, as
+they are in memory, so that readers can map it. The format is that of OpenUSD's
 ``pxr/usd/sdf/crateFile.cpp``; blocks are compressed with LZ4 (its block format).
 """
 
@@ -21,14 +21,14 @@ _MAX_SECTIONS = 64
 
 
 class Bytes(Protocol):
-    """Bytes or a mapped file: what can be cut and unpacked."""
+    """Bytes or a mapped file: anything with slices of bytes."""
 
     def __getitem__(self, rows: slice, /) -> bytes: ...
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a crate: its name, where it begins behind the start of the crate, and its length."""
+    """A part of a crate: its name, its offset from the start of the crate, and its length."""
 
     name: str
     start: int
@@ -39,8 +39,8 @@ def read_sections(data: Bytes, what: str, start: int, size: int) -> list[Section
     """Return the sections of the crate in ``data[start : start + size]``.
 
     Raises:
-        ValueError: header, table or sections do not lie inside the crate, or its version is older than
-            0.4.0 (OpenUSD 17.11), with other tables; says which, of ``what``.
+        ValueError: header, table or sections are not inside the crate, or its version is older than
+            0.4.0 (OpenUSD 17.11), which has other tables; names ``what``.
     """
     if size < HEADER_SIZE:
         raise ValueError(f"{what} has {size} bytes, fewer than the header of a crate")
@@ -50,14 +50,16 @@ def read_sections(data: Bytes, what: str, start: int, size: int) -> list[Section
     if tuple(version[:3]) < OLDEST_VERSION:
         found = ".".join(map(str, version[:3]))
         raise ValueError(
-            f"{what} has version {found}, expected 0.4.0 or later; save it anew with usdcat"
+            f"{what} has version {found}, expected 0.4.0 or later; save it again with usdcat"
         )
     if not HEADER_SIZE <= table <= size - COUNT.size:
-        raise ValueError(f"the table of {what} is said to lie at {table} of {size} bytes")
+        raise ValueError(
+            f"the table of {what} is at byte {table}, expected {HEADER_SIZE} to {size - COUNT.size}"
+        )
     first = table + COUNT.size
     (count,) = COUNT.unpack(data[start + table : start + first])
     if count > _MAX_SECTIONS or first + count * SECTION.size > size:
-        raise ValueError(f"the table of {what} is said to have {count} sections")
+        raise ValueError(f"the table of {what} claims {count} sections")
     entries = data[start + first : start + first + count * SECTION.size]
     sections = []
     for name, at, length in SECTION.iter_unpack(entries):
@@ -109,7 +111,7 @@ def decompressed(block: bytes, size: int) -> bytes:
 
 
 def _length(block: bytes, at: int, length: int) -> tuple[int, int]:
-    """Return a length that begins with four bits, 15 for more to come, and where the block goes on."""
+    """Return a length that starts with four bits (15: more bytes follow), and where the block continues."""
     if length == 15:
         while True:
             if at >= len(block):
@@ -122,7 +124,7 @@ def _length(block: bytes, at: int, length: int) -> tuple[int, int]:
 
 
 def _repeat(out: bytearray, distance: int, length: int) -> None:
-    """Append what lies ``distance`` before the end, over and over where that is too short."""
+    """Append ``length`` bytes from ``distance`` before the end, repeated if there are fewer."""
     piece = bytes(out[-distance:])
     out += (piece * (length // distance + 1))[:length]
 

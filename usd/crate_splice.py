@@ -45,7 +45,7 @@ class SplicedCrate:
 
     Attributes:
         head: the bytes before the large arrays.
-        summaries: name -> where the bytes of a small array lie in ``head``.
+        summaries: name -> where the bytes of a small array are in ``head``.
         starts: name -> where the bytes of a large array belong.
         lengths: where the length of each large array belongs -> the length.
         tail: the bytes behind the large arrays.
@@ -119,7 +119,7 @@ def splice(
 
 
 def _place_in(head: bytes | bytearray, array: np.ndarray) -> int:
-    """Return where the bytes of an array lie, behind their number; they lie there only once."""
+    """Return where the bytes of an array are, behind their number; they must be there only once."""
     content = COUNT.pack(len(array)) + array.tobytes()
     place = head.find(content)
     if place < 0 or head.find(content, place + 1) >= 0:
@@ -140,7 +140,7 @@ def _read_values(fields: bytes) -> tuple[bytes, np.ndarray]:
 
 
 def _with_table(sections: list[Section], bodies: dict[str, bytes], at: int) -> tuple[bytes, int]:
-    """Return all sections, laid from ``at`` on, with their table behind them, and where the table lies."""
+    """Return all sections, to be stored at ``at``, with their table behind them, and where the table is."""
     parts = [bodies[section.name] for section in sections]
     starts = list(accumulate((len(part) for part in parts), initial=at))
     entries = [

@@ -1,4 +1,4 @@
-"""The box around splats: every ellipsoid of three standard deviations lies inside. NumPy only."""
+"""The box around splats, which contains every ellipsoid of three standard deviations. NumPy only."""
 
 import numpy as np
 
@@ -31,7 +31,7 @@ def three_sigma_extent(arrays: SplatArrays) -> np.ndarray:
 
 
 def _variances(quats: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """Return the variances along x, y and z, shape (3, n), of ellipsoids; a zero quaternion turns nothing.
+    """Return the variances along x, y and z, shape (3, n), of ellipsoids; a zero quaternion is no rotation.
 
     The entries of the rotation matrix, homogeneous in the quaternion, are written out over columns:
     six times as fast as matrices, because no array has a short axis.

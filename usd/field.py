@@ -1,7 +1,7 @@
 """A field of Gaussian splats in a stage: finding the prim, its attributes as NumPy arrays.
 
 Attributes are found by name, so that files open in versions of USD that do not know the splat schema.
-What a file leaves out, or holds too little of, has the schema's default. ``time`` is a time code; None
+Attributes that are missing or too short get the schema's default. ``time`` is a time code; None
 means the first sample of each attribute, or its default.
 """
 
@@ -86,7 +86,7 @@ def stored_sh_degree(
 ) -> int | None:
     """Return the degree of the coefficients of ``count`` splats; None when there are no usable ones.
 
-    The length of the array decides where the authored degree does not fit it.
+    If the authored degree does not fit the length of the array, the length counts.
     """
     attribute = prim.GetAttribute(names.SH_DEGREE)
     authored = attribute.Get() if attribute else None
@@ -116,7 +116,7 @@ def stored_sh_degree(
 def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> SplatArrays:
     """Return the splats in the prim's local frame, float32 or float16 as they are stored.
 
-    The arrays may still lie in the mapped file: they must not outlive the stage, else USD copies them.
+    The arrays may still be in the mapped file: if they outlive the stage, USD copies them.
 
     Raises:
         UsdError: an attribute has another type than the schema gives it.
@@ -141,7 +141,7 @@ def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.
     if stored is None or count == 0:  # the schema's default is mid grey from every side
         return np.zeros((count, coefficient_count(degree), 3), dtype=np.float32)
     if stored > MAX_DEGREE:
-        _log.warning("%s: SH degree %d is cut down to %d", what, stored, MAX_DEGREE)
+        _log.warning("%s: SH degree %d is reduced to %d", what, stored, MAX_DEGREE)
     rows = _array(prim, names.SH_COEFFICIENTS, count * (stored + 1) ** 2, 3, what, time)
     assert rows is not None  # stored_sh_degree has seen the array
     return rows.reshape(count, -1, 3)[:, : coefficient_count(degree)]

@@ -1,4 +1,4 @@
-"""USD files on disk: open one with a readable error, write one so that it is complete or not there."""
+"""USD files on disk: opened with readable errors, written completely or not at all."""
 
 import os
 import threading
@@ -59,11 +59,11 @@ def opened_stage(path: Path) -> Iterator["Usd.Stage"]:
         if "No to_python" not in str(error):
             raise
         raise UsdError(
-            f"USD scene '{path}': a value of a type that has no place in a scene; the file is broken."
+            f"USD scene '{path}': a value has a type that scenes do not have; the file is broken."
         ) from error
     except MemoryError as error:
         raise UsdError(
-            f"USD scene '{path}': promises far more values than its {size} bytes hold; it is broken."
+            f"USD scene '{path}': claims far more values than its {size} bytes can hold; the file is broken."
         ) from error
 
 
@@ -77,7 +77,7 @@ def check_suffix(path: Path) -> None:
 
 @contextmanager
 def package_folder(path: Path) -> Iterator[Path]:
-    """Give a folder for layers; at the end all of them become a package, with ``default.usdc`` first.
+    """Give a folder for layers; at the end they become a package, with ``default.usdc`` first.
 
     Raises:
         UsdError: the file cannot be written, or the layers do not fit into a package.
@@ -96,10 +96,10 @@ def package_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def finished_file(path: Path) -> Iterator[Path]:
-    """Give the name under which to write the file that shall become ``path``.
+    """Give the temporary name for writing the file that becomes ``path``.
 
-    It lies in a temporary folder beside ``path`` and is renamed at the end. Whatever lies under other
-    names stays as it is, and an old file stays when the new one fails.
+    It is in a temporary folder beside ``path`` and is renamed at the end. Files with other names are not
+    touched, and an old file stays if writing the new one fails.
 
     Raises:
         UsdError: the file cannot be written.
@@ -121,13 +121,13 @@ def finished_file(path: Path) -> Iterator[Path]:
 
 
 def export_layer(layer: "Sdf.Layer", target: Path, path: Path) -> None:
-    """Write a layer to ``target``, on the way to the scene at ``path``, or raise a `UsdError`."""
+    """Write a layer to ``target``, or raise a `UsdError` that names the scene at ``path``."""
     if not layer.Export(str(target)):
         raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
 
 
 def reason(error: Exception) -> str:
-    """Return the first line of what USD says, without the place in its own source."""
+    """Return the first line of a message of USD, without the place in USD's source."""
     try:
         first = str(error).strip().splitlines()[0]
     except UnicodeDecodeError:  # USD quotes the broken bytes

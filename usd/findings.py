@@ -12,11 +12,11 @@ Status = Literal["passed", "failed", "not checked"]
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with a scene.
+    """A problem of a scene.
 
     Attributes:
         rule: name of the rule that found it.
-        severity: errors break a reader or a renderer; warnings are likely not what was meant.
+        severity: errors break a reader or a renderer; warnings are probably not intended.
         message: what was found, what was expected.
         where: path of the prim, or name of the layer.
         variants: the choice of variants under which it was found, "" for all.
@@ -45,7 +45,7 @@ class Check:
 
 
 def counted(number: int, noun: str) -> str:
-    """Return the number with its noun, which takes an s unless there is one of it."""
+    """Return the number with its noun, in the plural unless it is 1."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 

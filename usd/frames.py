@@ -1,7 +1,7 @@
-"""The frames of a USD stage and of our world (z up, metres), and the way from one to the other.
+"""The frames of a USD stage and of our world (z up, metres), and the transforms between them.
 
 Matrices are (4, 4) and act on column vectors, ``points_b = b_from_a @ points_a``; `pxr.Gf` matrices act
-on row vectors and are transposed at this door.
+on row vectors and are transposed here.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ ASSET_FROM_WORLD = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
 
-# How far a transform may be from uniform scale and rotation: float32 matrices and Euler angles in
-# degrees stay below it, a visible shear does not.
+# How far a transform may be from uniform scale and rotation: more than float32 matrices and Euler angles in
+# degrees need, less than a visible shear.
 SIMILARITY_TOLERANCE = 1e-5
 
 

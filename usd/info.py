@@ -53,7 +53,7 @@ def _facts(stage: "Usd.Stage", path: Path, prim_path: str | None) -> dict[str, A
 
 
 def _precision(prim: "Usd.Prim") -> Precision:
-    """Return which arrays are halves, told by the positions and the coefficients."""
+    """Return the precision, from the types of the positions and the coefficients."""
     stored = {
         name: attribute.HasAuthoredValue()
         for name in (names.POSITIONS, names.SH_COEFFICIENTS)

@@ -1,12 +1,12 @@
-"""Levels of detail: fewer splats that look as much like all of them as they can. NumPy only.
+"""Levels of detail: fewer splats that look as similar to all of them as possible. NumPy only.
 
-Two steps. The splats that matter least, by opacity times radius, are dropped; of the rest, those that share a
-voxel are merged into one with the same mean and covariance (as in the hierarchy of Kerbl et al. 2024), as
-opaque as it must be to block as much light. Merging leaves no holes and keeps thin parts, whose splats are
-alone in their voxels.
+First, the least important splats, by opacity times radius, are dropped. Then splats that share a voxel are
+merged into one with the same mean and covariance (as in the hierarchy of Kerbl et al. 2024), and with the
+opacity that blocks the same light. Merging leaves no holes, and it keeps thin parts, whose splats are alone
+in their voxels.
 
-On held-out views of a reconstruction of 54,000 splats, against the pictures of all of them: half 44 dB (by
-dropping alone 43, by merging alone 40), a tenth 32 dB (by dropping alone 26, with holes).
+On held-out views of a reconstruction of 54,000 splats, against the pictures of all of them: half 44 dB
+(only dropping 43, only merging 40), a tenth 32 dB (only dropping 26, with holes).
 """
 
 import numpy as np
@@ -20,8 +20,8 @@ LEVELS = {"full": 1.0, "half": 0.5, "preview": 0.1}
 # Share of the splats that are left after the first step.
 KEPT_BEFORE_MERGING = 0.6
 
-# Merged splats are made wider by this factor: the sum of several Gaussians has a flatter top than the one
-# Gaussian of the same covariance.
+# Merged splats are widened by this factor: a sum of several Gaussians has a flatter top than one Gaussian of
+# the same covariance.
 MERGED_WIDENING = 1.1
 MAX_MERGED_OPACITY = 0.995
 MIN_MERGED_OPACITY = 1e-4
@@ -38,7 +38,7 @@ def level_of_detail(gaussians: Gaussians, share: float) -> Gaussians:
         return gaussians
     count = max(1, int(share * len(gaussians)))
     left = max(count, round(KEPT_BEFORE_MERGING * len(gaussians)))
-    # Stable, so that the same splats are kept whatever the sorting algorithm.
+    # Stable, so that every sorting algorithm keeps the same splats.
     keep = np.argsort(-importance(gaussians), kind="stable")[:left]
     kept = gaussians.select(np.sort(keep))
     return merged_in_voxels(kept, count) if count < left else kept
@@ -51,7 +51,7 @@ def importance(gaussians: Gaussians) -> np.ndarray:
 
 
 def merged_in_voxels(gaussians: Gaussians, count: int) -> Gaussians:
-    """Return at most ``count`` (>= 1) Gaussians, about as many, in the order of their voxels.
+    """Return ``count`` (>= 1) Gaussians or a few less, in the order of their voxels.
 
     A group of weights w (the opacities, summing to 1) becomes the Gaussian of mean ``sum w m`` and covariance
     ``sum w (C + (m - mean)(m - mean)^T)``; its colour coefficients are ``sum w c``, and its opacity times

@@ -16,9 +16,9 @@ JSON_MARK = "json:"
 
 
 def portable_json(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return ``metadata`` in plain JSON types; dataclasses, paths and NumPy values are welcome.
+    """Return ``metadata`` in plain JSON types; dataclasses, paths and NumPy values are allowed.
 
-    Absolute paths are cut down to the last part: a scene travels, the folders of one machine do not.
+    Of absolute paths only the last part is kept: a scene is copied to other machines, its folders are not.
 
     Raises:
         UsdError: a value has no JSON form, or a number is NaN or infinite.
@@ -36,7 +36,7 @@ def usd_from_json(plain: dict[str, Any]) -> dict[str, Any]:
 
 
 def json_from_usd(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return what `usd_from_json` was given, in plain Python types."""
+    """Return the input of `usd_from_json`, in plain Python types."""
     return {str(key): _to_json(value) for key, value in metadata.items()}
 
 

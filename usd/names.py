@@ -6,7 +6,7 @@ array has a half-precision twin of the same name plus ``h``.
 
 SUFFIXES = (".usda", ".usdc", ".usdz")
 
-# Where things lie in our scenes.
+# Paths of the prims in our scenes.
 ASSET_PATH = "/Asset"
 GAUSSIANS_PATH = "/Asset/Gaussians"
 RIG_PATH = "/Asset/Rig"
@@ -24,7 +24,7 @@ PACKAGE_ROOT = "default.usdc"
 
 # The prim type and its attributes.
 FIELD_TYPE = "ParticleField3DGaussianSplat"
-# The same attributes may be put together by hand, on the general type with the kernel of ellipsoids.
+# The same attributes are also allowed on the general type, with the ellipsoid kernel applied.
 GENERAL_FIELD_TYPE = "ParticleField"
 KERNEL_SCHEMA = "ParticleFieldKernelGaussianEllipsoidAPI"
 POSITIONS = "positions"  # point3f[], local frame; its length is the number of splats
@@ -46,11 +46,11 @@ FALLBACK_DEGREE = 3
 PROJECTION_MODE = "perspective"
 SORTING_MODE = "zDepth"
 
-# Splat colours are optimized and blended as sRGB values. OpenUSD knows no name for that; this one is
-# KHR_gaussian_splatting's and NVIDIA's, and the asset defines it, so that it resolves everywhere.
+# Splat colours are optimized and blended as sRGB values. OpenUSD has no name for that; this one is
+# used by KHR_gaussian_splatting and NVIDIA, and the asset defines it, so that it resolves everywhere.
 SPLAT_COLOR_SPACE = "srgb_rec709_display"
 COLOR_SPACE_INSTANCE = "display"
-# Displayed by viewers that do not draw splats; linear as USD expects of displayColor.
+# For viewers that do not draw splats; linear, as USD expects displayColor to be.
 DISPLAY_COLOR_SPACE = "lin_rec709_scene"
 
 # The record of authorship (UsdMedia's AuthorshipAPI, OpenUSD 26.11; older versions skip it).
@@ -62,7 +62,7 @@ SOFTWARE = "digs_warp"
 METADATA_KEY = "digs_warp"
 VERSION_KEY = "version"
 SOURCE_TO_ASSET_KEY = "digs_warp:sourceToAsset"
-# What the rig's prim remembers of the recording; entry i belongs to time code i.
+# Facts about the recording on the rig's prim; entry i belongs to time code i.
 VIEW_NAMES_KEY = "digs_warp:viewNames"
 VIEW_TIMES_KEY = "digs_warp:viewTimes"  # [s]
 HELD_OUT_KEY = "digs_warp:heldOut"

@@ -103,7 +103,7 @@ def _check_member(member: Member) -> Iterator[Finding]:
 
 
 def leaves_package(name: str) -> bool:
-    """Whether a member's name is absolute, or goes up, on any system."""
+    """Whether a member's name is absolute or leads to a parent folder, on any system."""
     return (
         not name
         or PurePosixPath(name).is_absolute()

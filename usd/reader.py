@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class UsdScene:
-    """What a USD scene holds for us.
+    """The Gaussians of a USD scene.
 
     Attributes:
         gaussians: the splats in our world (z up, metres).
         metadata: our provenance dictionary; empty in files of other programs.
-        prim_path: where the splats lie in the stage.
+        prim_path: path of the prim with the splats.
     """
 
     gaussians: Gaussians
@@ -51,8 +51,8 @@ class ReadOptions:
     Attributes:
         time: time code of animated splats and transforms; None reads the first sample of each.
         variants: variant set -> variant; others keep the scene's own choice.
-        approximate: read splats under transforms that shear or scale the axes differently, too: shapes
-            exactly, colours as if the transform only turned.
+        approximate: also read splats under transforms that shear or scale the axes differently: shapes
+            exactly, colours as if the transform were only a rotation.
     """
 
     time: float | None = None
@@ -98,7 +98,7 @@ def read_fields(path: Path, options: ReadOptions | None = None) -> list[UsdScene
     """Read every field of splats of a scene, in the order of the stage; see `read_scene`.
 
     Raises:
-        UsdError: as `read_scene`, but several fields are welcome.
+        UsdError: as `read_scene`, but several fields are allowed.
     """
     options = options or ReadOptions()
     with opened_stage(path) as stage:
@@ -133,7 +133,7 @@ def read_metadata(stage: "Usd.Stage") -> dict[str, Any]:
 
 
 def _read(stage: "Usd.Stage", prim: "Usd.Prim", path: Path, options: ReadOptions) -> UsdScene:
-    # In a function of its own: arrays that outlive the stage make USD copy the mapped file.
+    # A separate function, so that no array outlives the stage: USD would copy the mapped file.
     gaussians = _read_gaussians(prim, f"USD scene '{path}', {prim.GetPath()}", options)
     return UsdScene(gaussians, read_metadata(stage), str(prim.GetPath()))
 
@@ -154,7 +154,7 @@ def _read_gaussians(prim: "Usd.Prim", what: str, options: ReadOptions) -> Gaussi
     def work(rows: slice) -> None:
         part = arrays.floats(rows)
         _check(part, what)
-        # The coefficients, most of the data, go straight to their place.
+        # The coefficients are most of the data: they are written straight to their place.
         if similarity is None:
             part = deformed(part, world_from_local, what, read.sh[rows])
         else:

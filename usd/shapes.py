@@ -1,4 +1,4 @@
-"""Points and meshes in our scenes: helper geometry, so that no viewer draws it over the splats."""
+"""Points and meshes in our scenes, as guides, so that viewers do not draw them over the splats."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from digs_warp.usd.frames import ASSET_FROM_WORLD
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
 
-# Distances between points are measured on at most so many.
+# The distances between points are measured on at most this many.
 _SAMPLED_POINTS = 5000
 
 

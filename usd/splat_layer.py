@@ -1,8 +1,8 @@
 """Writes a layer with a field of splats, piece by piece and on all cores, straight to the file.
 
 The USD library writes the layer with one splat; `digs_warp.usd.crate_splice` replaces it by all of them.
-Beyond the Gaussians themselves this takes the memory of a few pieces, whatever their number. Where the
-library lays out its files in a way that the splice does not know, the library writes all splats itself.
+Beyond the Gaussians themselves this takes the memory of a few pieces, for any number of splats. If the splice
+does not know the layout of the library's files, the library writes all splats itself.
 """
 
 import logging

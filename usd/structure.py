@@ -26,7 +26,7 @@ from digs_warp.usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped
 if TYPE_CHECKING:
     from pxr import Sdf
 
-# Integers are stored as differences of 0, 1, 2 or 4 bytes; none stands for the most common difference.
+# Integers are stored as differences of 0, 1, 2 or 4 bytes; 0 bytes mean the most common difference.
 _WIDTHS = np.array([0, 1, 2, 4])
 _MAX_INDEX = 2**31
 
@@ -34,7 +34,7 @@ _MAX_INDEX = 2**31
 def check_structure(path: Path) -> None:
     """Raise a `UsdError` when the header or the directory of a ``.usdc`` or ``.usdz`` file is broken.
 
-    Text files have no frame. What lies inside the sections is left to the USD library.
+    Text files have no frame. The USD library checks what is inside the sections.
     """
     suffix = path.suffix.lower()
     try:
@@ -51,7 +51,7 @@ def check_structure(path: Path) -> None:
 
 
 def open_layers(path: Path) -> "list[Sdf.Layer]":
-    """Open the layers of a scene, before they are composed, and look whether each is whole.
+    """Open the layers of a scene before they are composed, and check that each is complete.
 
     A broken crate may list prims or variants that it does not hold. Composing such a layer, or walking
     through it as validators do, can end the process. Keep the layers while the stage is opened.
@@ -78,7 +78,7 @@ def _check_specs(layer: "Sdf.Layer", path: Path) -> None:
     places: list[Sdf.Path] = []
     layer.Traverse("/", places.append)
     for place in places:
-        # Targets of relationships are listed, too, but are no objects of their own.
+        # Targets of relationships are listed, too, but are not objects.
         if not place.IsTargetPath() and not _is_whole(layer, place):
             raise UsdError(
                 f"USD scene '{path}': layer '{layer.GetDisplayName()}' lists '{place}', or a variant in it, "
@@ -133,7 +133,7 @@ def check_paths(data: Bytes, what: str, start: int, sections: list[Section]) -> 
     tokens = read_count(bodies["TOKENS"], 0, what)
     # All paths are listed but the empty one, where it is used.
     if not count <= total <= count + 1 or total > _MAX_INDEX:
-        raise ValueError(f"{what} is said to have {total} paths and lists {count}")
+        raise ValueError(f"{what} claims {total} paths but lists {count}")
     at = 2 * COUNT.size
     columns = []
     for _ in range(3):
@@ -170,7 +170,7 @@ def _integers(block: bytes, count: int) -> np.ndarray:
     """Return ``count`` compressed integers, int64: the common difference, codes of two bits, differences.
 
     Raises:
-        ValueError: the block does not hold as many.
+        ValueError: the block holds fewer.
     """
     codes_size = (2 * count + 7) // 8
     plain = np.frombuffer(decompressed(block, 4 + codes_size + 4 * count), dtype=np.uint8)

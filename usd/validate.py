@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # Names of our validators begin so.
 OURS = "digs_warp:"
 
-# More combinations of variants than this are not looked at one by one; the report says so.
+# At most this many combinations of variants are checked; the report says so.
 MAX_COMBINATIONS = 256
 
 
@@ -78,7 +78,7 @@ def _report(stage: "Usd.Stage", path: Path) -> Report:
 
 
 def _inactive_fields(stage: "Usd.Stage") -> "Iterator[Usd.Prim]":
-    """Switch on each inactive field in turn (in the session layer); validators pass over those."""
+    """Activate each inactive field in turn, in the session layer: validators skip inactive prims."""
     from pxr import Usd
 
     for path in [prim.GetPath() for prim in stage.TraverseAll() if not prim.IsActive()]:
@@ -90,7 +90,7 @@ def _inactive_fields(stage: "Usd.Stage") -> "Iterator[Usd.Prim]":
 
 
 class _Collected:
-    """Findings of several combinations of variants; what all of them share is said once."""
+    """Findings of several combinations of variants; those of all combinations are reported once."""
 
     def __init__(self) -> None:
         self._labels: dict[Finding, list[str]] = {}

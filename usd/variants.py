@@ -1,4 +1,4 @@
-"""Variant sets of a stage: choosing by name, and going through all combinations.
+"""Variant sets of a stage: selected by name, or all combinations one after the other.
 
 Choices are made in the session layer: the file does not change.
 """
@@ -17,7 +17,7 @@ Selection = dict[tuple[str, str], str]
 
 
 def variant_sets(stage: "Usd.Stage") -> dict[tuple[str, str], list[str]]:
-    """Return the variants of every set in the present composition, by (prim path, set)."""
+    """Return the variants of every set in the current composition, by (prim path, set)."""
     return {
         (str(prim.GetPath()), name): list(prim.GetVariantSet(name).GetVariantNames())
         for prim in stage.TraverseAll()
@@ -31,7 +31,7 @@ def select_variants(stage: "Usd.Stage", chosen: Mapping[str, str], path: Path) -
     Sets inside other variants are found once those are chosen: the order of ``chosen`` counts.
 
     Raises:
-        UsdError: no prim has such a set, or the set no such variant; lists what there is.
+        UsdError: there is no such set or no such variant; lists all of them.
     """
     for name, variant in chosen.items():
         found = {key: names for key, names in variant_sets(stage).items() if key[1] == name}
@@ -54,7 +54,7 @@ def variant_combinations(stage: "Usd.Stage") -> Iterator[Selection]:
 
 
 def _combinations(stage: "Usd.Stage", chosen: Selection) -> Iterator[Selection]:
-    # A choice may add sets (nested ones, or in a payload) that were not there before.
+    # A selection may add sets: nested ones, or those of a payload.
     for key, names in variant_sets(stage).items():
         if key not in chosen and names:
             for variant in names:

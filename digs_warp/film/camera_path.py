@@ -12,11 +12,11 @@ from digs_warp.geometry import look_at, rigid
 
 UP = np.array([0.0, 0.0, 1.0])
 
-# Fainter Gaussians, and the outermost per cent along each axis, do not say where the object is.
+# Fainter Gaussians, and the outermost percent along each axis, are ignored when looking for the object.
 LEAST_OPACITY = 0.1
 OUTLIERS_PERCENT = 1.0
 
-# Air around the object, as a share of its size.
+# Free space around the object: the ball is enlarged by this factor.
 MARGIN = 1.1
 
 
@@ -56,7 +56,7 @@ def orbit(
         subject: what to look at.
         intrinsics: of all cameras.
         frames: at least 1.
-        elevation_deg: height of the camera over the horizon, above -90 and below 90.
+        elevation_deg: angle of the camera above the horizon, above -90 and below 90.
 
     Raises:
         DigsError: an elevation from which "up" is not defined, or no frames.

@@ -1,4 +1,4 @@
-"""Render a camera path frame by frame, and know how fast."""
+"""Render a camera path frame by frame, and measure how fast."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ class Clock:
 
     @property
     def milliseconds(self) -> float:
-        """Mean time of a frame [ms], without the first where there are others; NaN without any."""
+        """Mean time of a frame [ms], without the first if there are others; NaN if there are none."""
         counted = self.seconds[1:] or self.seconds
         return 1e3 * float(np.mean(counted)) if counted else float("nan")
 
@@ -54,7 +54,7 @@ def shoot(
         center_world: where the scene is, for the near plane [m]; default: the mean of the Gaussians.
         device: "cpu" or a CUDA device of Warp.
         threads: CPU threads; 0: all cores.
-        clock: takes the time of each frame, from the camera to the pixels in memory.
+        clock: collects the time of each frame, from the camera to the pixels in memory.
 
     Raises:
         DigsError: cameras of different image sizes.

@@ -1,4 +1,4 @@
-"""Where the frames of a film go: a video file, an animated GIF, or a folder of PNG files."""
+"""Files of a film: a video, an animated GIF, or a folder of PNG files."""
 
 import os
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.images import write_image
 
-# VP9 in MP4: what the wheel of OpenCV can write and browsers play.
+# VP9 in MP4: the wheel of OpenCV can write it, and browsers play it.
 MP4_CODEC = "vp09"
 SUFFIXES = (".mp4", ".gif")
 
@@ -66,7 +66,7 @@ def _write_mp4(path: Path, frames: Iterable[np.ndarray], frame_rate: float) -> i
                 )
                 if not writer.isOpened():
                     raise DigsError(
-                        f"video of {width}x{height} px: this OpenCV cannot write VP9 in '{path.parent}'; "
+                        f"video of {width}x{height} px: this OpenCV cannot write VP9 to '{path.parent}'; "
                         "write a .gif or a folder of frames"
                     )
             writer.write(np.ascontiguousarray(frame[..., ::-1]))
@@ -80,7 +80,7 @@ def _write_mp4(path: Path, frames: Iterable[np.ndarray], frame_rate: float) -> i
 def _write_gif(path: Path, frames: Iterable[np.ndarray], frame_rate: float) -> int:
     from PIL import Image
 
-    # Dithering trembles from frame to frame; a palette of the frame's own does without.
+    # Dithering flickers between frames; a palette for each frame makes it unnecessary.
     images = [Image.fromarray(frame).quantize(256, dither=Image.Dither.NONE) for frame in frames]
     if images:
         duration = max(20, round(1e3 / frame_rate))

@@ -1,4 +1,4 @@
-"""What the surface looks like from each camera: colour and median depth of the Gaussians."""
+"""Colour and median depth of the Gaussians, as seen from each camera."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from digs_warp.splat.renderer import SplatRenderer
 
 MEDIAN = 1  # the channel of the renderer's depth planes
 
-# Less of a pixel covered than this, and its colour says nothing.
+# Below this coverage, the colour of a pixel is meaningless.
 LEAST_ALPHA = 1e-3
 
 
@@ -23,7 +23,7 @@ class DepthView:
     """One view of the surface.
 
     Attributes:
-        camera: where it was seen from.
+        camera: the viewpoint.
         color: sRGB in 0..1 of the Gaussians alone, without background, (height, width, 3), float32.
         depth: planar depth at which the coverage passes 1/2 [m], NaN where it does not, (height, width),
             float32.

@@ -13,10 +13,10 @@ from digs_warp.record.progress import progress
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.fuse import fuse_views
 
-# Voxels along the ball around the scene where the user names no size.
+# Voxels along the diameter of the ball around the scene, if the user gives no size.
 VOXELS_ACROSS = 160
 
-# Depth beyond this many radii around the centre is no part of the object.
+# Depth further than this many radii from the centre is not part of the object.
 BALL_MARGIN = 1.3
 
 # Mask values of a segmentation above this are object.
@@ -30,7 +30,7 @@ Mask = Callable[[], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Cleaned:
-    """A mesh without floaters, and how many parts and triangles were taken out."""
+    """A mesh without floaters, and how many parts and triangles were removed."""
 
     mesh: TriangleMesh
     removed_parts: int
@@ -46,7 +46,7 @@ class Scene:
 
     @property
     def voxel(self) -> float:
-        """The voxel size [m] where none is given."""
+        """The default voxel size [m]."""
         return 2 * self.radius / VOXELS_ACROSS
 
 
@@ -116,7 +116,7 @@ def remove_floaters(mesh: TriangleMesh, least_share: float = LEAST_SHARE) -> Cle
     used[chosen] = True
     numbers = np.cumsum(used) - 1
     smaller = TriangleMesh(mesh.points_world[used], numbers[chosen], mesh.colors[used])
-    # Vertices without a triangle are parts of their own in the graph: they do not count.
+    # Vertices without a triangle are also parts of the graph: they do not count.
     removed = int(np.count_nonzero(~kept & (sizes > 0)))
     return Cleaned(smaller, removed, len(mesh) - len(smaller))
 

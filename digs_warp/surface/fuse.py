@@ -15,18 +15,18 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.libraries import import_open3d
 from digs_warp.surface.depth_views import DepthView
 
-# The field reaches this many voxels to both sides of the surface: enough for noise of a voxel, and thin
-# enough that the two sides of a wall of 8 voxels do not touch.
+# The field extends this many voxels to both sides of the surface: enough for noise of a voxel, but so thin
+# that the two sides of a wall of 8 voxels do not touch.
 TRUNCATION_VOXELS = 4.0
 
-# Voxels that fewer views saw than this carry no surface: single views leave flaps at silhouettes.
+# A surface needs voxels that at least this many views saw: single views leave flaps at silhouettes.
 LEAST_VIEWS = 3.0
 
-# Along the edge of the scene; finer grids fill the memory without showing more than the splats hold.
+# Along the edge of the scene; finer grids fill the memory but show no more detail than the splats have.
 MOST_VOXELS = 2000
 
 BLOCK_VOXELS = 16
-FIRST_BLOCKS = 4096  # the grid grows beyond on its own
+FIRST_BLOCKS = 4096  # the grid grows when needed
 
 
 def fuse_views(
@@ -35,7 +35,7 @@ def fuse_views(
     center_world: np.ndarray,
     radius: float,
 ) -> TriangleMesh:
-    """Return the surface that the views agree on, inside a ball; without views or depth it is empty.
+    """Return the surface that the views agree on, inside a ball; empty without views or depth.
 
     Args:
         views: at least `LEAST_VIEWS` of each part that is to be seen.
@@ -78,7 +78,7 @@ def fuse_views(
 
 
 def inside_ball(view: DepthView, center_world: np.ndarray, radius: float) -> np.ndarray:
-    """Return the depth [m] of a view, 0 where there is none or its point lies outside of the ball."""
+    """Return the depth [m] of a view, 0 where it is unknown or its point is outside the ball."""
     k = view.camera.intrinsics
     u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
     points = view.camera.unproject(np.stack([u, v], axis=-1), view.depth)

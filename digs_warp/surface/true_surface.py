@@ -1,4 +1,4 @@
-"""The mesh that a simulated capture shows, in the capture's world: what a reconstruction is held against."""
+"""The mesh that a simulated capture shows, in the capture's world: the ground truth of a reconstruction."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 def read_true_surface(capture: Path) -> "TriangleMesh | None":
     """Return the object of a capture that 'digs-warp simulate' wrote; None for any other recording.
 
-    The mesh file is loaded again and brought to size and place as the simulator did. Its colours are those of
-    its materials and textures at the vertices.
+    The mesh file is loaded, scaled and placed as in the simulation. Its colours are those of its materials
+    and textures at the vertices.
 
     Raises:
-        DigsError: the record names a mesh file that is no longer there or cannot be read.
+        DigsError: the mesh file in the record does not exist any more or cannot be read.
     """
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.sim.vertex_colors import srgb_vertex_colors

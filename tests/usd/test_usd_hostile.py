@@ -66,7 +66,7 @@ def package(names: list[str], content: bytes = b"#usda 1.0\n", **options) -> byt
             package(["a.usdc"], b"PXR-USDC" + bytes(200)),
             "has version 0.0.0, expected 0.4.0 or later",
         ),
-        (package(["a.usdc"], b"PXR-USDC\0\x08" + bytes(198)), "is said to lie at 0 of"),
+        (package(["a.usdc"], b"PXR-USDC\0\x08" + bytes(198)), "is at byte 0, expected 88 to 200"),
         (package(["a.usdc"], b"short"), "fewer than the header"),
         (package([])[:-4], "no directory"),
         (package(["a.usda"])[:-22] + b"PK\5\6" + b"\xff" * 18, "64-bit"),
@@ -83,7 +83,7 @@ def test_a_table_beyond_the_end_of_a_crate_is_refused(tmp_path: Path, random_gau
     write_gaussians(path, random_gaussians(5))
     whole = path.read_bytes()
     for place, value, message in (
-        (16, 2**40, r"table of the file is said to lie at"),
+        (16, 2**40, r"table of the file is at byte"),
         (struct.unpack_from("<q", whole, 16)[0], 2**40, "sections"),
     ):
         broken = bytearray(whole)

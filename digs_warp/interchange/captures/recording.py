@@ -28,7 +28,7 @@ class RecordedFrame:
         world_from_cam: pose, (4, 4), OpenCV axes, metres; None if unknown.
         depth: depth image, or None; floats are metres.
         depth_units_per_metre: the value of a pixel one metre away in a depth image of integers.
-        mask: 8-bit mask, or None; an image with alpha brings its own.
+        mask: 8-bit mask, or None to use the alpha channel of the image, if it has one.
         right: image of the right eye, or None.
     """
 

@@ -1,9 +1,9 @@
 """Gaussians as ``.splat``, the format of web viewers: 32 bytes each, no header.
 
 Position (3 float32), standard deviations (3 float32, linear), colour and opacity (4 bytes RGBA, the colour
-that is seen from everywhere, sRGB), quaternion (4 bytes wxyz, (q + 1) * 128 cut to 255). Positions are
+of degree 0, sRGB), quaternion (4 bytes wxyz, (q + 1) * 128 cut to 255). Positions are
 exact, scales to float32 rounding, colours and opacities to half of 1/255, components of quaternions to
-1/256. View-dependent colour has no place in it.
+1/256. It has no view-dependent colour.
 """
 
 import logging

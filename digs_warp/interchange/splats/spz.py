@@ -1,4 +1,4 @@
-"""Gaussians as SPZ, the compressed format of Niantic: about a tenth of a PLY, visibly the same.
+"""Gaussians as SPZ, the compressed format of Niantic: about a tenth of a PLY, with no visible difference.
 
 The file's frame is the one of OpenGL: x right, **y up**, z to the viewer (RUB). Our world (z up) is turned
 into it and back: positions, orientations and spherical harmonics.
@@ -31,8 +31,8 @@ logger = logging.getLogger(__name__)
 
 DEFAULT_VERSION = 3
 
-# Positions have 24 bits; we give the fraction as many as the largest coordinate leaves, up to this: a
-# micrometre, finer than any splat.
+# Positions have 24 bits. The fraction gets those that the largest coordinate does not need, at most this
+# many: steps of a micrometre, finer than any splat.
 MOST_FRACTIONAL_BITS = 20
 _LARGEST_FIXED = (1 << 23) - 1
 
@@ -67,7 +67,7 @@ def read_spz(path: Path) -> Gaussians:
 
 
 def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) -> None:
-    """Write Gaussians of our world (z up); what the format cannot hold is cut and logged.
+    """Write Gaussians of our world (z up); values outside its ranges are clipped, with a warning.
 
     Args:
         path: the file.
@@ -83,7 +83,7 @@ def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) 
     _warn_of_cuts(gaussians, what)
     splats = turned(gaussians, WORLD_FROM_Y_UP.T)
     bits = _fractional_bits(splats.means, what)
-    # Unit length: `turned` sees to it.
+    # `turned` returns unit quaternions.
     quats = splats.quats.astype(np.float64)
     encode_quats = (
         codes.encode_quats_first_three if version == 2 else codes.encode_quats_smallest_three
@@ -114,7 +114,7 @@ def _fractional_bits(positions: np.ndarray, what: str) -> int:
 
 
 def _warn_of_cuts(gaussians: Gaussians, what: str) -> None:
-    """Log how many Gaussians lie beyond the ranges of the format."""
+    """Log how many Gaussians are outside the ranges of the format."""
     total = len(gaussians)
     lowest = codes.LOWEST_LOG_SCALE
     small = (gaussians.log_scales < lowest).any(axis=1)

@@ -37,7 +37,7 @@ def decode_positions(data: bytes, fractional_bits: int) -> np.ndarray:
     """Return positions, shape (n, 3), float32."""
     fixed = np.zeros((len(data) // 3, 4), dtype=np.uint8)
     fixed[:, 1:] = np.frombuffer(data, dtype=np.uint8).reshape(-1, 3)
-    # In the upper three bytes: the shift to the right brings the sign along.
+    # In the upper three bytes: the shift to the right extends the sign.
     values = (fixed.view("<i4")[:, 0] >> 8) * 2.0**-fractional_bits
     return values.reshape(-1, 3).astype(np.float32)
 

@@ -34,7 +34,7 @@ _TABLE_ENTRY = struct.Struct("<QQ")
 
 _GZIP_MAGIC = b"\x1f\x8b"
 _GZIP_WINDOW = 16 + zlib.MAX_WBITS
-# Levels beyond these take several times as long for the last per cent or two.
+# Higher levels take several times as long and save only one or two percent.
 GZIP_LEVEL = 3
 ZSTD_LEVEL = 3
 
@@ -147,7 +147,7 @@ def _gunzip(data: bytes, what: str) -> bytes:
 
 
 def _check_checksum(unpacker: "zlib._Decompress", flags: int, what: str) -> None:
-    """Read to the end of the gzip stream, where its checksum is; extension records may lie between."""
+    """Read to the end of the gzip stream, where its checksum is; extension records may come before."""
     try:
         while not unpacker.eof:
             # One byte at a time would do: gzip checks the sum when it has given out the last one.
@@ -204,9 +204,7 @@ def _unpack_streams(data: bytes, what: str) -> PackedSplats:
         sizes = stream_sizes(version, count, degree)
     start = table_start + found * _TABLE_ENTRY.size
     if table_start < _HEADER_4.size or start > len(data):
-        raise DigsError(
-            f"{what}: the table of streams lies outside of the file; truncated or damaged"
-        )
+        raise DigsError(f"{what}: the table of streams is outside the file; truncated or damaged")
     streams: dict[str, bytes] = dict.fromkeys(ATTRIBUTES, b"")
     for number, (name, size) in enumerate(sizes.items()):
         packed, unpacked = _TABLE_ENTRY.unpack_from(data, table_start + number * _TABLE_ENTRY.size)
@@ -221,7 +219,7 @@ def _unpack_streams(data: bytes, what: str) -> PackedSplats:
 
 
 def _unzstd(frame: bytes, size: int, what: str) -> bytes:
-    """Return the content of a Zstandard frame, whatever length the frame itself promises."""
+    """Return the content of a Zstandard frame, ignoring the length that the frame claims."""
     if not size:
         return b""
     import zstandard

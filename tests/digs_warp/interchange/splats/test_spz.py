@@ -270,8 +270,8 @@ SIZES = [9, 1, 3, 3, 4]
         (version_four(1, [zstd(2 * n) for n in SIZES], SIZES), "unpacks to more bytes, expected 9"),
         (version_four(1, [zstd(1) for n in SIZES], SIZES), "unpacks to 1 bytes, expected 9"),
         (version_four(1, [b"junk"] * 5, SIZES), "positions: "),
-        (version_four(1, [zstd(n) for n in SIZES], SIZES, table=9000), "lies outside"),
-        (version_four(1, [zstd(n) for n in SIZES], SIZES, table=0), "lies outside"),
+        (version_four(1, [zstd(n) for n in SIZES], SIZES, table=9000), "is outside"),
+        (version_four(1, [zstd(n) for n in SIZES], SIZES, table=0), "is outside"),
         (version_four(1, [zstd(10**7)] * 5, [10**7] * 5), "of 10000000|for 10000000, expected 9"),
     ],
 )
