@@ -4,11 +4,6 @@ A thread writes only its own pixel and draws its random numbers from (seed, pixe
 the number of threads.
 """
 
-# Kernel code is a language of its own; these checks misread it.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportIndexIssue=false
-
 import warp as wp
 
 from digs_warp.sim.render.lighting import Light, Panorama, sample_panorama

@@ -4,7 +4,7 @@ The rest is smooth and lights a surface through spherical harmonics. Each spot i
 shadow ray toward a random point of it.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 

@@ -6,7 +6,7 @@ Karis' split sum ("Real Shading in Unreal Engine 4", 2013): copies of the panora
 lobe of a few roughnesses, looked up along the reflected ray.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false

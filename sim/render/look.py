@@ -1,10 +1,5 @@
 """The material at a hit: colour, finish, emission and normal, filtered over the ray's cone."""
 
-# Kernel code is a language of its own; these checks misread it.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportReturnType=false
-
 import warp as wp
 
 from digs_warp.sim.render.surface import (

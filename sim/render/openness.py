@@ -4,7 +4,7 @@ Between these nodes it is a quadratic over each triangle (the six-node triangle 
 Element Method"): the middle of a large face stays bright even if all its corners lie in dark ones.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false

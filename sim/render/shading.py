@@ -8,11 +8,6 @@ Indirect Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows
 the object itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
 """
 
-# Kernel code is a language of its own; these checks misread it.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportReturnType=false
-
 import warp as wp
 
 from digs_warp.sim.render.key_lights import choose_key, key_light

@@ -1,10 +1,5 @@
 """The scene's triangles and materials on the device, and their values at a ray's hit."""
 
-# Kernel code is a language of its own; these checks misread it.
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
-# pyright: reportReturnType=false
-
 import warp as wp
 
 from digs_warp.sim.render.textures import LINEAR, TextureSet, sample_texture

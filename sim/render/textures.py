@@ -9,7 +9,7 @@ sRGB bytes, averaged in linear light: a table of 256 values decodes them. A seco
 quantities (roughness, normals).
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 

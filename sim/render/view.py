@@ -1,6 +1,6 @@
 """A camera inside its surround, for kernels."""
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 

@@ -7,7 +7,7 @@ One pass per row finds where the points of the left image land in the right one,
 NumPy needs a dozen passes over the image; see tests/reference/right_eye_twin.py.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false

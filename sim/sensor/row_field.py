@@ -5,7 +5,7 @@ columns touches every pixel, but is a sum of whole rows, which kernels compute a
 a field that only one kernel reads is never stored.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false

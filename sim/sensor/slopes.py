@@ -3,7 +3,7 @@
 The kernels' formulas in NumPy: tests/reference/slopes_twin.py.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false

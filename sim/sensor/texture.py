@@ -7,7 +7,7 @@ One kernel measures gradients in windows and in blocks. All its sums are of whol
 are exact in float32 in any order.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false

@@ -5,7 +5,7 @@ rows, piece by piece, and never stores them: storing them image by image took mo
 formulas in NumPy: tests/reference/weak_texture_twin.py.
 """
 
-# Kernel code is a language of its own; these checks misread it.
+# Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false
