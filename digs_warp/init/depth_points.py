@@ -15,7 +15,7 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
-from digs_warp.init import edge_kernel, normal_kernel, voxel_kernel
+from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.start import DepthReport
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
@@ -59,7 +59,7 @@ def depth_points(
         DigsError: no frames, a frame without depth or mask, or not a single point in any view.
     """
     _require_layers(frames, config)
-    for module in (edge_kernel, normal_kernel, voxel_kernel):
+    for module in (edge_kernel, normals, voxel_kernel):
         wp.load_module(module, device="cpu")  # once, before several threads launch
     report = DepthReport(pixels=dict.fromkeys(FILTERS, 0))
     size = first_voxel_size(frames, config, sfm_per_metre)

@@ -5,7 +5,58 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.init.edges import on_device
-from digs_warp.init.normal_kernel import normal_kernel
+
+wp.set_module_options({"enable_backward": False})
+
+# The tangents reach this many pixels to either side: noise tilts a normal by its ratio to this distance.
+REACH = 3
+
+_REACH = wp.constant(REACH)
+
+
+@wp.func
+def point_cam(column: int, row: int, depth: float, fx: float, fy: float, cx: float, cy: float):
+    """Back-project a pixel into the camera's frame."""
+    x = (float(column) + 0.5 - cx) / fx
+    y = (float(row) + 0.5 - cy) / fy
+    return wp.vec3(x * depth, y * depth, depth)
+
+
+@wp.kernel
+def normal_kernel(
+    depth: wp.array2d[float],  # [height, width] NaN: unknown
+    wanted: wp.array2d[wp.bool],  # [height, width]
+    world_from_cam: wp.mat33,
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    # outputs
+    normals: wp.array3d[float],  # [height, width, 3] zero on entry
+):
+    """Write the unit normals of one row: of each wanted pixel whose four neighbours are known."""
+    row = wp.tid()
+    height = depth.shape[0]
+    width = depth.shape[1]
+    if row >= _REACH and row < height - _REACH:
+        for column in range(_REACH, width - _REACH):
+            if wanted[row, column]:
+                left = depth[row, column - _REACH]
+                right = depth[row, column + _REACH]
+                upper = depth[row - _REACH, column]
+                lower = depth[row + _REACH, column]
+                rightwards = point_cam(column + _REACH, row, right, fx, fy, cx, cy)
+                rightwards = rightwards - point_cam(column - _REACH, row, left, fx, fy, cx, cy)
+                downwards = point_cam(column, row + _REACH, lower, fx, fy, cx, cy)
+                downwards = downwards - point_cam(column, row - _REACH, upper, fx, fy, cx, cy)
+                # x right, y down, z forward: down x right points back to the camera.
+                normal_cam = wp.cross(downwards, rightwards)
+                squared = wp.dot(normal_cam, normal_cam)
+                if squared > 0.0:  # False for NaN
+                    normal = world_from_cam * (normal_cam / wp.sqrt(squared))
+                    normals[row, column, 0] = normal[0]
+                    normals[row, column, 1] = normal[1]
+                    normals[row, column, 2] = normal[2]
 
 
 def normals_from_depth(camera: Camera, depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:

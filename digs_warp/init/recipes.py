@@ -15,7 +15,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import depth_points
-from digs_warp.init.fusion import unmasked_points_in_box
+from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import random_points
 from digs_warp.init.start import Initialization
 
@@ -58,11 +58,45 @@ def initialize(
         return Initialization(from_depth, {"depth": len(from_depth)}, report)
 
     # Fusion: P_fusion = P_BB united with P*.
-    from_sfm = unmasked_points_in_box(
+    from_sfm = _unmasked_points_in_box(
         _needed(sfm, config), frames, config.mask_level, from_depth.bounds
     )
     sources = {"depth": len(from_depth), "sfm": len(from_sfm)}
     return Initialization(_union(from_depth, from_sfm, report.voxel_size), sources, report)
+
+
+def _unmasked_points_in_box(
+    sfm: SfmModel, frames: Sequence[Frame], mask_threshold: int, box: tuple[np.ndarray, np.ndarray]
+) -> PointCloud:
+    """Return P_BB (section 3.3.2): the sparse points that no mask rejects, in the box of the depth points.
+
+    A point must lie in the mask of every frame that saw it; a point that none of them saw is left out.
+
+    Args:
+        sfm: the model, in the unit of ``box``.
+        frames: training frames with masks.
+        mask_threshold: a mask value above it is object.
+        box: corners (minimum, maximum), shape (3,) each.
+    """
+    seen = np.zeros(len(sfm.points), dtype=bool)
+    rejected = np.zeros(len(sfm.points), dtype=bool)
+    for frame in frames:
+        if frame.name not in sfm.names:
+            continue
+        index = sfm.names.index(frame.name)
+        mine = sfm.observations.cameras == index
+        points = sfm.observations.points[mine]
+        mask = frame.load_mask()
+        k = sfm.cameras[index].intrinsics
+        height, width = mask.shape
+        px = sfm.observations.px[mine] * np.array([width / k.width, height / k.height])
+        columns, rows = pixels_at(px, width, height)
+        seen[points] = True
+        rejected[points[mask[rows, columns] <= mask_threshold]] = True
+    positions = sfm.points.points_world
+    in_box = np.all((positions >= box[0]) & (positions <= box[1]), axis=1)
+    keep = seen & ~rejected & in_box
+    return PointCloud(positions[keep], sfm.points.colors[keep])
 
 
 def _union(from_depth: PointCloud, from_sfm: PointCloud, voxel_size: float) -> PointCloud:

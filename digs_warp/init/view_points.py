@@ -13,8 +13,7 @@ from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
-from digs_warp.init.normal_kernel import REACH
-from digs_warp.init.normals import normals_from_depth
+from digs_warp.init.normals import REACH, normals_from_depth
 from digs_warp.init.uncertainty import depth_deviation, pixel_rays, stereo_weights
 from digs_warp.init.voxel import VoxelSums
 

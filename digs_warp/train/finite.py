@@ -1,5 +1,3 @@
-# type: ignore
-# (device code, which Warp's stubs do not type)
 """Finds NaN and infinity where the values lie: one flag crosses to the host, not the values."""
 
 from collections.abc import Sequence

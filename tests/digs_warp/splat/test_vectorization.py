@@ -60,7 +60,8 @@ def test_which_blocks_are_touched_is_found_for_several_splats_at_once(tmp_path: 
 
 MODULES = {
     "digs_warp.train.optimizer": "for i in range(_BLOCK):",
-    "digs_warp.losses.compose": "for xc in range(_PIECE):",
+    "digs_warp.train.finite": "for i in range(_BLOCK):",
+    "digs_warp.losses.target": "for xc in range(_PIECE):",
 }
 
 
