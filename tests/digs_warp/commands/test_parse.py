@@ -172,6 +172,12 @@ def test_version(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert re.match(r"digs-warp \d+\.\d+", capsys.readouterr().out)
 
 
+@pytest.mark.parametrize("words", [["run", "--config"], ["run", "--config", "--out", "x"]])
+def test_config_needs_a_file(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == EXIT_WRONG_USAGE
+    assert "--config needs a file" in capsys.readouterr().err
+
+
 def run_in_process(*words: str) -> subprocess.CompletedProcess[str]:
     program = (
         "import sys, logging; from digs_warp.cli import main\n"
