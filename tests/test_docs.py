@@ -79,6 +79,13 @@ def test_mentioned_commands_exist(document: Path) -> None:
 
 
 @each_document
+def test_mentioned_files_exist(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    mentioned = re.findall(r"\b((?:digs_warp|sim|usd|tests|scripts|examples)/[\w/]*\w\.\w+)", text)
+    assert [path for path in mentioned if not (REPOSITORY / path).exists()] == []
+
+
+@each_document
 def test_make_targets_exist(document: Path) -> None:
     text = document.read_text(encoding="utf-8")
     shown = {line[0] for line in shell_lines(document, "make") if line}
