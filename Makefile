@@ -10,7 +10,7 @@ BIN := $(VENV)/bin
 IS_NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
 
 # The first interpreter that is new enough; 3.11 first, because constraints.txt was made with it.
-# Another one: make demo PYTHON=/path/to/python3
+# To use another: make demo PYTHON=/path/to/python3
 PYTHON ?= $(shell for candidate in python3.11 python3 python3.12 python3.13 python; do \
 	$$candidate -c '$(IS_NEW_ENOUGH)' 2>/dev/null && echo $$candidate && break; done)
 
@@ -56,7 +56,7 @@ docs: setup ## The documentation as a site in build/site; fails when a link lead
 performance: setup ## Measure the rasterizer, for docs/performance.md
 	$(BIN)/python scripts/pages.py raster scaling
 
-studies: setup ## Run the studies within their budgets and write docs/study; under two hours, quiet
+studies: setup ## Run the studies within their budgets and write docs/study; under two hours on a quiet machine
 	$(BIN)/digs-warp study run initialization --time-budget 20min
 	$(BIN)/digs-warp study run tradeoff --time-budget 20min
 	$(BIN)/digs-warp study run robustness --time-budget 12min
@@ -79,11 +79,11 @@ lint: setup ## ruff (rules and formatting) and pyright
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-format: setup ## Put the code into the house format
+format: setup ## Format the code and fix what ruff can fix
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-constraints: ## Write constraints.txt anew: the newest versions that fit pyproject.toml
+constraints: ## Update constraints.txt to the newest versions that fit pyproject.toml
 	rm -rf build/constraints
 	'$(PYTHON)' -m venv build/constraints
 	build/constraints/bin/python -m pip install --disable-pip-version-check --quiet '.[dev]'
