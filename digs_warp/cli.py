@@ -84,7 +84,8 @@ def _read(arguments: Sequence[str]) -> tuple[CommonFlags, Command]:
         write_completion(arguments)
     common, words = take_common_flags(arguments)
     if common.version:
-        print(f"{PROGRAM} {versions()['digs-warp']}, commit {(source_commit() or 'unknown')[:10]}")
+        commit = source_commit()  # None for an installed package
+        print(f"{PROGRAM} {versions()['digs-warp']}{f', commit {commit[:10]}' if commit else ''}")
         raise SystemExit(EXIT_OK)
     return common, read_command(words, common)
 

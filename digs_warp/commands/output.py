@@ -13,6 +13,8 @@ from digs_warp.record.files import read_json
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.run_log import RunRecord
 
+OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
+
 
 @dataclass(frozen=True, kw_only=True)
 class OutputFolder:

@@ -63,13 +63,17 @@ class _TrainOptions(TrainConfig):
 class ReconstructionOptions:
     """The part of a command that says how a capture becomes Gaussians; named as in `ReconstructConfig`."""
 
-    sfm: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=_SfmOptions)
-    segment: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=_SegmentOptions
+    sfm: Annotated[_SfmOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="poses")] = field(
+        default_factory=_SfmOptions
     )
-    init: Annotated[InitConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=InitConfig)
-    train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes] = field(
-        default_factory=_TrainOptions
+    segment: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="masks")] = (
+        field(default_factory=_SegmentOptions)
+    )
+    init: Annotated[InitConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="initialization")] = (
+        field(default_factory=InitConfig)
+    )
+    train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="training")] = (
+        field(default_factory=_TrainOptions)
     )
     test_every: int = 8
     """Every n-th view, from the first on, is held out: it trains nothing and measures the result."""

@@ -9,8 +9,9 @@ import tyro
 
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts
-from digs_warp.commands.output import ANY_FOLDER, OutputFolder
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.commands.simulate import RECORDING_FLAGS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
@@ -41,21 +42,9 @@ class Run(ReconstructionOptions, SettingsCommand):
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "run"
     main_flags: ClassVar[tuple[str, ...]] = (
-        "out",
-        "resume",
-        "overwrite",
-        "mesh",
-        "environment",
-        "frames",
-        "width",
-        "profile",
-        "tier",
-        "seed",
-        "poses",
-        "strategy",
-        "voxel_size",
-        "iterations",
-        "time_budget",
+        *OUTPUT_FLAGS,
+        *RECORDING_FLAGS,
+        *("poses", "strategy", "voxel_size", "iterations", "time_budget"),
     )
 
     @classmethod

@@ -12,11 +12,14 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.many_scenes import ManyScenes
-from digs_warp.commands.output import ANY_FOLDER, OutputFolder
+from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.record.layout import DATA_SET, RUN_RECORD
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
+
+# Flags of a recording that the help of `run` and `simulate` shows.
+RECORDING_FLAGS = ("mesh", "environment", "frames", "width", "profile", "tier", "seed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,21 +47,9 @@ class Simulate(SettingsCommand):
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "simulate"
     main_flags: ClassVar[tuple[str, ...]] = (
-        "out",
-        "resume",
-        "overwrite",
-        "mesh",
-        "environment",
-        "frames",
-        "width",
-        "profile",
-        "tier",
-        "effects",
-        "strength",
-        "seed",
-        "meshes",
-        "environments",
-        "trajectories",
+        *OUTPUT_FLAGS,
+        *RECORDING_FLAGS,
+        *("effects", "strength", "meshes", "environments", "trajectories"),
     )
 
     def __post_init__(self) -> None:

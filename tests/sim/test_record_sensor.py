@@ -193,5 +193,5 @@ def test_unusable_settings_do_not_claim_the_folder(tmp_path: Path) -> None:
 
 
 def test_effects_need_a_tier_that_has_them() -> None:
-    with pytest.raises(DigsError, match="no meaning for tier 'law'"):
+    with pytest.raises(DigsError, match="--effects occlusion: has no meaning with --tier law"):
         SimulateConfig(tier="law", effects="occlusion")
