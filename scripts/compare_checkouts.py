@@ -4,7 +4,7 @@
     python scripts/compare_checkouts.py /tmp/before
 
 Each checkout draws the same random splats, computes the loss, back-projects the drawn depth and filters its
-edges, in a process of its own. The two processes take turns, stage by stage, so that whatever else the
+edges, in a separate process. The two processes take turns, stage by stage, so that whatever else the
 machine does disturbs both. Printed are medians, and the median of the ratios
 of neighbouring turns; processor time suffers least from other programs. Compilation is not counted.
 """

@@ -1,4 +1,4 @@
-"""Pixels with depth -> coloured points in the world, summed up per voxel (paper eq. 8 and 10)."""
+"""Pixels with depth -> colored points in the world, summed per voxel (paper eq. 8 and 10)."""
 
 from typing import Any
 
@@ -35,15 +35,15 @@ def back_project(
     voxel_size: float,
     extra: np.ndarray | None = None,
 ) -> VoxelSums:
-    """Back-project the pixels that have a weight and sum them up per voxel of the world's grid.
+    """Back-project the pixels with nonzero weight and sum them per voxel of the world's grid.
 
     Args:
-        camera: the camera of the view; its size is that of the arrays.
+        camera: the camera of the view, of the same size as the arrays.
         image: sRGB, shape (height, width, 3), uint8.
         depth: planar depth [m], shape (height, width); finite wherever there is a weight.
-        weights: of each pixel, shape (height, width), float32, finite; 0 leaves it out.
+        weights: of each pixel, shape (height, width), float32, finite; 0 excludes the pixel.
         voxel_size: edge length [m].
-        extra: further values per pixel to sum up, shape (height, width, k).
+        extra: further values per pixel to sum, shape (height, width, k).
 
     Raises:
         DigsError: the voxel size is not positive, or so small that voxel indices overflow.

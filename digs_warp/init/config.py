@@ -1,4 +1,4 @@
-"""Settings of the initialization, apart from the code they configure: the command line loads only these."""
+"""Settings of the initialization, kept apart from its code so that the command line loads quickly."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,10 +15,10 @@ class InitConfig:
     """How depth maps and sparse points become the points that the optimization starts from."""
 
     strategy: StrategyName = "highdepth"
-    """Where the points come from. highdepth: depth maps in fine voxels; depth: in coarse ones; default: the
-    paper's name for the sparse points of structure from motion, background included (our default is
-    highdepth); fusion: both, fine texture on top of complete surfaces; random: nowhere, for comparison. The
-    last three match the images first."""
+    """Where the points come from. highdepth: depth maps in fine voxels; depth: depth maps in coarse voxels;
+    default: the paper's name for the sparse points of structure from motion, background included (our default
+    is highdepth); fusion: both, for fine texture on complete surfaces; random: random points, for comparison.
+    The last three match the images first."""
 
     voxel_size: float | None = None
     """Edge length of the voxel grid: one point per occupied voxel. Smaller voxels give finer detail and
@@ -33,50 +33,50 @@ class InitConfig:
     """Choose the voxel size that gives about this many points. Default: use --voxel-size."""
 
     max_points: int | None = None
-    """Keep at most this many points from depth, drawn at random. It limits the time of a training step
+    """Keep at most this many points from depth, chosen at random. This limits the time of a training step
     without a coarser grid. Default: keep all."""
 
     scale: ScaleStatistic = "mode"
-    """How to combine the ratios between depth in structure from motion and measured depth: their mode (paper
-    eq. 7), or for comparison their mean, which every mismatch affects."""
+    """How to combine the ratios of depth in structure from motion to measured depth: mode (paper eq. 7), or
+    for comparison mean, which every mismatch affects."""
 
     mask_filter: bool = True
-    """Leave out depth outside the object's mask (paper eq. 9). Without it only the other filters separate
-    the object from its background; the training uses the masks in any case."""
+    """Drop depth outside the object's mask (paper eq. 9). Without it, only the other filters separate the
+    object from its background; training uses the masks in any case."""
 
     mask_threshold: int = 20
     """A pixel belongs to the object if its mask value (0 to 255) is above this (paper section 4.1)."""
 
     edge_filter: bool = True
-    """Leave out depth at jumps, where stereo is least reliable (paper eq. 9)."""
+    """Drop depth at jumps, where stereo is least reliable (paper eq. 9)."""
 
     foreground_filter: bool = True
-    """Split the depth into two clusters and leave out the far one: background that a mask lets in (paper
+    """Split the depth into two clusters and drop the far one: background inside a mask that leaks (paper
     eq. 9)."""
 
     background_weight: float = 3.0
-    """A pixel is background if it is this many times nearer to the background's mean depth than to the
+    """A pixel is background if its depth is this many times closer to the background's mean than to the
     foreground's (paper section 4.1)."""
 
     min_support: float = 0.15
-    """Leave out voxels with fewer measurements than this fraction of the median voxel: a point that was
-    measured only once or twice is an outlier. 0 keeps all."""
+    """Drop voxels with fewer measurements than this fraction of the median voxel: a point measured only once
+    or twice is an outlier. 0 keeps all."""
 
     weight_by_uncertainty: bool = False
-    """Weight measurements by the certainty of stereo, 1 / depth^4: near views count more."""
+    """Weight measurements by the precision of stereo, 1 / depth^4: near views count more."""
 
     weight_by_confidence: bool = False
-    """Weight measurements by the confidence that the sensor reported."""
+    """Weight measurements by the confidence that the sensor reports."""
 
     visibility_check: bool = True
-    """Leave out points that more views have seen through than seen: floaters around the object."""
+    """Drop points that more views see through than confirm: floaters around the object."""
 
     shape: Shape = "round"
-    """Gaussians at the start. round; flat: along the surface, from the normals of the depth maps; ray:
-    stretched along the viewing ray by the uncertainty of the depth."""
+    """Shape of the Gaussians at the start. round; flat: along the surface, from the normals of the depth
+    maps; ray: stretched along the viewing ray by the uncertainty of the depth."""
 
     disparity_noise: float = 0.15
-    """Standard deviation of the sensor's disparity [px]: how far shape ray stretches."""
+    """Standard deviation of the sensor's disparity [px]: sets the length of shape ray."""
 
     opacity: float | None = None
     """Opacity of every Gaussian at the start, above 0 and below 1. Default: 0.8 for points from depth, which
@@ -113,7 +113,7 @@ class InitConfig:
 
     @property
     def mask_level(self) -> int:
-        """Mask values above this are the object's: all of them without the filter."""
+        """Mask values above this belong to the object; without the filter, all values do."""
         return self.mask_threshold if self.mask_filter else -1
 
     @property

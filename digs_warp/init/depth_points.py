@@ -27,13 +27,13 @@ from digs_warp.record.run_log import timed
 
 logger = logging.getLogger(__name__)
 
-# New views wait until together they have this many times the grid's voxels, then merge.
+# New views are collected until together they have this many times the grid's voxels, then merged.
 MERGE_AT = 3.0
 
 # A flat Gaussian's standard deviation along the normal, as a share of the voxel size.
 FLATNESS = 0.2
 
-# A view whose depth calls more than this share of its mask background: the two disagree.
+# A view whose depth puts more than this share of its mask in the background: depth and mask disagree.
 DISAGREEMENT = 0.25
 
 
@@ -43,15 +43,15 @@ def depth_points(
     sfm_per_metre: float | None = None,
     baseline: float | None = None,
 ) -> tuple[PointCloud, DepthReport]:
-    """Return the points of all views, one per voxel (eq. 10), ordered by voxel, and what was counted.
+    """Return the points of all views, one per voxel (eq. 10), ordered by voxel, and the counts.
 
-    Views without a foreground pixel are skipped with a warning. Frames are read by all cores; memory
-    holds a few frames and the grid, however long the recording is. The result does not depend on the
-    number of threads.
+    Views without a foreground pixel are skipped with a warning. All cores read frames; memory holds only a
+    few frames and the grid, however long the recording is. The result does not depend on the number of
+    threads.
 
     Args:
         frames: with image, depth, mask and a metric camera.
-        config: how.
+        config: the settings.
         sfm_per_metre: for a voxel size in units of structure from motion.
         baseline: of the stereo rig [m], for shape 'ray'.
 
@@ -96,7 +96,7 @@ def depth_points(
 
 
 def _views(frames: Sequence[Frame], reduce: partial[ViewPoints]) -> Iterator[ViewPoints]:
-    """Yield all views in order; the next few are worked on meanwhile, no more: each holds its pixels."""
+    """Yield all views in order, computing only the next few ahead: each one holds its pixels in memory."""
     threads = default_threads()
     with (
         ThreadPoolExecutor(threads) as pool,
@@ -113,7 +113,7 @@ def _views(frames: Sequence[Frame], reduce: partial[ViewPoints]) -> Iterator[Vie
 class _GrowingGrid:
     """Voxel sums of many views.
 
-    New views wait until together they outweigh the grid, then merge: each voxel is sorted a
+    New views are collected until together they outweigh the grid, then merged. So each voxel is sorted a
     logarithmic number of times, and memory stays within a few times the grid.
     """
 
@@ -130,14 +130,14 @@ class _GrowingGrid:
 
 
 def _drawn(count: int, wanted: int) -> np.ndarray:
-    """Return a mask, shape (count,), of ``wanted`` places drawn at random; always the same."""
+    """Return a mask, shape (count,), of ``wanted`` places chosen at random; always the same ones."""
     keep = np.zeros(count, dtype=bool)
     keep[np.random.default_rng(0).choice(count, size=wanted, replace=False)] = True
     return keep
 
 
 def _to_points(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:
-    """Return a point per voxel, with an axis where the Gaussians are not to be round."""
+    """Return one point per voxel, with an axis unless the Gaussians are round."""
     if config.shape == "round":
         return PointCloud(voxels.points_world, voxels.colors)
     axes = voxels.extra[:, :3]
@@ -162,7 +162,7 @@ def _warn_of_odd_masks(view: ViewPoints, config: InitConfig) -> None:
         )
     elif foreground < (1 - DISAGREEMENT) * smooth:
         logger.warning(
-            "frame '%s': its depth calls %.0f%% of its mask background; look at the mask",
+            "frame '%s': its depth puts %.0f%% of its mask in the background; check the mask",
             view.name,
             100 * (1 - foreground / smooth),
         )
@@ -197,7 +197,7 @@ def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) ->
     elif smooth == 0:
         hint = "the depth is too sparse for the edge filter, turn it off"
     else:
-        hint = "the depth calls all of it background: check the masks, or turn the foreground filter off"
+        hint = "the depth puts it all in the background: check the masks, or turn off the foreground filter"
     return DigsError(
         f"initialization: no points in {frames} frames: {in_mask} pixels inside the masks, "
         f"{with_depth} of them with depth, {smooth} after the edge filter; {hint}"

@@ -1,9 +1,9 @@
 """Kernel of `digs_warp.init.edges`: the magnitude of the Laplacian, and the sums that its threshold needs.
 
-One thread per tile of 64x16 pixels. Its depth values lie in one local array, so that LLVM turns the loop
-over a row into vector code, and that over its sums; what is missing is selected away, not branched around.
-Lines of the arrays are read and written through views whose stride LLVM knows: element by element, loading
-and storing took longer than the Laplacian itself.
+One thread per tile of 64x16 pixels. The tile's depth values are in one local array, so that LLVM vectorizes
+the loop over a row and the loop over its sums; missing values are selected away instead of branched around.
+Rows are read and written through views with a stride that LLVM knows: element by element, loading and
+storing took longer than the Laplacian itself.
 """
 
 import warp as wp
@@ -22,7 +22,7 @@ _REACH = wp.constant(REACH)
 _STRIDE = wp.constant(TILE_WIDTH + 2 * REACH)
 _ROWS = wp.constant(TILE_HEIGHT + 2 * REACH)
 _NEAR = wp.constant((TILE_WIDTH + 2 * REACH) * (TILE_HEIGHT + 2 * REACH))
-# y & 15 is y, and tells LLVM that it is no negative index, which Warp would have to wrap.
+# y & 15 is y, and shows LLVM that the index is not negative, which Warp would have to wrap.
 _ROW_MASK = wp.constant(TILE_HEIGHT - 1)
 
 

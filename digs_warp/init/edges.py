@@ -25,12 +25,12 @@ Box = tuple[slice, slice]
 _SECOND_DERIVATIVE = np.array([1.0, 0.0, -2.0, 0.0, 1.0])
 _SMOOTHING = np.array([1.0, 4.0, 6.0, 4.0, 1.0])
 LAPLACIAN_5X5 = np.outer(_SMOOTHING, _SECOND_DERIVATIVE) + np.outer(_SECOND_DERIVATIVE, _SMOOTHING)
-# Each pair has one weight; the centre's is what all others sum to.
+# Each pair has one weight; the center's weight is the sum of all others.
 _TOTAL_WEIGHT = float(np.abs(LAPLACIAN_5X5).sum() - abs(LAPLACIAN_5X5[2, 2])) / 2
 
 # A pixel with less than this share of the pairs is dropped. The two rows of pixels along a straight hole
-# keep 27 % and 64 %, the neighbours of a single missing pixel at least 81 %: so the rim of a large hole
-# goes, where often the far side of a jump is missing and only the mixed pixels remain. (On 60 noisy views
+# keep 27 % and 64 %, the neighbors of a single missing pixel at least 81 %. So the rim of a large hole is
+# dropped, where often the far side of a jump is missing and only the mixed pixels remain. (On 60 noisy views
 # of a bottle without measured background, 19 % of the voxels were more than 1 cm off with a share of one
 # third, 0.4 % with three quarters, at the same coverage of the surface.)
 MIN_PAIR_WEIGHT = 0.75
@@ -46,7 +46,7 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
 
     Args:
         depth: shape (height, width), NaN where unknown.
-        box: rows and columns whose |E| is wanted; None: all. The threshold is that of the whole map.
+        box: rows and columns to return |E| for; None: all. The threshold is that of the whole map.
     """
     height, width = depth.shape
     rows, columns = box or (slice(0, height), slice(0, width))
@@ -80,7 +80,7 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
 def smooth_depth(depth: np.ndarray, box: Box | None = None) -> np.ndarray:
     """Return where depth is known and far from a jump, bool, the shape of ``depth`` or of ``box``.
 
-    On a perfectly flat map (every response is the same) all measured pixels pass.
+    On a perfectly flat map, where all responses are equal, all measured pixels pass.
     """
     magnitude, threshold = edge_magnitude(depth, box)
     return magnitude <= threshold

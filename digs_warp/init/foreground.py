@@ -1,23 +1,23 @@
-"""Two clusters of depth: what stands in front, and the background (paper section 3.3.1, eq. 9).
+"""Two clusters of depth: the foreground and the background (paper section 3.3.1, eq. 9).
 
-A mask that leaks onto the background (paper figure 6) is caught by depth: the background lies far behind.
-The paper clusters depth by k-means with two centroids and weights 1.0 and 3.0 in the assignment, and
-leaves open how. Here:
+Depth catches a mask that leaks onto the background (paper figure 6), because the background is far behind.
+The paper clusters depth by k-means with two centroids and weights 1.0 and 3.0 in the assignment, without
+details. Here:
 
-- The centroids are those of the best split of the sorted depths (the smallest sum of squared distances to
-  the two means). In one dimension that is found exactly; no start, no iteration, no random seed.
-- A pixel is background where ``w_background |d - c_background| < w_foreground |d - c_foreground|``: with
-  3.0 it has to be three times as near to the background's centroid, so that a deep object keeps its far
-  side. Only the border between the centroids counts: beyond the background's, all is background.
-  (Weights inside the iteration, Lloyd's way, gave the same border on simulated rooms to a centimetre.)
-- The foreground is the cluster that holds most of the mask; it need not be the nearer one.
-- The other cluster is only background if it mostly lies outside the mask. Where no background was
-  measured, both are the object. A mask that covers the whole image cannot tell, and the nearer cluster is
-  taken.
+- The centroids come from the best split of the sorted depths (the smallest sum of squared distances to the
+  two means). In one dimension the best split is found exactly, without a start, iterations or a seed.
+- A pixel is background where ``w_background |d - c_background| < w_foreground |d - c_foreground|``. With
+  3.0 it has to be three times closer to the background's centroid, so that a deep object keeps its far
+  side. Only the border between the centroids counts: everything beyond the background's is background.
+  (With the weights inside Lloyd's iteration, the border in simulated rooms was the same to a centimetre.)
+- The foreground is the cluster that holds most of the mask; it is not always the nearer one.
+- The other cluster is background only if most of it lies outside the mask. Where no background was
+  measured, both clusters are the object. If the mask covers the whole image, the nearer cluster is the
+  foreground.
 
-Depth noise moves the centroids by its mean, which is next to nothing, and pixels across the border only
-where a surface lies there. Far noise grows with the square of the distance and widens the background's
-cluster away from the object.
+Depth noise moves the centroids by its mean, which is almost zero. It moves pixels across the border only if
+a surface lies there. Noise grows with the square of the distance, and widens the background's cluster away
+from the object.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ import numpy as np
 
 # Pixels that vote on the centroids: a regular subset of large images is enough.
 SAMPLE_PIXELS = 50_000
-# Share of the votes left out at either end: single wild values must not make a cluster of their own.
+# Share of the votes dropped at either end, so that a few outliers do not become a cluster.
 TRIMMED = 0.01
-# From this share of the image on a mask tells nothing.
+# A mask that covers at least this share of the image carries no information.
 FULL_MASK = 0.99
 
 
@@ -83,10 +83,10 @@ def foreground_range(
 
 
 def two_means(ascending: np.ndarray) -> tuple[float, float] | None:
-    """Return the means of the best two clusters of sorted values; None where all are one value.
+    """Return the means of the best two clusters of sorted values; None if all values are equal.
 
     The split after k of n values minimizes the summed squared distances to the two means, that is, it
-    maximizes k (n - k) (m1 - m2)^2. One hundredth of the values is left out at either end.
+    maximizes k (n - k) (m1 - m2)^2. One hundredth of the values is dropped at either end.
     """
     trim = int(TRIMMED * len(ascending))
     values = ascending[trim : len(ascending) - trim].astype(np.float64)

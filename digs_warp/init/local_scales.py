@@ -1,4 +1,4 @@
-"""The local scales of eq. 6: what each view's depth map says about the unit of structure from motion."""
+"""The local scales of eq. 6: the unit of structure from motion according to each view's depth map."""
 
 import logging
 from collections.abc import Sequence
@@ -17,24 +17,23 @@ from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
 
-# The four pixels around an observation see one surface when their depths differ by less than this share.
+# The four pixels around an observation show one surface if their depths differ by less than this share.
 SAME_SURFACE = 0.01
 
-# With fewer ratios inside the masks, the whole image tells the scale: an object can lack texture. On six
-# recorded objects the mode of 100 ratios from the object missed the scale by 0.2 %; all of the image, whose
-# surround lies far away and is measured worse, missed it by up to 0.4 %.
+# With fewer ratios inside the masks, the whole image is used, because an object can lack texture. On six
+# recorded objects, the mode of 100 ratios from the object had a scale error of 0.2 %. The whole image, with
+# surroundings that are far away and measured less precisely, had up to 0.4 %.
 MIN_MASKED = 100
 
 
 def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> np.ndarray:
     """Return the ratios d*/d [sfm / m] of all observations in ``frames``, float64, NaN-free.
 
-    As in the paper, depth is trusted where the mask says object, away from jumps of the depth map, and
-    where it was measured at all. Where the masks leave fewer than `MIN_MASKED` ratios, all of the image
-    counts.
+    As in the paper, depth is used where it was measured, inside the mask and away from depth jumps. If the
+    masks leave fewer than `MIN_MASKED` ratios, the whole image is used.
 
     Args:
-        sfm: the model in [sfm]; only its observations in ``frames`` serve.
+        sfm: the model in [sfm]; only its observations in ``frames`` are used.
         frames: frames with depth; held-out ones must not be among them.
         config: its mask and edge filters.
 
@@ -68,7 +67,7 @@ def local_scales(sfm: SfmModel, frames: Sequence[Frame], config: InitConfig) -> 
 
 
 def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarray:
-    """Return ratios and whether each lies in the mask, shape (2, n)."""
+    """Return the ratios, and whether each one lies in the mask, shape (2, n)."""
     index = sfm.names.index(frame.name)
     camera = sfm.cameras[index]
     seen = sfm.observations.cameras == index
@@ -91,10 +90,10 @@ def _ratios_of_view(sfm: SfmModel, frame: Frame, config: InitConfig) -> np.ndarr
 
 
 def depth_at(depth: np.ndarray, px: np.ndarray) -> np.ndarray:
-    """Return the depth [m] at sub-pixel places (u, v), shape (n,), float64, NaN where there is none.
+    """Return the depth [m] at sub-pixel positions (u, v), shape (n,), float64, NaN where there is none.
 
-    Bilinear where the four pixels around a place see one surface (`SAME_SURFACE`); elsewhere the nearest
-    pixel's, so that foreground and background are never mixed. Places outside the image have no depth.
+    Bilinear if the four pixels around a position show one surface (`SAME_SURFACE`); otherwise that of the
+    nearest pixel, so that foreground and background are never mixed. Outside the image there is no depth.
     """
     height, width = depth.shape
     px = np.asarray(px, dtype=np.float64)
@@ -118,7 +117,7 @@ def depth_at(depth: np.ndarray, px: np.ndarray) -> np.ndarray:
 
 
 def pixels_at(px: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return column and row of the pixel that each place falls into, moved into the image."""
+    """Return column and row of the pixel that contains each position, clamped to the image."""
     columns = np.clip(np.floor(px[:, 0]).astype(np.int64), 0, width - 1)
     rows = np.clip(np.floor(px[:, 1]).astype(np.int64), 0, height - 1)
     return columns, rows

@@ -8,7 +8,7 @@ from digs_warp.init.edges import on_device
 
 wp.set_module_options({"enable_backward": False})
 
-# The tangents reach this many pixels to either side: noise tilts a normal by its ratio to this distance.
+# The tangents reach this many pixels to either side; the farther they reach, the less noise tilts a normal.
 REACH = 3
 
 _REACH = wp.constant(REACH)
@@ -63,8 +63,7 @@ def normals_from_depth(camera: Camera, depth: np.ndarray, wanted: np.ndarray) ->
     """Return unit normals in the world, toward the camera, shape (height, width, 3), float32.
 
     The normal is the cross product of the two central differences of the back-projected points, over a
-    few pixels. Zero where it is not wanted, and where one of the four neighbours is unknown: such pixels
-    tell nothing.
+    few pixels. It is zero where it is not wanted and where one of the four neighbors is unknown.
 
     Args:
         camera: of the view.

@@ -1,8 +1,8 @@
-"""Random points: the baseline that knows nothing of the surface (paper section 4.1).
+"""Random points: the baseline that knows nothing about the surface (paper section 4.1).
 
-The paper does not say where its random points lie. Here they fill the cube that the cameras look at:
-around the point nearest to all optical axes, as large as the narrower side of the image shows there.
-Their colours are random, too.
+The paper does not say where its random points lie. Here they fill the cube that the cameras look at: it is
+centered at the point nearest to all optical axes, and as large as the narrower side of the image at that
+distance. Their colors are random, too.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def random_points(cameras: Sequence[Camera], count: int) -> PointCloud:
     """Return ``count`` points, uniform in the cube that the cameras look at; always the same ones.
 
     Raises:
-        DigsError: all cameras look in the same direction: they have no point in common.
+        DigsError: all cameras look in the same direction, so their axes have no nearest point.
     """
     center = looked_at(cameras)
     half_sides = [
@@ -43,7 +43,7 @@ def looked_at(cameras: Sequence[Camera]) -> np.ndarray:
     normal_matrix = across.sum(axis=0)
     if np.linalg.cond(normal_matrix) > 1e6:
         raise DigsError(
-            "initialization 'random': the cameras all look in one direction, so there is no place "
-            "that they look at; choose another strategy"
+            "initialization 'random': all cameras look in the same direction, so there is no point "
+            "that they all look at; choose another strategy"
         )
     return np.linalg.solve(normal_matrix, np.einsum("nij,nj->i", across, centers))

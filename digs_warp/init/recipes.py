@@ -1,8 +1,8 @@
-"""The five initializations (paper sections 3.3 and 4.1): frames and sparse points -> coloured points.
+"""The five initializations (paper sections 3.3 and 4.1): frames and sparse points -> colored points.
 
-Everything is metric. With poses from structure from motion, the model was scaled once, by the factor that
-`digs_warp.init.scale` finds (eq. 6 and 7), so the paper's sigma* in eq. 8 is 1 here; its voxel sizes in
-units of structure from motion are divided by the factor where they are asked for.
+Everything is metric. With poses from structure from motion, the model was scaled once by the factor that
+`digs_warp.init.scale` finds (eq. 6 and 7), so the paper's sigma* in eq. 8 is 1 here. Voxel sizes in units of
+structure from motion are divided by the same factor.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from digs_warp.init.start import Initialization
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
-    """Return the points of `initialize` for poses that are metric already."""
+    """Return the points of `initialize` for poses that are already metric."""
     return initialize(frames, config).points
 
 
@@ -38,11 +38,11 @@ def initialize(
         frames: training frames with metric cameras; held-out ones must not be among them.
         config: strategy and settings.
         sfm: structure from motion in metres (`SfmModel.in_metres`); None: the poses are the capture's.
-        sfm_per_metre: the scale it had; for voxel sizes in its unit.
+        sfm_per_metre: the scale that it had; for voxel sizes in its unit.
         baseline: of the stereo rig [m]; for shape 'ray'.
 
     Raises:
-        DigsError: the strategy needs something that is missing, or leaves no points.
+        DigsError: something that the strategy needs is missing, or there are no points.
     """
     if config.strategy == "default":
         points = _needed(sfm, config).points
@@ -100,7 +100,7 @@ def _unmasked_points_in_box(
 
 
 def _union(from_depth: PointCloud, from_sfm: PointCloud, voxel_size: float) -> PointCloud:
-    """Return both clouds as one; sparse points have no axis of their own and stay round."""
+    """Merge both clouds; sparse points have no axis and stay round."""
     points = np.concatenate([from_depth.points_world, from_sfm.points_world])
     colors = np.concatenate([from_depth.colors, from_sfm.colors])
     if from_depth.axes_world is None or from_depth.axis_deviations is None:

@@ -1,17 +1,17 @@
 """The scale between structure from motion and metres (paper section 3.3.1, eq. 6 and 7).
 
-Every sparse point that a view saw gives one ratio of its depth in the model, d* [sfm], to the depth the
-sensor measured there, d [m]. Most agree; sensor noise widens the peak, and mismatches, holes' rims and
-occlusions lie anywhere. The scale is where a kernel density estimate of all ratios is highest.
+Every observation of a sparse point gives one ratio of its depth in the model, d* [sfm], to the depth that
+the sensor measured there, d [m]. Most ratios agree. Sensor noise widens the peak; mismatches, rims of holes
+and occlusions are spread everywhere. The scale is the maximum of a kernel density estimate of all ratios.
 
-Stereo noise is symmetric in disparity, which is proportional to 1 / d. So d*/d keeps the peak where it
-belongs; d/d* would be skewed, and its peak shifted by twice the squared relative noise.
+Stereo noise is symmetric in disparity, which is proportional to 1 / d, so the peak of d*/d is unbiased. The
+distribution of d/d* would be skewed, and its peak shifted by twice the squared relative noise.
 
 Bandwidth: the peak of a density is where its derivative vanishes, so the rule is the normal-scale rule for
 the *derivative*, h = (4 / 5)^(1/7) s n^(-1/7) (Chacon, Duong and Wand 2011, Statistica Sinica 21, eq. 3.2
-at dimension 1 and order 1), with s the standard deviation and n the size of the peak alone: outliers must
-not widen the kernel. Both are measured at the peak, from the interval that is densest and then from the
-peak's width at half its height.
+at dimension 1 and order 1). Here s is the standard deviation and n the size of the peak alone, so that
+outliers do not widen the kernel. Both are measured at the peak: first from the densest interval, then from
+the peak's width at half its height.
 """
 
 import logging
@@ -25,22 +25,22 @@ from digs_warp.checks import DigsError
 logger = logging.getLogger(__name__)
 
 BINS_PER_BANDWIDTH = 20
-REACH = 6.0  # bandwidths beyond which the kernel is nothing (exp(-18) = 1.5e-8)
+REACH = 6.0  # bandwidths beyond which the kernel is negligible (exp(-18) = 1.5e-8)
 
-# Share of the values, and least number, whose shortest interval first tells where the peak is; of few
-# values the shortest half does.
+# The shortest interval with this share of the values, and at least this many, gives the first estimate of the
+# peak. With few values it is the shortest half.
 CORE_SHARE = 0.05
 CORE_COUNT = 20
 REFINEMENTS = 3
 
-# The spread [relative] below which a peak is no wider than what float32 depths can tell.
+# Smallest spread [relative] of a peak: float32 depths cannot resolve less.
 RELATIVE_RESOLUTION = 1e-6
 
-# Only cells with at least this share of the fullest one can hold a mode that is told of.
+# Only cells with at least this share of the fullest cell can hold a mode that is reported.
 CANDIDATE_SHARE = 0.5
-# A mode rises from its surroundings by this share of the highest one; less is sampling noise.
+# A mode rises above its surroundings by at least this share of the highest mode; less is sampling noise.
 MODE_PROMINENCE = 0.15
-# A second mode this high makes the choice of the first one doubtful.
+# A second mode of at least this relative height makes the choice of the first one doubtful.
 RIVAL_HEIGHT = 0.8
 
 # Half the width of a normal distribution at half its height, in standard deviations.
@@ -52,12 +52,12 @@ class ScaleEstimate:
     """The factor between the units of structure from motion and metres.
 
     Attributes:
-        sfm_per_metre: the most probable ratio, sigma* of eq. 7; where the mean was asked for, that.
+        sfm_per_metre: the most probable ratio, sigma* of eq. 7; or the mean, if that was requested.
         width: standard deviation of the peak around it [sfm / m].
-        values: number of ratios that entered.
-        modes: number of peaks of the density that stand out.
+        values: number of ratios used.
+        modes: number of distinct peaks of the density.
         bandwidth: of the kernel [sfm / m].
-        warning: why the result is doubtful; empty when it is not.
+        warning: why the result is doubtful; empty if it is not.
     """
 
     sfm_per_metre: float
@@ -71,14 +71,14 @@ class ScaleEstimate:
 def estimate_scale(
     ratios: np.ndarray, statistic: Literal["mode", "mean"] = "mode"
 ) -> ScaleEstimate:
-    """Return the mode of the ratios d*/d (eq. 7), warning where a second mode is near as high.
+    """Return the mode of the ratios d*/d (eq. 7), with a warning if a second mode is nearly as high.
 
-    With 10^6 ratios the mode is told to better than 10^-3 of itself, whatever share of them are outliers
-    as long as the peak is denser than they are.
+    With 10^6 ratios the relative error of the mode is below 10^-3, whatever the share of outliers, as long as
+    the peak is denser than they are.
 
     Args:
-        ratios: local scales [sfm / m], any shape; NaN, infinite, zero and negative ones do not count.
-        statistic: the mode, or, to compare with, the arithmetic mean of the same ratios.
+        ratios: local scales [sfm / m], any shape; NaN, infinite, zero and negative ones are ignored.
+        statistic: the mode, or for comparison the arithmetic mean of the same ratios.
 
     Raises:
         DigsError: no usable ratio.
@@ -103,8 +103,8 @@ def estimate_scale(
 def log_density(values: np.ndarray, at: np.ndarray, bandwidth: float) -> np.ndarray:
     """Return the logarithm of the Gaussian kernel density of sorted ``values``, shape of ``at``.
 
-    Values are counted in bins of a twentieth of the bandwidth first: what this changes is below 10^-3
-    of the density (the variance of a uniform bin widens the kernel by a relative h^2 / 4800).
+    Values are first counted in bins of a twentieth of the bandwidth. This changes the density by less than
+    10^-3 (the variance of a uniform bin widens the kernel by a relative h^2 / 4800).
     """
     from sklearn.neighbors import KernelDensity
 
@@ -113,7 +113,7 @@ def log_density(values: np.ndarray, at: np.ndarray, bandwidth: float) -> np.ndar
     bins, counts = np.unique(np.floor(near / bin_width), return_counts=True)
     density = KernelDensity(bandwidth=bandwidth, rtol=1e-6)  # pyright: ignore[reportArgumentType]
     density.fit(((bins + 0.5) * bin_width)[:, None], sample_weight=counts)
-    # scikit-learn normalizes by the weights it was given; values out of reach count, too.
+    # scikit-learn normalizes by the weights it was given; values out of reach must count, too.
     return density.score_samples(at[:, None]) + np.log(len(near) / len(values))
 
 
@@ -123,14 +123,14 @@ def _usable(ratios: np.ndarray) -> np.ndarray:
     if usable.size == 0:
         raise DigsError(
             f"scale: {ratios.size} points of structure from motion fall on measured depth, none of them "
-            "with a finite ratio above 0; check that the depth maps belong to the images, or take "
+            "with a finite ratio above 0; check that the depth maps belong to the images, or use "
             "the poses of the capture (--poses capture)"
         )
     return usable
 
 
 def _core(values: np.ndarray) -> tuple[float, float, int]:
-    """Return centre, standard deviation and size of the densest part of sorted values."""
+    """Return center, standard deviation and size of the densest part of sorted values."""
     few = min(CORE_COUNT, len(values) // 2 + 1)
     inside = max(few, int(CORE_SHARE * len(values)))
     widths = values[inside - 1 :] - values[: len(values) - inside + 1]
@@ -149,7 +149,7 @@ def _bandwidth(location: float, deviation: float, count: int) -> float:
 
 
 def _peak_spread(values: np.ndarray, location: float, bandwidth: float) -> tuple[float, int]:
-    """Return standard deviation and size of the peak, from where its density has fallen to a half."""
+    """Return standard deviation and size of the peak, from its width at half its height."""
     step = bandwidth / 4
     reach = 4
     while True:
@@ -161,7 +161,7 @@ def _peak_spread(values: np.ndarray, location: float, bandwidth: float) -> tuple
             break
         reach *= 2
     half_width = step * min(right[0] - reach, reach - left[-1]) / HALF_WIDTH
-    # The kernel's own variance lies on top of the peak's.
+    # The kernel's variance adds to that of the peak.
     deviation = float(np.sqrt(max(half_width**2 - bandwidth**2, 0.0)))
     deviation = float(max(deviation, RELATIVE_RESOLUTION * location))
     low_end, high_end = np.searchsorted(
@@ -171,7 +171,7 @@ def _peak_spread(values: np.ndarray, location: float, bandwidth: float) -> tuple
 
 
 def _modes(values: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return places and relative heights of the modes that stand out, the highest first."""
+    """Return positions and relative heights of the distinct modes, the highest first."""
     from scipy.signal import find_peaks
 
     grid = _candidates(values, bandwidth)
@@ -186,7 +186,7 @@ def _modes(values: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _candidates(values: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Return bin centres around all places that can hold a notable mode, ascending."""
+    """Return bin centers around all positions that can hold a relevant mode, ascending."""
     cells = np.unique(np.floor(values / bandwidth))
     ends = np.searchsorted(values, [(cells - 1) * bandwidth, (cells + 2) * bandwidth])
     full = ends[1] - ends[0]
@@ -197,7 +197,7 @@ def _candidates(values: np.ndarray, bandwidth: float) -> np.ndarray:
 
 
 def _near(values: np.ndarray, at: np.ndarray, reach: float) -> np.ndarray:
-    """Return the sorted values within ``reach`` of any of the ascending places ``at``."""
+    """Return the sorted values within ``reach`` of any of the ascending positions ``at``."""
     gaps = np.flatnonzero(np.diff(at) > 2 * reach)
     starts = np.concatenate([at[:1], at[gaps + 1]]) - reach
     ends = np.concatenate([at[gaps], at[-1:]]) + reach
@@ -210,5 +210,5 @@ def _rival_warning(modes: np.ndarray, heights: np.ndarray) -> str:
         return ""
     return (
         f"scale: a second mode at {modes[1]:.5g} sfm per metre is {heights[1]:.0%} as high as the one "
-        f"at {modes[0]:.5g} that was taken; check the depth unit of all frames and the masks"
+        f"at {modes[0]:.5g} that was used; check the depth unit of all frames and the masks"
     )

@@ -9,12 +9,12 @@ from digs_warp.sh import coefficient_count, sh_from_rgb
 
 NEIGHBOURS = 3
 
-# Limits of the scale, relative to the median over all points. A stray point far from the surface would
-# otherwise become a blob that hides the object; a near-duplicate a needle point that no pixel sees.
+# Limits of the scale, relative to the median over all points. Otherwise a stray point far from the surface
+# would become a blob that hides the object, and a near-duplicate would be too small for any pixel to see.
 MAX_SCALE_RATIO = 5.0
 MIN_SCALE_RATIO = 0.1
 
-# The standard deviation [m] where there is no other point, or none elsewhere, to measure against.
+# The standard deviation [m] if there is no other point, or none at a different position.
 LONELY_SCALE = 0.01
 
 
@@ -24,16 +24,16 @@ def seed_gaussians(
     opacity: float = REFERENCE_OPACITY,
     width: float = REFERENCE_WIDTH,
 ) -> Gaussians:
-    """Return one Gaussian per point, coloured alike from all sides.
+    """Return one Gaussian per point, with the same color from all sides.
 
-    They are ``width`` times as wide as the points are apart; round, unless the points have axes: along these
-    they have the standard deviation that the points tell.
+    Its standard deviation is ``width`` times the distance to its neighbors. It is round unless the point has
+    an axis; along the axis it has the standard deviation given by the point.
 
     Args:
         points: any number of points, duplicates allowed.
-        sh_degree: degree of the colour's spherical harmonics, 0 to 3; all bands above 0 start at zero.
+        sh_degree: degree of the color's spherical harmonics, 0 to 3; all bands above 0 start at zero.
         opacity: the same for all, above 0 and below 1.
-        width: standard deviation as a share of the distance to the neighbours, above 0.
+        width: standard deviation as a fraction of the distance to the neighbors, above 0.
     """
     count = len(points)
     if not 0 < opacity < 1:
@@ -56,10 +56,10 @@ def seed_gaussians(
 
 
 def quats_from_z_to(axes: np.ndarray) -> np.ndarray:
-    """Return unit quaternions xyzw that turn z into directions, shape (n, 3), by the shorter way.
+    """Return unit quaternions xyzw that rotate z to directions, shape (n, 3), by the smaller angle.
 
     The rotation by the angle t about z x a has the quaternion (sin(t/2) n, cos(t/2)); with a . z = cos(t)
-    that is (z x a, 1 + a . z) up to its length. Opposite directions turn about x.
+    that is (z x a, 1 + a . z) up to its length. For the opposite direction the axis is x.
     """
     axes = np.asarray(axes, dtype=np.float64)
     zero = np.zeros(len(axes))
@@ -70,9 +70,9 @@ def quats_from_z_to(axes: np.ndarray) -> np.ndarray:
 
 
 def neighbour_scales(points_world: np.ndarray) -> np.ndarray:
-    """Return the root mean squared distance [m] to the three nearest neighbours, shape (n,), limited.
+    """Return the root mean squared distance [m] to the three nearest neighbors, shape (n,), clamped.
 
-    With fewer than four points the neighbours are all others.
+    With fewer than four points, all others are neighbors.
     """
     from scipy.spatial import KDTree
 
@@ -80,7 +80,7 @@ def neighbour_scales(points_world: np.ndarray) -> np.ndarray:
     neighbours = min(NEIGHBOURS, count - 1)
     if neighbours < 1:
         return np.full(count, LONELY_SCALE)
-    # The nearest hit of each query is the point itself (or its duplicate, as far away).
+    # The nearest hit of each query is the point itself (or a duplicate, also at distance 0).
     distances, _ = KDTree(points_world).query(points_world, k=neighbours + 1, workers=-1)
     scales = np.sqrt(np.mean(np.square(distances[:, 1:]), axis=1))
     typical = np.median(scales[scales > 0]) if np.any(scales > 0) else LONELY_SCALE

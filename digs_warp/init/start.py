@@ -1,4 +1,4 @@
-"""What an initialization returns. Imports nothing heavy: results are read without the code behind them."""
+"""What an initialization returns. Imports nothing heavy: reading a result must not load the init code."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class DepthReport:
-    """What became of the pixels and voxels.
+    """How many pixels and voxels passed each step.
 
     Attributes:
         voxel_size: edge length of the final grid [m].
@@ -35,12 +35,12 @@ class DepthReport:
 
 @dataclass(frozen=True, eq=False)
 class Initialization:
-    """The points to start from, and how they came about.
+    """The points to start from, and how they were made.
 
     Attributes:
         points: in the world [m].
         sources: number of points by where they came from: "depth", "sfm", "random".
-        depth: what became of the depth maps' pixels; None when the strategy does not use depth.
+        depth: how many pixels of the depth maps were used; None if the strategy does not use depth.
     """
 
     points: PointCloud

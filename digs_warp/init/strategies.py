@@ -17,8 +17,8 @@ FINE_VOXELS: Mapping[VoxelUnit, float] = {"sfm": 0.04, "metre": 0.004, "object":
 COARSE_VOXELS: Mapping[VoxelUnit, float] = {"sfm": 0.1, "metre": 0.01, "object": 0.02}
 
 # Points from depth cover the surface. Measured on the YCB mustard bottle (1600x900, 38,000 points 3 mm apart,
-# rates of 3DGS): 30.7 dB after 100 steps with the dense start, in two thirds of the time of 27.7 dB with that
-# of 3DGS.
+# rates of 3DGS): after 100 steps 30.7 dB with the dense start, in two thirds of the time; 27.7 dB with the
+# start of 3DGS.
 DENSE_OPACITY, DENSE_WIDTH = 0.8, 0.6
 REFERENCE_OPACITY, REFERENCE_WIDTH = 0.1, 1.0
 
@@ -28,12 +28,12 @@ class Strategy:
     """What an initialization needs, and its defaults.
 
     Attributes:
-        needs_sfm: whether it starts from the sparse points of structure from motion, or from as many.
+        needs_sfm: whether it uses the sparse points of structure from motion, or at least their number.
         voxel_sizes: edge length of the voxel grid by its unit; only points from depth are put on a grid.
         opacity: of every Gaussian at the start.
         width: standard deviation of every Gaussian at the start, as a fraction of the distance to its
             neighbors.
-        density: how the number of Gaussians changes during the training, as `--density` names it.
+        density: how the number of Gaussians changes during training, a value of `--density`.
     """
 
     needs_sfm: bool

@@ -1,11 +1,11 @@
-"""How certain stereo is of a depth: an extension of the paper (its eq. 10 weighs all measurements alike).
+"""The precision of stereo depth: an extension of the paper (its eq. 10 weights all measurements equally).
 
 Depth is z = f b / disparity, so a disparity with standard deviation s_d [px] makes
 
     sigma_z = z^2 s_d / (f b),
 
-(Gallup et al. 2008, "Variable baseline/resolution stereo", eq. 3). A mean over measurements of different
-certainty is best weighted by 1 / sigma_z^2, of which only z matters within one recording.
+(Gallup et al. 2008, "Variable baseline/resolution stereo", eq. 3). The best weights for a mean of
+measurements of different precision are 1 / sigma_z^2; within one recording only z varies.
 """
 
 import numpy as np

@@ -17,7 +17,7 @@ from digs_warp.init.normals import REACH, normals_from_depth
 from digs_warp.init.uncertainty import depth_deviation, pixel_rays, stereo_weights
 from digs_warp.init.voxel import VoxelSums
 
-# The visibility check looks at every n-th row and column, so that a map has about this many pixels.
+# The visibility check uses every n-th row and column, so that a map has about this many pixels.
 KEPT_PIXELS = 100_000
 
 # Conditions of eq. 9 in the order in which they are applied.
@@ -31,8 +31,8 @@ class ViewPoints:
     Attributes:
         name: of the frame.
         camera: of the frame.
-        voxels: sums over the pixels that are left.
-        pixels: how many were left after each of `FILTERS`.
+        voxels: sums over the remaining pixels.
+        pixels: how many remained after each of `FILTERS`.
         thinned_depth: every n-th row and column of the depth map, for the visibility check; or None.
         seconds: CPU time of each stage [s]; "read" is the time for the files.
     """
@@ -61,7 +61,7 @@ class _Laps:
 def view_points(
     frame: Frame, config: InitConfig, voxel_size: float, baseline: float | None = None
 ) -> ViewPoints:
-    """Apply the conditions of eq. 9 to one view, back-project what is left and grid it.
+    """Apply the conditions of eq. 9 to one view, back-project the remaining pixels and sum them per voxel.
 
     Args:
         frame: a frame with image, depth and mask.
@@ -76,7 +76,7 @@ def view_points(
     laps.lap("read")
     in_mask = mask > config.mask_level
     rows, columns = box = box_of(in_mask)
-    camera, near = frame.camera.cropped(rows, columns), depth[box]  # what the mask is about
+    camera, near = frame.camera.cropped(rows, columns), depth[box]  # the part around the mask
     keep = in_mask[box] & ~np.isnan(near)
     pixels = {FILTERS[0]: int(np.count_nonzero(in_mask)), FILTERS[1]: int(np.count_nonzero(keep))}
     laps.lap("mask")
@@ -103,9 +103,9 @@ def view_points(
 
 
 def box_of(in_mask: np.ndarray) -> Box:
-    """Return rows and columns around all mask pixels, and the few beside them that normals look at.
+    """Return the rows and columns around all mask pixels, with a margin for the normals.
 
-    Of an empty mask it is the first pixel.
+    For an empty mask it is the first pixel.
     """
     x0, y0, x1, y1 = mask_box(in_mask)
     if x0 == x1:
@@ -124,7 +124,7 @@ def _shape_values(
     config: InitConfig,
     baseline: float | None,
 ) -> np.ndarray | None:
-    """Return what the shape of the Gaussians needs per pixel, shape (height, width, k), or None."""
+    """Return the per-pixel values that the Gaussians' shape needs, shape (height, width, k), or None."""
     if config.shape == "flat":
         return normals_from_depth(camera, depth, keep)
     if config.shape == "ray":

@@ -1,7 +1,7 @@
 """Visibility across views: an extension of the paper that removes floaters in front of the object.
 
-A view that measured depth d at the pixel of a point has seen through everything nearer. A point at depth
-z < d - tolerance contradicts it; one within the tolerance is confirmed; one further away is hidden, and
+If a view measured depth d at the pixel of a point, it saw through everything nearer. The view contradicts a
+point at depth z < d - tolerance, and confirms one within the tolerance. A point farther away is hidden, and
 the view says nothing about it.
 """
 
@@ -22,7 +22,7 @@ TOLERANCE_SHARE = 0.01
 def not_seen_through(
     points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
 ) -> np.ndarray:
-    """Return which points no more views contradict than confirm, shape (n,), bool.
+    """Return the points that at least as many views confirm as contradict, shape (n,), bool.
 
     Args:
         points_world: points [m], shape (n, 3).

@@ -1,8 +1,8 @@
-"""Voxel-grid filter: one point per occupied voxel, at the mean of what fell into it (paper eq. 10).
+"""Voxel-grid filter: one point per occupied voxel, at the mean of its measurements (paper eq. 10).
 
-Every view sees the same surface again; the grid turns many noisy measurements of a spot into one
-point. The grid is anchored at the world's origin, so sums of separate batches can be merged: a
-recording is reduced view by view and never held in memory as a whole.
+Every view sees the same surface again; the grid merges many noisy measurements of a spot into one point.
+The grid is anchored at the world's origin, so the sums of separate batches can be merged: a recording is
+reduced view by view and never held in memory as a whole.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from digs_warp.init.voxel_kernel import BITS, COLOR, EXTRA, MAX_INDEX, POSITION
 
 @dataclass(frozen=True, eq=False)
 class VoxelSums:
-    """What fell into each occupied voxel so far.
+    """The accumulated measurements of each occupied voxel.
 
     Attributes:
         keys: packed voxel indices, ascending, shape (n,), int64.
@@ -63,7 +63,7 @@ class VoxelSums:
         return self.select(self.counts >= fraction * np.median(self.counts))
 
     def coarser(self, voxel_size: float) -> "VoxelSums":
-        """Return the sums on a coarser grid [m]; each voxel goes where its mean position lies.
+        """Return the sums on a coarser grid [m]; a voxel's mean position decides where it goes.
 
         Raises:
             DigsError: the voxel size is not positive, or so small that voxel indices overflow.
@@ -89,7 +89,7 @@ def _voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
             f"expected at least {extent / MAX_INDEX:.2g} m; choose a larger voxel size"
         )
     keys = np.zeros(len(points_world), dtype=np.int64)
-    # The kernel multiplies by the reciprocal, too: both give a point the same voxel.
+    # The kernel also multiplies by the reciprocal, so both assign a point to the same voxel.
     voxels_per_metre = 1.0 / voxel_size
     for coordinate in np.asarray(points_world, dtype=np.float64).T:
         index = np.floor(coordinate * voxels_per_metre).astype(np.int64) + MAX_INDEX + 1

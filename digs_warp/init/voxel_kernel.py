@@ -1,13 +1,13 @@
 """Kernel of `digs_warp.init.voxel`: back-project a view's pixels (eq. 8) straight into a hash of voxels.
 
-One thread walks a whole view in a fixed order, so sums do not depend on the number of threads; views run
-beside each other. Neighbouring pixels mostly fall into the same voxel, which is then not searched again.
-Positions and sums are float64: the same bits as the NumPy twin in the tests.
+One thread processes a whole view in a fixed order, so the sums do not depend on the number of threads; views
+run in parallel. Neighboring pixels mostly fall into the same voxel, which is then not looked up again.
+Positions and sums are float64: the same bits as the NumPy version in the tests.
 """
 
 import warp as wp
 
-# Without the machine's own rounding instruction `floor` is a call. Fused multiply-adds would change bits.
+# Without -march=native, `floor` is a call, not an instruction. Fused multiply-adds would change bits.
 FLAGS = "-march=native -ffp-contract=off"
 wp.set_module_options(
     {"enable_backward": False, "optimization_level": 3, "cpu_compiler_flags": FLAGS}
@@ -17,7 +17,7 @@ wp.set_module_options(
 BITS = 21
 MAX_INDEX = 2 ** (BITS - 1) - 1
 
-POSITION, COLOR, EXTRA = 0, 3, 6  # where they begin in a row of sums
+POSITION, COLOR, EXTRA = 0, 3, 6  # where each begins in a row of sums
 
 # What the kernel reports: done, the table is too small, or a point is too far from the origin.
 DONE, TABLE_FULL, TOO_FAR = 0, 1, 2
@@ -34,14 +34,14 @@ _TOO_FAR = wp.constant(TOO_FAR)
 
 @wp.func
 def slot_of(key: wp.int64, slot_bits: int) -> int:
-    """Return the first slot to look into."""
+    """Return the first slot to probe."""
     mixed = (key * _GOLDEN) >> wp.int64(64 - slot_bits)
     return int(mixed) & ((1 << slot_bits) - 1)
 
 
 @wp.struct
 class PixelValues:
-    """Pixels of a view; flat arrays: their index is checked once, not once per axis."""
+    """Pixels of a view, in flat arrays: an index is checked once, not once per axis."""
 
     height: int
     width: int
@@ -83,7 +83,7 @@ def add_to(
     point: wp.vec3d,
     color: wp.vec3d,
 ):
-    """Add to the sums of a voxel."""
+    """Add a pixel to the sums of a voxel."""
     counts[voxel] = counts[voxel] + count
     sums[voxel, 0] = sums[voxel, 0] + weight
     for axis in range(3):
@@ -99,8 +99,8 @@ def accumulate_kernel(
     # outputs
     table: VoxelTable,
 ):
-    """Sum up all pixels with a weight, per voxel. One thread."""
-    # By names of their own: through the structs, each access would look up where they are (5 % of the time).
+    """Sum all pixels with a nonzero weight, per voxel. One thread."""
+    # Copied to local names: through the structs, each access would look up the address (5 % of the time).
     depth = pixels.depth
     image = pixels.image
     weights = pixels.weights
@@ -120,7 +120,7 @@ def accumulate_kernel(
     found = int(0)
     voxel = int(-1)
     last_key = wp.int64(-1)
-    # What fell into the current voxel since it was entered.
+    # The sums of the current voxel since it was entered.
     count = wp.int64(0)
     weight_sum = wp.float64(0.0)
     point_sum = wp.vec3d()

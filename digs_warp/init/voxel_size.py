@@ -1,9 +1,9 @@
-"""The edge length of the voxel grid: metres, shares of the object, units of SfM, or a number of points.
+"""The edge length of the voxel grid: in metres, as a fraction of the object, in SfM units, or by point count.
 
 The paper states its voxel sizes, 0.04 and 0.1, in the arbitrary unit of its structure from motion. A size
-in metres or in units of structure from motion is known beforehand. The object's size and the number of
-points are not: then the grid starts as fine as the depth maps resolve, and is coarsened once all views are
-in.
+in metres or in units of structure from motion is known at the start. A fraction of the object or a number of
+points is not: then the grid starts as fine as the depth maps resolve, and is coarsened after all views were
+added.
 """
 
 import logging
@@ -21,17 +21,17 @@ logger = logging.getLogger(__name__)
 # The fine grid's voxels in pixels at the object's distance.
 FINE_PIXELS = 2.0
 
-# The object's box leaves out this percentage of the voxels at either end of each axis.
+# The object's box ignores this percentage of the voxels at either end of each axis.
 BOX_PERCENTILE = 0.5
 
-# Halvings of the interval in which the voxel size for a number of points is searched.
+# Bisection steps in the search for the voxel size that gives a number of points.
 SEARCH_STEPS = 16
 
 
 def first_voxel_size(
     frames: Sequence[Frame], config: InitConfig, sfm_per_metre: float | None
 ) -> float:
-    """Return the edge length [m] of the grid that the views are summed up on.
+    """Return the edge length [m] of the grid on which the views are summed.
 
     Raises:
         DigsError: a size in units of structure from motion, but no scale.
@@ -49,7 +49,7 @@ def first_voxel_size(
 
 
 def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> float:
-    """Return the edge length [m] that was asked for, at least ``size``, that of the grid so far."""
+    """Return the requested edge length [m], at least ``size``, that of the current grid."""
     if config.target_points is not None:
         return _size_for_count(voxels, size, config)
     if config.voxel_unit != "object":
@@ -57,7 +57,7 @@ def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> floa
     wanted = config.voxel_edge * object_size(voxels.well_supported(config.min_support))
     if wanted < size:
         logger.warning(
-            "--voxel-size: %g of the object is finer than its depth maps, took %.2g m",
+            "--voxel-size: %g of the object is finer than its depth maps resolve; using %.2g m",
             config.voxel_edge,
             size,
         )
@@ -65,19 +65,19 @@ def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> floa
 
 
 def object_size(voxels: VoxelSums) -> float:
-    """Return the longest side [m] of the box around the voxels, but for the outermost few."""
+    """Return the longest side [m] of the box around the voxels, without the outermost few."""
     low, high = np.percentile(voxels.points_world, [BOX_PERCENTILE, 100 - BOX_PERCENTILE], axis=0)
     return float((high - low).max())
 
 
 def _fine_size(frames: Sequence[Frame], mask_level: int) -> float:
-    """Return what `FINE_PIXELS` pixels cover at the object's distance in the first view that has any."""
+    """Return the size [m] of `FINE_PIXELS` pixels at the object, in the first view that shows it."""
     for frame in frames:
         depth = frame.load_depth()[frame.load_mask() > mask_level]
         depth = depth[~np.isnan(depth)]
         if depth.size:
             return FINE_PIXELS * float(np.median(depth)) / frame.camera.intrinsics.fx
-    return 1.0  # no pixel at all: the views will say so
+    return 1.0  # no object pixel: the views will raise the error
 
 
 def _size_for_count(voxels: VoxelSums, size: float, config: InitConfig) -> float:

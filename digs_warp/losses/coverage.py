@@ -1,8 +1,8 @@
-"""Alpha supervision: what the Gaussians cover is pulled to the mask, inside and outside of the object.
+"""Alpha supervision: pulls the rendered alpha toward the mask, inside and outside the object.
 
     L = (1 / pixels) sum |alpha - mask|,   alpha = 1 - transmittance
 
-A random background does the same on average; this term does it in every step and with any background.
+A random background has the same effect on average; this term acts in every step and with any background.
 """
 
 import numpy as np
@@ -47,17 +47,17 @@ def coverage_kernel(
 
 
 class CoverageLoss:
-    """weight * mean |alpha - mask|, and its gradient in the transmittance.
+    """weight * mean |alpha - mask|, and its gradient with respect to the transmittance.
 
     Args:
-        transmittance: what the renderer left of the background, one plane.
-        mask: the mask of the present view in 0..1, same layout.
+        transmittance: how much of the background is visible, as rendered, one plane.
+        mask: the mask of the current view in 0..1, same layout.
         adj_transmittance: where dL/dtransmittance goes, same layout.
-        weight: factor of the term.
+        weight: weight of the term.
         threads: CPU threads; 0 means all cores.
 
     Attributes:
-        sums: what `value` adds up, on the device.
+        sums: the array that `value` sums, on the device.
     """
 
     def __init__(
@@ -90,5 +90,5 @@ class CoverageLoss:
         self._launch.run()
 
     def value(self) -> float:
-        """Return the term of the last `run`, its weight included; waits for the device."""
+        """Return the weighted term of the last `run`; waits for the device."""
         return self._scale * float(self.sums.numpy().sum(dtype=np.float64))

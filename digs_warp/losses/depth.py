@@ -1,14 +1,14 @@
-"""Depth supervision: the expected depth of a view is pulled to what the depth camera measured.
+"""Depth supervision: pulls the rendered expected depth toward the measured depth.
 
 Legend: z rendered depth, d measured depth [m], I the photograph, c the sensor's confidence in 0..1.
 
     L = sum w log(1 + |z - d| / s) / sum w,   s = ERROR_SHARE d
     w = c exp(-|grad I|) where the depth is known and the object covers the pixel, else 0
 
-The logarithm forgives outliers and the factor exp(-|grad I|) distrusts image edges, where stereo depth
-bleeds from one surface to the other (the edge-aware log-L1 of DN-Splatter, Turkulainen et al. 2024). That
-paper takes |z - d| in units of the scene, where rooms measure metres; a relative error serves an object of
-any size.
+The logarithm limits the effect of outliers. The factor exp(-|grad I|) lowers the weight of image edges,
+where stereo depth bleeds from one surface to the other (the edge-aware log-L1 of DN-Splatter, Turkulainen
+et al. 2024). That paper takes |z - d| in units of the scene, metres for rooms; a relative error works for
+objects of any size.
 """
 
 from dataclasses import dataclass
@@ -22,15 +22,15 @@ from digs_warp.geometry import PixelBox
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Relative error at which the logarithm begins to forgive: about that of a stereo camera close to an object.
+# Relative error above which the logarithm flattens: about that of a stereo camera close to an object.
 ERROR_SHARE = 0.01
-# The rendered depth of a pixel that is covered less belongs to the rim: a mean of near and far.
+# A pixel with less coverage is at the rim, where the rendered depth is a mean of near and far.
 MIN_COVERAGE = 0.5
 
 _NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 _ERROR_SHARE = wp.constant(ERROR_SHARE)
 _MAX_TRANSMITTANCE = wp.constant(1.0 - MIN_COVERAGE)
-# Positions in the inputs of the kernel of what changes from step to step.
+# Positions of the kernel inputs that change from step to step.
 _DEPTH, _WEIGHTS, _SLOPE = 4, 5, 7
 
 
@@ -39,7 +39,7 @@ def depth_kernel(
     row: int,
     pitch: int,
     origin: int,
-    regions: wp.array2d[int],  # [2, 4] the box of the measured depth, and what of the image to fill
+    regions: wp.array2d[int],  # [2, 4] the box of the measured depth, and the part to fill
     transmittance: wp.array[float],  # 1 padded plane
     measured: wp.array[float],  # [size of the box] [m]
     weights: wp.array[wp.uint8],  # [size of the box] w * 255
@@ -75,7 +75,7 @@ class DepthTarget:
     """Measured depth inside a view's box: flat arrays on the device.
 
     Attributes:
-        depth: [m], float32; its value means nothing where the weight is 0.
+        depth: [m], float32; undefined where the weight is 0.
         weights: w * 255, uint8.
         total: the sum of w.
     """
@@ -92,7 +92,7 @@ def depth_weights(
 
     Args:
         image: sRGB, (height, width, 3), uint8.
-        mask: 0..255, (height, width); a pixel of the object has 128 or more.
+        mask: 0..255, (height, width); 128 or more on the object.
         depth: [m], NaN where unknown.
         confidence: 0..1, (height, width); None: 1 everywhere.
     """
@@ -107,16 +107,16 @@ def depth_weights(
 
 
 class DepthLoss:
-    """The depth term and its gradient in the expected depth.
+    """The depth term and its gradient with respect to the expected depth.
 
     Args:
-        depth, transmittance: what the renderer drew, one plane each.
+        depth, transmittance: the rendered planes, one each.
         adj_depth: where dL/ddepth goes, same layout.
-        weight: factor of the term.
+        weight: weight of the term.
         threads: CPU threads; 0 means all cores.
 
     Attributes:
-        sums: what `value` adds up, on the device.
+        sums: the array that `value` sums, on the device.
     """
 
     def __init__(
@@ -149,9 +149,9 @@ class DepthLoss:
         """Compute the term and its gradient.
 
         Args:
-            target: what was measured inside ``box``.
+            target: the measured depth inside ``box``.
             box: where it lies in the image.
-            drawn: the box inside which the gradient is wanted (where splats are).
+            drawn: the box in which the gradient is needed (where splats are).
         """
         self._scale = self.weight / target.total if target.total > 0 else 0.0
         self._regions.assign(np.array([box, drawn], dtype=np.int32))
@@ -161,5 +161,5 @@ class DepthLoss:
         self._launch.run()
 
     def value(self) -> float:
-        """Return the term of the last `run`, its weight included; waits for the device."""
+        """Return the weighted term of the last `run`; waits for the device."""
         return self._scale * float(self.sums.numpy().sum(dtype=np.float64))

@@ -1,9 +1,9 @@
 """The photometric loss of the paper (section 3.4): L = (1 - lambda) L1 + lambda D-SSIM, over a background.
 
-L1 and D-SSIM = 1 - SSIM are means over all pixels and channels; where pixels have weights, each pixel's
-term is multiplied by its weight before the mean over all is taken. The target is composited over the
-background of the step, so that the mask supervises the outside of the object, too: a Gaussian that covers
-background is wrong wherever the background shows through differently.
+L1 and D-SSIM = 1 - SSIM are means over all pixels and channels. If pixels have weights, each pixel's term
+is multiplied by its weight before the mean over all pixels is taken. The target is composited over the
+background of the step, so the mask also supervises the area outside the object: a Gaussian that hides the
+background is penalized.
 """
 
 import numpy as np
@@ -25,14 +25,14 @@ class PhotometricLoss:
 
     Args:
         image: the rendered planes (3 channels), values in 0..1.
-        target: planes of the same layout; zero outside of the present size.
-        weights: one plane of the same layout, read by `run` where it is told to.
+        target: planes of the same layout; zero outside the current size.
+        weights: one plane of the same layout; `run` reads it only if ``weighted``.
         adj_image: where the gradient dL/dimage goes, same layout as ``image``.
         dssim_weight: lambda, in 0..1.
         threads: CPU threads; 0 means all cores.
 
     Attributes:
-        sums: what `value` adds up, on the device.
+        sums: the array that `value` sums, on the device.
     """
 
     def __init__(
@@ -71,9 +71,9 @@ class PhotometricLoss:
         """Compute the loss and its gradient.
 
         Args:
-            size: width and height of the present view [px], up to those of the planes.
-            blocks: where image and target may differ, or the gradient is wanted, as of `loss_blocks`.
-            weighted: whether pixels count as much as ``weights`` say.
+            size: width and height of the current view [px], at most those of the planes.
+            blocks: where image and target may differ or the gradient is needed, from `loss_blocks`.
+            weighted: whether to weight the pixels by ``weights``.
         """
         if size != self._size:
             self._resize(*size)

@@ -11,7 +11,7 @@ TILE_SIZE = ALIGNMENT
 
 
 def union(a: PixelBox, b: PixelBox) -> PixelBox:
-    """Return the smallest box around two boxes; an empty one does not count."""
+    """Return the smallest box around two boxes; an empty box is ignored."""
     if a[0] >= a[2] or a[1] >= a[3]:
         return b
     if b[0] >= b[2] or b[1] >= b[3]:
@@ -38,14 +38,14 @@ def blocks_of(tiles: np.ndarray) -> np.ndarray:
 
 
 def loss_blocks(content: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """Return the blocks where image and target may differ, or a gradient is read from, as `blocks_of`.
+    """Return the blocks where image and target may differ or a gradient is needed, as `blocks_of` does.
 
-    SSIM differs from 1 up to one window around what differs, and the gradient reads one window further: one
-    tile more on each side covers both.
+    SSIM differs from 1 up to one window away from a difference, and the gradient reads one window further.
+    One extra tile on each side covers both.
 
     Args:
-        content: tiles outside of which the target shows the background.
-        drawn: tiles outside of which the image does.
+        content: tiles outside which the target shows only background.
+        drawn: tiles outside which the image shows only background.
     """
     wide = np.pad(content | drawn, 1)
     wide = wide[:-2] | wide[1:-1] | wide[2:]
@@ -53,7 +53,7 @@ def loss_blocks(content: np.ndarray, drawn: np.ndarray) -> np.ndarray:
 
 
 def read_region(blocks: np.ndarray, size: tuple[int, int]) -> PixelBox:
-    """Return the pixels that the loss of ``blocks`` reads: a window further on every side."""
+    """Return the pixels that the loss of ``blocks`` reads: one window more on every side."""
     x0, y0, x1, y1 = mask_box(blocks)
     pixels = (x0 * BLOCK_COLUMNS, y0 * BLOCK_ROWS, x1 * BLOCK_COLUMNS, y1 * BLOCK_ROWS)
     return grown(pixels, REACH, *size)

@@ -1,9 +1,9 @@
-"""Regularizers of shape and opacity, as Monte-Carlo training needs them (Kheradmand et al. 2024).
+"""Regularizers of shape and opacity for Monte-Carlo training (Kheradmand et al. 2024).
 
     L = opacity_weight * mean(o) + scale_weight * mean(s / E)
 
-with opacities o, the three scales s of each Gaussian and the scene's extent E: what no view needs fades and
-shrinks. Scales are taken in units of E, so that the weight does not depend on the unit of the scene.
+with opacities o, the three scales s of each Gaussian and the scene's extent E. Gaussians that no view needs
+fade and shrink. Scales are in units of E, so the weight does not depend on the unit of the scene.
 """
 
 import numpy as np
@@ -37,17 +37,17 @@ def regularize_kernel(
 
 
 class RegularizerLoss:
-    """Both terms, and their gradient in the parameters of n Gaussians, which it adds to that of the views.
+    """Both terms; adds their gradient with respect to the parameters of n Gaussians to that of the views.
 
     Args:
         log_scales, opacity_logits: raw parameters, (n,) vec3 and (n,).
         adj_log_scales, adj_opacity_logits: gradients to add to, same shapes.
-        opacity_weight, scale_weight: factors of the terms.
+        opacity_weight, scale_weight: weights of the terms.
         extent: the scene's extent [m].
         threads: CPU threads; 0 means all cores.
 
     Attributes:
-        sums: what `value` adds up, on the device.
+        sums: the array that `value` sums, on the device.
     """
 
     def __init__(
@@ -75,9 +75,9 @@ class RegularizerLoss:
         )
 
     def run(self) -> None:
-        """Compute the terms at the present parameters, and add their gradient."""
+        """Compute the terms at the current parameters, and add their gradient."""
         self._launch.run()
 
     def value(self) -> float:
-        """Return the terms of the last `run`, weights included; waits for the device."""
+        """Return the weighted terms of the last `run`; waits for the device."""
         return float(self.sums.numpy().sum(dtype=np.float64))

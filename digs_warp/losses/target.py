@@ -1,6 +1,6 @@
-"""What a rendered view is compared with: the photograph over the background of the step, and its mask.
+"""The target of a rendered view: the photograph over the background of the step, and its mask.
 
-A photograph is stored cropped to the box of its mask: outside, the target is the background alone.
+A photograph is stored cropped to the box of its mask; outside the box, the target is only background.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from digs_warp.geometry import PixelBox
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Only loops of fixed length become vector code: a row is done in pieces of this many pixels, then the rest.
+# Only loops of fixed length are vectorized: a row is processed in pieces of this many pixels, then the rest.
 _PIECE = wp.constant(32)
 
 
@@ -33,13 +33,13 @@ def fill(plane: wp.array[float], start: int, count: int, value: float):
 
 @wp.func
 def unit(value: wp.uint8) -> float:
-    """An 8-bit value as 0..1."""
+    """Return an 8-bit value scaled to 0..1."""
     return float(value) * (1.0 / 255.0)
 
 
 @wp.func
 def blend(color: float, back: float, share: float, keeps_color: int) -> float:
-    """The colour over the background."""
+    """Return the color composited over the background."""
     return back + wp.where(keeps_color != 0, 1.0, share) * (color - back)
 
 
@@ -62,7 +62,7 @@ def compose_kernel(
     y = row + wp.tid()
     if y < region[1] or y >= region[3]:
         return
-    # Columns first .. last show the photograph, those of the region on both sides the background.
+    # Columns first .. last show the photograph; the region's columns on both sides show the background.
     first = region[2]
     last = region[2]
     if y >= box[1] and y < box[3]:
@@ -115,7 +115,7 @@ def pack_view(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 class Target:
-    """The target of a step, on the device, for images of any size up to the given one.
+    """The target of a step, on the device, for images up to the given size.
 
     Attributes:
         image: three padded planes, the composited photograph.
@@ -151,14 +151,14 @@ class Target:
 
         Args:
             pixels: the view inside ``box``, packed by `pack_view`.
-            box: where the photograph lies; outside, the mask is 0.
-            background: sRGB colour (3,) behind the object.
+            box: where the photograph lies; outside the box, the mask is 0.
+            background: sRGB color (3,) behind the object.
             region: pixels to fill, inside the view.
             size: width and height of the view [px].
-            keep_color: take the photograph as it is, whatever its mask says.
+            keep_color: use the photograph as it is and ignore its mask.
         """
         if size != (self.image.width, self.image.height):
-            # Windows read past the edge of a view: nothing of a larger one may be left there.
+            # SSIM windows read past the edge of a view, so no pixels of a larger view may remain there.
             self.image.resize(*size)
             self.mask.resize(*size)
         self._background.assign(np.asarray(background, dtype=np.float32))

@@ -1,4 +1,4 @@
-"""Masks without a network: what stands in front by its depth, with borders from the photograph.
+"""Masks without a network: segments the foreground by its depth, with borders from the photograph.
 
 The surface that the object stands on, or the wall behind it, is the plane that most depth pixels lie in. What
 is nearer falls into pieces at jumps of depth, and the piece in the middle of the image is the object. Depth
@@ -49,7 +49,7 @@ OBJECT, SURROUND = 255, 0
 
 
 def mask_from_depth(image: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return the mask of what stands in front, in the middle of the image; empty where nothing does.
+    """Return the mask of the foreground in the middle of the image; empty if there is none.
 
     Args:
         image: sRGB, shape (height, width, 3), uint8.
@@ -149,7 +149,7 @@ def connected_pieces(depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
     Args:
         depth: shape (height, width); finite where ``wanted``.
-        wanted: shape (height, width), bool; other pixels are pieces of their own.
+        wanted: shape (height, width), bool; each other pixel is a separate piece.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

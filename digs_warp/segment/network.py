@@ -93,7 +93,7 @@ def _open_session(path: Path, threads: int) -> Any:
     options.log_severity_level = 3  # errors only
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors share no base class of their own
+    except Exception as error:  # onnxruntime's errors share no base class but Exception
         raise DigsError(
             f"mask network '{path}': not a network that onnxruntime can load ({error}); download it again "
             f"from {MODEL_URL}"

@@ -12,7 +12,7 @@ POLL_SECONDS = 0.2
 def run_interruptible(
     call: Callable[[], Result], cancel: Callable[[], Any], watch: Callable[[], Any] = lambda: None
 ) -> Result:
-    """Run ``call`` on a thread of its own and return its result.
+    """Run ``call`` on a separate thread and return its result.
 
     Python handles Ctrl-C on the main thread only when that one runs Python code, and a call into COLMAP
     takes minutes; so the main thread waits here.

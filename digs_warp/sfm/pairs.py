@@ -1,6 +1,6 @@
-"""Which images are worth comparing: neighbours in time, and images that look alike (loops).
+"""Which image pairs to match: neighbors in time, and images that look similar (loops).
 
-COLMAP closes loops with a vocabulary tree, a file of its own that has to be downloaded. Here the words
+COLMAP closes loops with a vocabulary tree, a separate file that has to be downloaded. Here the words
 come from the recording itself: a few hundred images need no larger vocabulary.
 """
 
@@ -36,7 +36,7 @@ def sequential_pairs(count: int, overlap: int) -> list[tuple[int, int]]:
 def loop_pairs(
     descriptors: Sequence[np.ndarray], per_image: int, min_gap: int, seed: int = 0
 ) -> list[tuple[int, int]]:
-    """Return pairs i < j of the images that look most alike, apart from neighbours in time.
+    """Return pairs i < j of the most similar images, without neighbors in time.
 
     An image is described by its VLAD vector (Jégou et al., "Aggregating local descriptors into a
     compact image representation", CVPR 2010), with intra-normalization (Arandjelović and Zisserman,

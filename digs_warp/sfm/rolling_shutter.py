@@ -2,8 +2,8 @@
 
 COLMAP takes every image for one moment. A hand that walks and shakes bends each image by a pixel or two,
 and COLMAP pays for that with poses that are wrong by millimetres. Here an image has, beside the pose in the
-middle of its read-out, a spin of its own: a hand shakes too fast for neighbouring photographs to tell. How
-the camera travels meanwhile is taken from the poses of its neighbours. A point seen in the row v of an image
+middle of its read-out, its own spin: a hand shakes too fast to infer it from neighboring photographs. How
+the camera travels meanwhile is taken from the poses of its neighbors. A point seen in the row v of an image
 of h rows lies at
 
     x = R(tau w) (R X + t) + tau n,    tau = v / h - 1/2,

@@ -134,7 +134,7 @@ class Workspace:
     def _read(self) -> dict[str, Any]:
         try:
             return read_json(self.folder / STAGES, "structure from motion, stages")
-        except DigsError:  # none yet, or broken off: everything is done anew
+        except DigsError:  # none yet, or interrupted: everything starts over
             return {}
 
     def _write(self, content: dict[str, Any]) -> None:

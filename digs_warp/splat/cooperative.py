@@ -124,7 +124,7 @@ def forward_cooperative_kernel(
         """Composite one pixel of a tile."""
         tile, lane = wp.tid()
         view = splats.views[0]
-        # Arrays of a struct by a name of their own: tile functions ask for their rank.
+        # Copied to local names: tile functions need the rank of an array.
         all_members = pairs.splats
         all_records = splats.records
         all_depths = splats.depths
@@ -229,7 +229,7 @@ def backward_cooperative_kernel(
         """Add the share of one pixel of a tile to the records of its pairs."""
         tile, lane = wp.tid()
         view = splats.views[0]
-        # Arrays of a struct by a name of their own: tile functions ask for their rank.
+        # Copied to local names: tile functions need the rank of an array.
         all_members = pairs.splats
         all_records = splats.records
         all_depths = splats.depths

@@ -42,7 +42,7 @@ class SceneSize:
 
     @property
     def image(self) -> str:
-        """The image size as it stands in tables."""
+        """The image size as tables show it."""
         return f"{self.width}x{self.height}"
 
 

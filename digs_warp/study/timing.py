@@ -63,7 +63,7 @@ def peak_memory() -> Iterator[PeakMemory]:
     """Measure the resident memory of a block, mapped files included; zeros where the system has no /proc."""
     found = PeakMemory()
     try:
-        _CLEAR_REFS.write_text("5")  # from here on the peak counts anew
+        _CLEAR_REFS.write_text("5")  # resets the peak
         found.start = _bytes("VmRSS")
     except OSError:
         yield found

@@ -1,7 +1,7 @@
 """Save and restore a training run in one ``.npz``: parameters, moments, counters, and the strategy's sums.
 
-The order of views, the backgrounds and every draw of a strategy follow from (seed, step), so this is all the
-state there is: a resumed run continues bit for bit.
+The order of views, the backgrounds and every random draw follow from (seed, step), so nothing else has to
+be saved: a resumed run continues bit for bit.
 """
 
 import json
@@ -23,7 +23,7 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
     """Write the state of a run; the file appears only when complete.
 
     Returns:
-        Whether it was written. A state with values that are not finite is not: the last good one stays.
+        Whether it was written. A state with non-finite values is not written; the last good one is kept.
     """
     adam = trainer.optimizer
     state = {
@@ -44,7 +44,7 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
 
 
 def checkpoint_step(path: Path) -> int:
-    """Return the steps that the run saved in ``path`` has taken, 0 when there is no such file.
+    """Return how many steps the run saved in ``path`` has taken; 0 when the file does not exist.
 
     Raises:
         DigsError: the file is broken.

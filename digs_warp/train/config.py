@@ -20,7 +20,7 @@ MCMC_WEIGHT = 0.01
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Rates at the start: means in units of the scene's extent, the rest as their parameters."""
+    """Initial rates: of the means in units of the scene's extent, of the rest in units of the parameter."""
 
     means: float
     scales: float
@@ -31,10 +31,10 @@ class LearningRates:
 
 REFERENCE_RATES = LearningRates(1.6e-4, 5e-3, 1e-3, 5e-2, 2.5e-3)
 
-# Fitted to starts from dense depth: the splats are in place already, what is left is to find their shapes
-# and colors quickly. YCB mustard bottle at 800x450, 38,000 points, opaque start, held-out PSNR after 100 and
+# Tuned for starts from dense depth: the splats are already in place, and only their shapes and colors are
+# left to learn. YCB mustard bottle at 800x450, 38,000 points, opaque start, held-out PSNR after 100 and
 # 300 steps: 36.5 and 39.7 dB; with the reference's rates 34.2 and 36.5 dB. 1.5 to 2 times these rates for
-# scales and colors change nothing; letting the rates of shape and color fall to a tenth loses 1.5 dB.
+# scales and colors change nothing; decaying the rates of shape and color to a tenth loses 1.5 dB.
 DENSE_RATES = LearningRates(5e-4, 2e-2, 1e-2, 5e-2, 2e-2)
 
 
@@ -60,8 +60,8 @@ class Rates:
     fixed, else 0.0025 (3DGS)."""
 
     end: Annotated[float, arg(name="rates-end")] = 1.0
-    """The rates of scales, rotations and colors fall to this fraction of their start during the run. 1, as in
-    3DGS, is best up to 1000 iterations from a dense start; a smaller one calms the end of long runs."""
+    """Fraction of their initial value that the rates of scales, rotations and colors decay to. 1, as in 3DGS,
+    is best up to 1000 iterations from a dense start; a smaller value stabilizes the end of long runs."""
 
     def __post_init__(self) -> None:
         for rate in fields(LearningRates):
@@ -71,14 +71,14 @@ class Rates:
         check_positive("--rates-end", self.end)
 
     def or_default(self, default: LearningRates) -> LearningRates:
-        """Return the rates that are set, and those of ``default`` for the others."""
+        """Return the rates, with those that are not set taken from ``default``."""
         given = {rate.name: getattr(self, rate.name) for rate in fields(LearningRates)}
         return replace(default, **{name: v for name, v in given.items() if v is not None})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """When a run ends: at the first of these limits."""
+    """When a run ends: at whichever limit it reaches first."""
 
     iterations: int = 1000
     """Training steps; each uses one view. Learning rates and schedules span all of them."""
@@ -87,7 +87,7 @@ class Stop:
     """Stop after this much training time, for example 60s, 20min or 2h. Default: no limit."""
 
     target_psnr: float | None = None
-    """Stop as soon as the held-out views reach this PSNR [dB]; they are then measured every 100 iterations.
+    """Stop as soon as the held-out views reach this PSNR [dB], which is then measured every 100 iterations.
     Default: no target."""
 
     def __post_init__(self) -> None:
@@ -103,15 +103,15 @@ class Density:
     """How the number of Gaussians changes during a run."""
 
     strategy: Annotated[DensityStrategy, arg(name="density")] = "fixed"
-    """How the number of Gaussians changes. fixed: not at all, best for a dense start from depth; adaptive:
-    clone, split, prune and reset as in 3DGS; absgrad: the same with absolute gradients, fewer Gaussians for
-    the same quality; mcmc: noise and relocation up to --max-splats, best from a poor start."""
+    """How the number of Gaussians changes. fixed: it does not, best for a dense start from depth; adaptive:
+    clone, split, prune and reset as in 3DGS; absgrad: the same with absolute gradients, which needs fewer
+    Gaussians for the same quality; mcmc: noise and relocation up to --max-splats, best from a poor start."""
 
     max_splats: int = 1_000_000
     """The number of Gaussians never grows beyond this."""
 
     splat_memory: float | None = None
-    """Gaussians and optimizer never grow beyond this much memory [MiB]. Default: no limit."""
+    """Memory limit for the Gaussians and the optimizer [MiB]. Default: no limit."""
 
     def __post_init__(self) -> None:
         check_within("--max-splats", self.max_splats, 1)
@@ -134,40 +134,40 @@ class TrainConfig:
     """Color behind the object during training. random also penalizes stray Gaussians of any color."""
 
     mask_role: Literal["object", "ignore"] = "object"
-    """What lies outside the masks. object: nothing, Gaussians there are wrong; ignore: unknown, pixels there
-    are not compared."""
+    """What lies outside the masks. object: nothing, so Gaussians there are errors; ignore: unknown, so pixels
+    there are not compared."""
 
     dssim_weight: float = 0.2
     """Fraction lambda of D-SSIM in the loss; the rest is L1."""
 
     coverage_weight: float = 0.0
-    """Weight of the difference between coverage and mask: keeps the outside of the object empty, also with a
-    fixed background."""
+    """Weight of the difference between coverage and mask: keeps the area around the object empty, even with
+    a fixed background."""
 
     depth_weight: float = 0.0
     """Weight of the difference between rendered and measured depth: keeps untextured surfaces in place."""
 
     opacity_weight: float | None = None
-    """Weight of the mean opacity: fades Gaussians that no view needs. Default: 0.01 with --density mcmc,
+    """Weight of the mean opacity: fades out Gaussians that no view needs. Default: 0.01 with --density mcmc,
     else 0."""
 
     scale_weight: float | None = None
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     half_size_until: float | None = None
-    """Fraction of the run that trains on images of half the size, which is faster. Default: 0.5, but at most
-    100 steps, with --density fixed and Gaussians that are wide enough for such images; else 0."""
+    """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
+    steps, with --density fixed and Gaussians wide enough for such images; else 0."""
 
     image_memory: float = 2048.0
-    """Memory for photographs [MiB]; those of a longer recording are read again in the background."""
+    """Memory for photographs [MiB]. Those that do not fit are read again in the background."""
 
     evaluate_at: tuple[int, ...] = (100, 300, 500, 1000, 3000, 7000, 12000)
-    """Iterations after which held-out views are measured, besides the first and the last."""
+    """Measure the held-out views every this many iterations, and at the first and the last one."""
 
     keep_course: bool = False
-    """Keep the Gaussians whenever held-out views are measured: the scene then shows the course of the
-    training as time samples, without view dependence. Takes 56 bytes per Gaussian and time on disk, 34 in
-    the scene."""
+    """Keep the Gaussians whenever held-out views are measured: the scene then shows the training progress as
+    time samples, without view dependence. Each snapshot takes 56 bytes per Gaussian on disk, and 34 in the
+    scene."""
 
     seed: int = 0
     """Seed of the order of the views, the random backgrounds and everything random in --density."""
@@ -186,7 +186,7 @@ class TrainConfig:
         check_positive("--image-memory", self.image_memory)
         if self.mask_role == "ignore" and self.coverage_weight > 0:
             raise DigsError(
-                "--coverage-weight: keeps the outside of the masks empty, but --mask-role ignore says that "
+                "--coverage-weight: keeps the area outside the masks empty, but --mask-role ignore says that "
                 "nothing is known there; leave one of the two out"
             )
 

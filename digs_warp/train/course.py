@@ -1,4 +1,4 @@
-"""The course of a training: loss and quality along iterations and seconds, one JSON object a line."""
+"""Training progress: loss and quality by iteration and time, one JSON object per line."""
 
 import json
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from digs_warp.record.files import write_atomically
 
 @dataclass(frozen=True)
 class CourseRow:
-    """Where a training stands.
+    """The state of a training run at one iteration.
 
     Attributes:
         iteration: steps taken.
@@ -42,7 +42,7 @@ class CourseRow:
 
     @cached_property
     def line(self) -> str:
-        """The row as a line of JSON; a long run writes it again and again."""
+        """The row as a line of JSON, cached: a long run writes it many times."""
         return json.dumps(self.to_json()) + "\n"
 
     @staticmethod
@@ -50,7 +50,7 @@ class CourseRow:
         """Return what `to_json` wrote.
 
         Raises:
-            KeyError, TypeError, ValueError: it has another form.
+            KeyError, TypeError, ValueError: it has a different form.
         """
         return CourseRow(
             iteration=int(content["iteration"]),
@@ -62,15 +62,15 @@ class CourseRow:
 
 
 def write_course(path: Path, rows: Iterable[CourseRow]) -> None:
-    """Write a line per row; the file appears only when it is complete."""
+    """Write one line per row; the file appears only when it is complete."""
     write_atomically(path, "".join(row.line for row in rows).encode())
 
 
 def read_course(path: Path) -> tuple[CourseRow, ...]:
-    """Return the rows that `write_course` wrote, ascending.
+    """Return the rows that `write_course` wrote, in ascending order.
 
     Raises:
-        DigsError: the file is missing or broken; the message names it, and the line.
+        DigsError: the file is missing or broken; the message names the file and the line.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""Measure Gaussians on held-out views: PSNR and SSIM, full frame and inside the mask."""
+"""Measure Gaussians on held-out views: PSNR and SSIM, over the full frame and inside the mask."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 
-# The paper's mask threshold tau (section 4.1): above it a pixel counts as object.
+# The paper's mask threshold tau (section 4.1): a pixel above it belongs to the object.
 MASK_THRESHOLD = 20
 
 
@@ -29,7 +29,7 @@ class TestView:
 
 
 def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
-    """Read the held-out photographs; a frame without a mask counts as all object."""
+    """Read the held-out photographs; without a mask, every pixel of a frame belongs to the object."""
     views = []
     for frame in frames:
         image = frame.load_image().astype(np.float32) / 255.0
@@ -43,7 +43,7 @@ def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
 
 
 def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[np.ndarray]:
-    """Return the views as the Gaussians show them on white, clipped to 0..1, (height, width, 3)."""
+    """Render the Gaussians in each view over white; return images clipped to 0..1, (height, width, 3)."""
     center = gaussians.means.numpy().mean(axis=0)
     images = []
     renderer = None
@@ -57,7 +57,7 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
 
 
 def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list[ViewScore]:
-    """Compare rendered images with the photographs on white; without object the masked metrics are NaN."""
+    """Compare rendered images with photographs on white; without an object, the masked metrics are NaN."""
     return [
         ViewScore(
             name=view.name,

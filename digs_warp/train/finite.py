@@ -1,4 +1,4 @@
-"""Finds NaN and infinity where the values lie: one flag crosses to the host, not the values."""
+"""Finds NaN and infinity on the device: only one flag is copied to the host, not the values."""
 
 from collections.abc import Sequence
 
@@ -10,19 +10,19 @@ from digs_warp.device.parallel import ParallelLaunch
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
-# Values that one index of the kernel looks at.
+# Values that one kernel thread checks.
 BLOCK = 4096
-# Below this many values, waking up other threads takes longer than looking.
+# Below this many values, waking up other threads takes longer than the check.
 PARALLEL_FROM = 1_000_000
 
 _BLOCK = wp.constant(BLOCK)
-# All bits of the exponent are set in NaN and infinity, and in nothing else.
+# Only NaN and infinity have all bits of the exponent set.
 _EXPONENT = wp.constant(0x7F800000)
 
 
 @wp.func
 def is_broken(bits: int) -> int:
-    """1 for the bits of NaN or infinity, else 0."""
+    """Return 1 for the bits of NaN or infinity, else 0."""
     return wp.where((bits & _EXPONENT) == _EXPONENT, 1, 0)
 
 
@@ -35,7 +35,7 @@ def finite_kernel(
     # outputs
     flag: wp.array[int],  # [1] set to 1 where a value is not finite; all threads write the same
 ):
-    """Look at one block of one array."""
+    """Check one block of one array."""
     block = first + wp.tid()
     which = int(0)
     while block >= blocks[which + 1]:
@@ -57,7 +57,7 @@ def finite_kernel(
 
 
 class FiniteCheck:
-    """Tells whether a value of some arrays is NaN or infinite.
+    """Checks whether any value in a set of arrays is NaN or infinite.
 
     Args:
         arrays: contiguous floats, or vectors of floats, on one device; their contents may change.
@@ -65,7 +65,7 @@ class FiniteCheck:
 
     def __init__(self, arrays: Sequence[wp.array]) -> None:
         device = str(arrays[0].device)
-        self._kept_alive = arrays  # the kernel knows addresses only
+        self._kept_alive = arrays  # the kernel only holds addresses
         counts = [flat(array).shape[0] for array in arrays]
         blocks = np.cumsum([0, *(-(-count // BLOCK) for count in counts)])
         addresses = np.array([array.ptr for array in arrays], dtype=np.uint64)
@@ -85,7 +85,7 @@ class FiniteCheck:
         )
 
     def passes(self) -> bool:
-        """Look at all arrays; once it was False it stays so. Waits for the device, copies four bytes."""
+        """Check all arrays; once False, it stays False. Waits for the device and copies four bytes."""
         self._launch.run()
         return int(self._flag.numpy()[0]) == 0
 

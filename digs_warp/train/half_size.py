@@ -1,7 +1,7 @@
-"""When to train on images of half the size: early, and only if Gaussians are still wider than their pixels.
+"""When to train on half-size images: early, and only while Gaussians are wider than the larger pixels.
 
-A step costs a third there. But a Gaussian that is narrower than a pixel is widened by the renderer (its
-dilation): what it learns from such images is wrong for the whole ones.
+Such a step takes a third of the time. But the renderer widens a Gaussian that is narrower than a pixel (its
+dilation), and what it then learns is wrong at full size.
 """
 
 from collections.abc import Sequence
@@ -14,25 +14,25 @@ from digs_warp.train.config import TrainConfig
 
 # Share of a run from a dense start, and the most steps. On the YCB mustard bottle (1600x900, 100 steps,
 # 85,000 points 2 mm apart) half of the steps at half the size took 58 % of the time and gave 34.9 dB instead
-# of 34.3 dB. Many more do harm: the Gaussians have become narrower than the pixels by then.
+# of 34.3 dB. Many more steps do harm: by then the Gaussians are narrower than the pixels.
 DENSE_SHARE = 0.5
 DENSE_STEPS = 100
-# Least typical standard deviation at the start, in pixels of the halved image.
+# Smallest typical standard deviation at the start, in pixels of the halved image.
 MIN_WIDTH_PX = 0.75
 
 
 def may_halve(config: TrainConfig) -> bool:
-    """Whether a run may ask for views at half the size."""
+    """Whether a run may use half-size views."""
     if config.half_size_until is not None:
         return config.half_size_until > 0
     return config.density.strategy == "fixed"
 
 
 def half_size_steps(config: TrainConfig, start: Gaussians, cameras: Sequence[Camera]) -> int:
-    """Return how many steps of a run see images of half the size.
+    """Return how many steps of a run use half-size images.
 
     Args:
-        config: settings; ``half_size_until`` decides where it is given.
+        config: settings; ``half_size_until`` decides when it is set.
         start: the Gaussians at the start, at least one.
         cameras: the cameras of the whole views, at least one.
     """
@@ -47,7 +47,7 @@ def half_size_steps(config: TrainConfig, start: Gaussians, cameras: Sequence[Cam
 
 
 def typical_width_px(gaussians: Gaussians, cameras: Sequence[Camera]) -> float:
-    """Return the median standard deviation of Gaussians, as wide as it looks from a typical camera [px]."""
+    """Return the median standard deviation of the Gaussians as seen from a typical camera [px]."""
     center = np.median(gaussians.means, axis=0)
     zooms = [
         camera.intrinsics.fx / max(float(np.linalg.norm(camera.center_world - center)), 1e-9)

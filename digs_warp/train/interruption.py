@@ -1,4 +1,4 @@
-"""Ctrl-C between two steps instead of in the middle of one: the state that is saved then is a whole one."""
+"""Handles Ctrl-C between two steps, not inside one, so that the saved state is consistent."""
 
 import signal
 import threading
@@ -16,9 +16,9 @@ class Interruption:
 
 @contextmanager
 def deferred_interrupt() -> Iterator[Interruption]:
-    """Note the first Ctrl-C (SIGINT) and let the work go on; a second one interrupts at once.
+    """Note the first Ctrl-C (SIGINT) and let the work continue; a second one interrupts at once.
 
-    Python delivers signals to the main thread only; elsewhere this does nothing.
+    Python delivers signals to the main thread only; in other threads this does nothing.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():

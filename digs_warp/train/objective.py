@@ -1,7 +1,7 @@
-"""The loss of a step: all terms that the settings ask for.
+"""The loss of a step: the sum of all terms that the settings enable.
 
-To add a term: write it in `digs_warp.losses`, give it a weight in `digs_warp.train.config`, and make it, run
-it and add it up here. What is logged is the sum of these terms, and their gradients are all that Adam sees.
+To add a term: write it in `digs_warp.losses`, give it a weight in `digs_warp.train.config`, and create, run
+and sum it here. The logged loss is the sum of these terms, and Adam sees their gradients only.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from digs_warp.train.views import View
 
 
 class Objective:
-    """Compares what a renderer drew with a view, and pulls the gradient of the loss back to the Gaussians.
+    """Compares a rendered image with a view, and backpropagates the loss to the Gaussians.
 
     Args:
         renderer: draws the views; its ``gradients`` are those of the loss after `pull_back`.
@@ -48,7 +48,7 @@ class Objective:
         self.rebind()
 
     def rebind(self) -> None:
-        """Go on with other arrays of Gaussians; call it after `SplatRenderer.set_gaussians`."""
+        """Bind to new arrays of Gaussians; call it after `SplatRenderer.set_gaussians`."""
         gaussians, gradients = self._renderer.gaussians, self._renderer.gradients
         opacity_weight, scale_weight = self._config.regularizer_weights
         self._regularizer = None
@@ -64,11 +64,11 @@ class Objective:
             )
 
     def compare(self, view: View, background: np.ndarray) -> None:
-        """Compute the terms of the last rendered image, and their gradients in its pixels.
+        """Compute the terms for the last rendered image, and their gradients with respect to its pixels.
 
         Args:
-            view: what the image shows; read with depth if the settings weigh depth.
-            background: the sRGB colour (3,) that the image was rendered over.
+            view: what the image shows; loaded with depth if the depth term is on.
+            background: the sRGB color (3,) that the image was rendered over.
         """
         binner = self._renderer.binner
         blocks = loss_blocks(view.tiles, binner.drawn_tiles())
@@ -83,14 +83,14 @@ class Objective:
             self._depth.run(view.depth, view.box, binner.drawn_box())
 
     def pull_back(self) -> None:
-        """Pull the gradients of the pixels back to the Gaussians, and add the terms of the parameters."""
+        """Backpropagate the pixel gradients to the Gaussians, and add the terms on the parameters."""
         self._renderer.backward()
         if self._regularizer is not None:
             self._regularizer.run()
 
     @property
     def sums(self) -> list[wp.array]:
-        """What `value` adds up, on the device: all of it is finite exactly when the loss is."""
+        """The arrays that `value` sums, on the device: all are finite exactly when the loss is."""
         return [self._photometric.sums, *(term.sums for term in self._other_terms)]
 
     def value(self) -> float:

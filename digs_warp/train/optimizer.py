@@ -1,4 +1,4 @@
-"""Adam (Kingma and Ba 2015) over all parameters of the Gaussians, with one rate per group."""
+"""Adam (Kingma and Ba 2015) for all parameters of the Gaussians, with one rate per group."""
 
 import numpy as np
 import warp as wp
@@ -12,12 +12,12 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_
 
 BETA_1 = 0.9
 BETA_2 = 0.999
-# As in 3DGS: gradients are means over pixels and may be tiny.
+# As in 3DGS: gradients are means over pixels and can be tiny.
 EPSILON = 1e-15
 
-# The rate of the centres falls log-linearly to this share of its start.
+# The rate of the centers decays log-linearly to this share of its initial value.
 FINAL_MEANS_SHARE = 0.01
-# Bands above the base colour learn this much slower.
+# The bands above the base color learn this many times slower.
 HIGHER_BANDS_SHARE = 1.0 / 20.0
 
 # Values that one thread updates.
@@ -25,7 +25,7 @@ BLOCK = 4096
 
 _BETA_1 = wp.constant(BETA_1)
 _BETA_2 = wp.constant(BETA_2)
-# Taken in float64: in float32, 1 - 0.999 is wrong by 5e-5 of itself.
+# Computed in float64: in float32, 1 - 0.999 has a relative error of 5e-5.
 _REST_1 = wp.constant(1.0 - BETA_1)
 _REST_2 = wp.constant(1.0 - BETA_2)
 _EPSILON = wp.constant(EPSILON)
@@ -128,7 +128,7 @@ class Adam:
             )
 
     def rates(self) -> list[float]:
-        """Return the learning rates of means, scales, quats, opacities and base colours."""
+        """Return the learning rates of means, scales, quats, opacities and base colors."""
         rates = self.config.learning_rates
         share = self.config.rates.end**self._progress
         means = self.means_rate() * self.extent
@@ -136,7 +136,7 @@ class Adam:
         return [means, falling[0], falling[1], rates.opacities, falling[2]]
 
     def means_rate(self) -> float:
-        """Return the present rate of the centres, in units of the scene's extent."""
+        """Return the current rate of the centers, in units of the scene's extent."""
         return self.config.learning_rates.means * FINAL_MEANS_SHARE**self._progress
 
     @property
@@ -144,7 +144,7 @@ class Adam:
         return min(1.0, self.step / max(1, self.config.stop.iterations))
 
     def update(self) -> None:
-        """Take one step along the present gradients."""
+        """Take one step along the current gradients."""
         rates = self.rates()
         self.step += 1
         bias_1 = 1.0 - BETA_1**self.step
@@ -155,7 +155,7 @@ class Adam:
 
 
 def _color_shares(gaussians: DeviceGaussians) -> np.ndarray:
-    """Return the share of the colour rate for the values of one Gaussian's ``sh``, shape (3 K,)."""
+    """Return the share of the color rate for each value of a Gaussian's ``sh``, shape (3 K,)."""
     shares = np.full(3 * gaussians.sh.shape[1], HIGHER_BANDS_SHARE)
     shares[:3] = 1.0
     return shares

@@ -1,4 +1,4 @@
-"""Records how a training run goes along: a line of training.jsonl every few iterations."""
+"""Records the progress of a training run: one line of training.jsonl every few iterations."""
 
 import math
 import time
@@ -11,27 +11,27 @@ from digs_warp.train.evaluate import TestView, render_views, score_views
 from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
 from digs_warp.train.trainer import Trainer
 
-# Iterations from one line to the next.
+# Iterations between two lines.
 LOG_EVERY = 10
 
 
 class CourseRecorder:
-    """Writes how loss and quality go along iterations and seconds.
+    """Writes loss and quality by iteration and time.
 
     Args:
-        path: the file, one JSON object a line; lines up to the trainer's iteration are kept.
+        path: the file, one JSON object per line; lines up to the trainer's iteration are kept.
         trainer: the run.
         test_views: held-out views to measure; may be empty.
 
     Attributes:
         rows: what was recorded so far.
-        seconds: time spent in `record` so far: measuring the course is no training.
-        psnr: what the held-out views reached last [dB], minus infinity before they are measured.
+        seconds: time spent in `record` so far, which does not count as training.
+        psnr: last PSNR of the held-out views [dB], minus infinity before they are measured.
     """
 
     def __init__(self, path: Path, trainer: Trainer, test_views: Sequence[TestView]) -> None:
         step = trainer.optimizer.step
-        # A resumed run keeps the rows up to the checkpoint it goes on from.
+        # A resumed run keeps the rows up to its checkpoint.
         before = read_course(path) if step and path.is_file() else ()
         self.rows = [row for row in before if row.iteration <= step]
         self.seconds = 0.0
@@ -42,10 +42,10 @@ class CourseRecorder:
         drop_snapshots_after(path.parent, step)
 
     def record(self, measure: bool) -> str:
-        """Add a line; return a few words for the progress bar.
+        """Add a line; return a short text for the progress bar.
 
         Args:
-            measure: also render and score the held-out views, and keep the Gaussians where asked to.
+            measure: also render and score the held-out views, and keep the Gaussians if the settings say so.
         """
         start = time.perf_counter()
         trainer = self._trainer

@@ -19,24 +19,24 @@ from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 
-# A finished scene keeps Gaussians from this opacity on: less changes no pixel by more than 3 of 255.
+# A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
 MIN_OPACITY = 0.01
 
-# Seconds of training between two checkpoints: what an interruption costs at most.
+# Seconds of training between two checkpoints: the most that an interruption can cost.
 CHECKPOINT_SECONDS = 30.0
 
-# With a target quality the held-out views are measured this often.
+# With a target quality, the held-out views are measured every this many iterations.
 TARGET_EVERY = 100
 
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """What a training made.
+    """The result of a training run.
 
     Attributes:
         gaussians: the result.
-        course: a row every few iterations; the last one stands at the end of the run.
-        stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None: not known.
+        course: one row every few iterations; the last one is from the end of the run.
+        stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None if unknown.
     """
 
     gaussians: Gaussians
@@ -53,20 +53,20 @@ def train_gaussians(
     log: RunLog,
     resume: bool = False,
 ) -> Trained:
-    """Train ``seeds`` on ``frames``; leave Gaussians and the course of the run in ``folder``, too.
+    """Train ``seeds`` on ``frames``; also save the Gaussians and the training progress to ``folder``.
 
     Args:
-        seeds: the start.
+        seeds: the Gaussians to start from.
         frames: the views to train on.
-        test_views: held-out views that are measured along the way; they never serve the training.
+        test_views: held-out views that are measured along the way; they are never trained on.
         config: settings.
-        folder: where gaussians.npz, training.jsonl and checkpoint.npz go; exists.
-        log: gets the times of the stages.
-        resume: go on from the folder's checkpoint where there is one, bit for bit.
+        folder: where gaussians.npz, training.jsonl and checkpoint.npz go; must exist.
+        log: receives the times of the stages.
+        resume: continue from the folder's checkpoint if it has one, bit for bit.
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
-        KeyboardInterrupt: after Ctrl-C, once the present step is finished and a checkpoint saved.
+        KeyboardInterrupt: after Ctrl-C, once the current step is finished and a checkpoint is saved.
     """
     checkpoint = folder / CHECKPOINT
     with log.stage("load views"):
@@ -93,7 +93,7 @@ def train_gaussians(
 
 
 def _run_steps(trainer: Trainer, course: CourseRecorder, checkpoint: Path) -> str:
-    """Take the steps that are left; return what ended the run."""
+    """Take the remaining steps; return what ended the run."""
     saved = time.monotonic()
     with (
         deferred_interrupt() as interruption,
@@ -126,7 +126,7 @@ def _measures(trainer: Trainer) -> bool:
 
 
 def _reason_to_stop(trainer: Trainer, course: CourseRecorder) -> str:
-    """Return why the run is over; empty while it is not."""
+    """Return why the run is over; empty while it still goes on."""
     stop = trainer.config.stop
     if trainer.optimizer.step >= stop.iterations:
         return "iterations"
@@ -141,6 +141,6 @@ def _is_out_of_time(trainer: Trainer) -> bool:
 
 
 def _without_transparent(gaussians: Gaussians) -> Gaussians:
-    """Leave out what the training faded to nothing; strays far from the object would inflate its box."""
+    """Drop Gaussians that training faded out; strays far from the object would inflate its bounding box."""
     keep = gaussians.opacities >= MIN_OPACITY
     return gaussians.select(keep) if keep.any() else gaussians

@@ -1,6 +1,6 @@
-"""Gaussians in the course of a training, one file for each iteration that was kept.
+"""Snapshots of the Gaussians during training, one file per snapshot.
 
-Only colours that do not depend on the direction are kept: 56 bytes a splat, a quarter of all at degree 3.
+Only the base color is kept, without view dependence: 56 bytes per splat, a quarter of the size at degree 3.
 """
 
 from dataclasses import replace
@@ -11,13 +11,13 @@ from digs_warp.record.layout import COURSE
 
 
 def save_snapshot(folder: Path, iteration: int, gaussians: Gaussians) -> None:
-    """Keep the Gaussians of an iteration in the folder of a reconstruction."""
+    """Save the Gaussians of an iteration in the folder of a reconstruction."""
     plain = replace(gaussians, sh=gaussians.sh[:, :1])
     plain.save(folder / COURSE / f"{iteration:08d}.npz")
 
 
 def load_snapshots(folder: Path) -> tuple[tuple[int, Gaussians], ...]:
-    """Return (iteration, Gaussians), ascending; empty where none were kept.
+    """Return (iteration, Gaussians) in ascending order; empty if none were saved.
 
     Raises:
         DigsError: a file is truncated or lacks a field.
@@ -26,7 +26,7 @@ def load_snapshots(folder: Path) -> tuple[tuple[int, Gaussians], ...]:
 
 
 def drop_snapshots_after(folder: Path, iteration: int) -> None:
-    """Forget what a run, that now goes on from an earlier iteration or anew, did after it."""
+    """Delete the snapshots after ``iteration``, from which a run now continues (0: from the start)."""
     for path in _files(folder):
         if int(path.stem) > iteration or iteration == 0:
             path.unlink()

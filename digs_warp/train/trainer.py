@@ -1,4 +1,4 @@
-"""The training loop: render a view, compare, pull the gradient back, step (paper section 3.4)."""
+"""The training loop: render a view, compare, backpropagate, step (paper section 3.4)."""
 
 import time
 
@@ -21,8 +21,8 @@ from digs_warp.train.optimizer import Adam
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 
-# A run spends this share of its steps before each further band of the view-dependent colour joins in: the
-# base colour settles first.
+# Share of a run's steps before the next band of view-dependent color is switched on: the base color
+# settles first.
 SH_WARM_UP_SHARE = 0.1
 
 
@@ -30,13 +30,13 @@ class Trainer:
     """Optimizes Gaussians against views. Everything random follows from (seed, step).
 
     Args:
-        gaussians: the start, at least one.
-        views: what to train on; may differ in size.
+        gaussians: the initial Gaussians, at least one.
+        views: what to train on; their sizes may differ.
         config: settings.
 
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
-        optimizer: counts the steps and holds the moments.
+        optimizer: holds the step count and the moments.
         control: the strategy that changes the number of Gaussians.
         seconds: time spent in `step` so far.
     """
@@ -64,10 +64,10 @@ class Trainer:
         self._build_optimizer(step=0)
 
     def step(self) -> None:
-        """Look at one view and take one step.
+        """Take one step on one view.
 
         Raises:
-            DigsError: the loss or a parameter is not finite; the message says which, and where.
+            DigsError: the loss or a parameter is not finite; the message says which one and where.
         """
         start = time.perf_counter()
         view = self._view()
@@ -90,7 +90,7 @@ class Trainer:
         self.seconds += time.perf_counter() - start
 
     def adopt(self, refinement: Refinement) -> None:
-        """Go on with another population; moments follow the Gaussians they belong to."""
+        """Continue with a new population; each Gaussian brings its moments along."""
         before = (self.optimizer.moments_1.to_numpy(), self.optimizer.moments_2.to_numpy())
         self._replace(refinement.gaussians, self.optimizer.step)
         after = (self.optimizer.moments_1, self.optimizer.moments_2)
@@ -101,7 +101,7 @@ class Trainer:
     def restore(
         self, gaussians: Gaussians, moments: tuple[Gaussians, Gaussians], step: int
     ) -> None:
-        """Go on from a saved state: parameters, both moments, and steps taken."""
+        """Continue from a saved state: parameters, both moments, and steps taken."""
         self._replace(gaussians, step)
         restored = (self.optimizer.moments_1, self.optimizer.moments_2)
         for saved, new in zip(moments, restored, strict=True):
@@ -109,7 +109,7 @@ class Trainer:
                 array.assign(getattr(saved, name))
 
     def identity(self) -> dict[str, object]:
-        """Return what a checkpoint must have in common with the run that goes on from it."""
+        """Return what a checkpoint and the run that resumes from it must have in common."""
         return {
             "gaussians at the start": self._start_count,
             "colour coefficients": self.gaussians.sh.shape[1],
@@ -118,7 +118,7 @@ class Trainer:
         }
 
     def compare_again(self) -> None:
-        """Compute the loss of the next view against the image of the last step: for profiling."""
+        """Compare the image of the last step with the next view; for profiling."""
         self.objective.compare(self._view(), self._background())
 
     def loss_value(self) -> float:
@@ -132,7 +132,7 @@ class Trainer:
         self._build_optimizer(step)
 
     def _build_optimizer(self, step: int) -> None:
-        """Make what is bound to the arrays of the present population; moments are zero."""
+        """Create everything bound to the arrays of the current population, with zero moments."""
         self.renderer.statistics = self.control.statistics
         gradients = self.renderer.gradients
         self.optimizer = Adam(self.gaussians, gradients, self.config, self._extent)
@@ -140,7 +140,7 @@ class Trainer:
         self._finite = FiniteCheck([*self.gaussians.arrays, *self.objective.sums])
 
     def _require_finite(self, view: View) -> None:
-        """Raise when the loss or a parameter is not finite; the renderer would only skip such a Gaussian."""
+        """Raise if the loss or a parameter is not finite; the renderer would just skip such a Gaussian."""
         if self._finite.passes():
             return
         broken = [

@@ -1,8 +1,7 @@
-"""The views of a run, read ahead in the background: a long recording needs no more memory than a short one.
+"""The views of a run, prefetched in the background: a long recording needs no more memory than a short one.
 
-The order of the views follows from (seed, step), so the store knows what comes next. It holds the views of
-the next steps, as many as fit, and reads the following one while the trainer works. When all fit, each is
-read once.
+The order of the views follows from (seed, step), so the store knows what comes next. It holds as many of the
+next views as fit, and reads one more while the trainer works. If all views fit, each is read only once.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,12 +27,12 @@ MIN_HELD = 3
 
 
 def open_views(frames: Sequence[Frame], config: TrainConfig, first_step: int = 0) -> "ViewStore":
-    """Return the views of a run as its settings want them.
+    """Open the views of a run in the form that its settings require.
 
     Args:
         frames: the training frames; may differ in size.
-        config: seed, device, memory, and what of a frame is needed.
-        first_step: the step that the run starts with.
+        config: seed, device, memory, and which layers of a frame are needed.
+        first_step: the step that the run starts at.
 
     Raises:
         DigsError: there is no frame, or one of the first cannot be read.
@@ -49,7 +48,7 @@ def open_views(frames: Sequence[Frame], config: TrainConfig, first_step: int = 0
 
 
 def view_index(seed: int, count: int, step: int) -> int:
-    """Return which of ``count`` views ``step`` looks at: every epoch is a new shuffle."""
+    """Return which of ``count`` views ``step`` uses: every epoch is a new shuffle."""
     epoch, position = divmod(step, count)
     return int(np.random.default_rng([seed, VIEW_ORDER, epoch]).permutation(count)[position])
 
@@ -59,10 +58,10 @@ class ViewStore:
 
     Args:
         frames: the training frames, at least one.
-        index_of: the frame that a step (0, 1, ...) looks at.
+        index_of: returns the frame that a step (0, 1, ...) uses.
         load: reads a frame.
-        memory: room for views [MiB]; at least `MIN_HELD` are held.
-        first_step: the step that `view` is asked for first.
+        memory: memory for views [MiB]; at least `MIN_HELD` views are held.
+        first_step: the first step that `view` will be called with.
 
     Raises:
         DigsError: there is no frame.
@@ -99,7 +98,7 @@ class ViewStore:
         return [frame.name for frame in self._frames]
 
     def view(self, step: int) -> View:
-        """Return the view of ``step``; steps are asked for in order."""
+        """Return the view of ``step``; call it with the steps in order."""
         if self.capacity < len(self._frames):
             self._move_on(step)
         return self._request(self._index_of(step)).result()
@@ -109,7 +108,7 @@ class ViewStore:
         self._readers.shutdown(wait=True, cancel_futures=True)
 
     def _fill(self, first_step: int, memory: float) -> int:
-        """Read the views of the first steps until the room is used up; return how many fit."""
+        """Read the views of the first steps until the memory is full; return how many fit."""
         steps = range(first_step, first_step + 2 * len(self._frames))
         order = list(dict.fromkeys(self._index_of(step) for step in steps))
         room = memory * _MEGABYTE
@@ -124,7 +123,7 @@ class ViewStore:
         return len(order)
 
     def _move_on(self, step: int) -> None:
-        """Forget what the next steps do not need, ask for what they do."""
+        """Drop the views that the next steps do not need, and request those that they do."""
         coming = [self._index_of(s) for s in range(step, step + self.capacity)]
         for index in set(self._held) - set(coming):
             del self._held[index]

@@ -1,4 +1,4 @@
-"""The photographs that training compares with: cropped to their mask's box and packed, on the device."""
+"""The photographs to train on: cropped to the box of their mask, packed, and on the device."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,13 +20,13 @@ class View:
     """One photograph.
 
     Attributes:
-        name: that of its frame.
+        name: name of its frame.
         camera: of the whole image.
         pixels: the planes of `pack_view` inside ``box``.
-        box: the box of its mask; outside there is only background. Empty without foreground.
+        box: the box of its mask; outside is only background. Empty without foreground.
         tiles: which tiles of 16x16 px have foreground, shape (tile rows, tile columns), bool.
-        depth: what the depth camera measured inside ``box``; None when it is not asked for.
-        half: the same view at half the size; None when it is not asked for.
+        depth: what the depth camera measured inside ``box``; None if not requested.
+        half: the same view at half the size; None if not requested.
     """
 
     name: str
@@ -45,7 +45,7 @@ class View:
 
     @property
     def bytes(self) -> int:
-        """Memory that the view holds."""
+        """Memory of the view [bytes]."""
         held = self.pixels.size
         if self.depth is not None:
             held += 5 * self.depth.depth.size
@@ -55,16 +55,16 @@ class View:
 def load_view(
     frame: Frame, device: str = "cpu", *, with_depth: bool = False, with_half: bool = False
 ) -> View:
-    """Read one frame; without a mask all of it counts as object.
+    """Read one frame; without a mask, every pixel belongs to the object.
 
     Args:
         frame: the frame.
         device: Warp device of the arrays.
-        with_depth: also read the depth, and the confidence where there is one.
+        with_depth: also read the depth, and the confidence if there is one.
         with_half: also prepare the view at half the size.
 
     Raises:
-        CaptureError: a file is missing, broken or of another size than the index says.
+        CaptureError: a file is missing, broken, or its size differs from the index.
     """
     image = frame.load_image()
     has_mask = frame.has(Layer.MASK)
@@ -96,12 +96,12 @@ def packed_view(
 
 
 def halved(k: Intrinsics) -> Intrinsics:
-    """Return the camera whose pixels are 2x2 blocks of another's; an odd last row or column is left out."""
+    """Return the camera with 2x2 pixels merged into one; an odd last row or column is dropped."""
     return Intrinsics(k.width // 2, k.height // 2, k.fx / 2, k.fy / 2, k.cx / 2, k.cy / 2)
 
 
 def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return image and mask at half the size: means of 2x2 blocks, colours weighted by the mask."""
+    """Return image and mask at half the size: means of 2x2 blocks, colors weighted by the mask."""
     height, width = mask.shape[0] // 2, mask.shape[1] // 2
     share = mask[: 2 * height, : 2 * width, None].astype(np.float32)
     color = image[: 2 * height, : 2 * width].astype(np.float32)
@@ -115,9 +115,9 @@ def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def scene_extent(cameras: Sequence[Camera]) -> float:
-    """Return the length [m] that rates of motion refer to.
+    """Return the length [m] that scales the learning rate of the means.
 
-    1.1 times the largest distance of a camera from the mean of all (3DGS); 1 when all are in one place.
+    1.1 times the largest distance of a camera from the mean of all (3DGS); 1 if all are in one place.
     """
     centers = np.stack([camera.center_world for camera in cameras])
     spread = float(np.linalg.norm(centers - centers.mean(axis=0), axis=1).max())

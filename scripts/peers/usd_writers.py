@@ -4,7 +4,7 @@
     python scripts/peers/usd_writers.py /tmp/other/bin/usd-convert-gsplat --splats 100000
 
 The other program pins its own NumPy and reads a PLY, so it runs in its own environment; its time contains its
-start and the reading of the PLY, and so does ours, started as a process of its own. Our reader then reads
+start and the reading of the PLY, and so does ours, started as a separate process. Our reader then reads
 both files, and the greatest differences between them are printed. With --page the table also goes into
 docs/usd.md, between its two marks.
 """
@@ -29,7 +29,7 @@ from page_marks import fill
 def main() -> None:
     """Compare and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("converter", help="the program usd-convert-gsplat of its own environment")
+    parser.add_argument("converter", help="usd-convert-gsplat in its own environment")
     parser.add_argument("--splats", type=int, default=100_000)
     parser.add_argument("--page", action="store_true", help="also write the table into docs/usd.md")
     arguments = parser.parse_args()

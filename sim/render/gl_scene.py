@@ -13,7 +13,7 @@ from digs_warp.sim.scene import Material, Scene
 # Segments of the surround's sphere: they distort its texture by less than a tenth of a degree.
 SPHERE_COLUMNS, SPHERE_ROWS = 256, 128
 
-# OpenGL only blends glass: this much of its own colour keeps it visible.
+# OpenGL only blends glass: this share of the glass color keeps it visible.
 GLASS_ALPHA = 0.2
 
 

@@ -8,7 +8,7 @@ from digs_warp.camera import Intrinsics, pixel_centers
 def resample_depth(depth: np.ndarray, source: Intrinsics, target: Intrinsics) -> np.ndarray:
     """Return the depth that ``target`` sees, (height, width): the nearest pixel of ``source``, never a mean.
 
-    Both cameras stand in the same place and look the same way, so a ray keeps its planar depth; NaN where
+    Both cameras have the same pose, so a ray keeps its planar depth; NaN where
     ``source`` does not look.
     """
     if source == target:

@@ -1,10 +1,10 @@
 """Adaptive density control of 3D Gaussian splatting (Kerbl et al. 2023, section 5).
 
-A Gaussian whose projection is pulled about by the views is too coarse for what it has to show: a small one
-is cloned, a large one split in two. What became transparent is pruned; from time to time all opacities are
-reset to a low value, so that only what the views need comes back. With absolute gradients (AbsGS, Ye et al.
-2024) pulls of opposite directions within one splat no longer cancel: blurred regions are found with fewer
-splats.
+A Gaussian with a large gradient on its projected center is too coarse for what it has to show: a small one
+is cloned, a large one is split in two. Transparent ones are pruned. From time to time all opacities are
+reset to a low value, so that only the Gaussians that the views need come back. With absolute gradients
+(AbsGS, Ye et al. 2024), opposite gradients within one splat no longer cancel, so blurred regions are found
+with fewer splats.
 """
 
 from dataclasses import dataclass, replace
@@ -20,18 +20,18 @@ REFINE_FROM = 500
 RESET_EVERY = 3000
 # The reference refines for the first 15,000 of its 30,000 steps.
 REFINE_UNTIL_SHARE = 0.5
-# Runs shorter than the reference's start refining after this share of their steps.
+# Shorter runs than the reference's start to refine after this share of their steps.
 REFINE_FROM_SHARE = 0.1
 
-# Mean norm of dL/d(centre) in units of half the image: above, a Gaussian is refined.
+# Mean norm of dL/d(center) in units of half the image; a Gaussian above it is refined.
 GRADIENT_LIMIT = 2e-4
-# The same for sums of absolute values, which are larger (AbsGS; the value that gsplat advises).
+# The same for sums of absolute values, which are larger (AbsGS; the value that gsplat recommends).
 ABSOLUTE_GRADIENT_LIMIT = 8e-4
-# Largest scale as a share of the scene's extent: up to here a Gaussian is cloned, above it is split.
+# Largest scale as a share of the scene's extent: a Gaussian up to this size is cloned, a larger one is split.
 SMALL_SHARE = 0.01
-# Above this share a Gaussian is a veil and removed, once opacities were reset a first time.
+# A Gaussian above this share is a haze over the image; it is removed after the first opacity reset.
 LARGE_SHARE = 0.1
-# A split gives so many children, each smaller than its parent by SPLIT_SHRINK.
+# A split makes this many children, each smaller than its parent by SPLIT_SHRINK.
 CHILDREN = 2
 SPLIT_SHRINK = 0.8 * CHILDREN
 # Below this opacity a Gaussian is removed; a reset leaves at most RESET_OPACITY.
@@ -41,7 +41,7 @@ RESET_OPACITY = 0.01
 
 @dataclass(frozen=True)
 class Schedule:
-    """When a run of ``iterations`` steps refines and resets; refines up to ``until_share`` of them."""
+    """When a run of ``iterations`` steps refines and resets. Refinement ends at ``until_share`` of them."""
 
     iterations: int
     until_share: float = REFINE_UNTIL_SHARE
@@ -52,9 +52,10 @@ class Schedule:
         return step % REFINE_EVERY == 0 and start < step <= self.until_share * self.iterations
 
     def resets(self, step: int) -> bool:
-        """Whether opacities are pushed down after ``step``: one after each interval.
+        """Whether opacities are reset after ``step``: one step after each interval.
 
-        What is measured or written at the end of an interval, a round number, is then still whole.
+        Round step numbers are where views are measured and files are written; these still see the opacities
+        as they were before the reset.
         """
         return step % RESET_EVERY == 1 and 1 < step <= self.until_share * self.iterations
 
@@ -69,16 +70,16 @@ def refine(
     remove_large: bool,
     random: np.random.Generator,
 ) -> Refinement:
-    """Clone and split where gradients are large, then remove what is transparent or huge.
+    """Clone and split where gradients are large, then remove Gaussians that are transparent or huge.
 
     Args:
         gaussians: the population, n.
-        gradients: mean norm of the gradient of each projected centre, shape (n,), 0 where never seen.
-        limit: gradients from here on call for more Gaussians.
+        gradients: mean norm of the gradient of each projected center, shape (n,), 0 where never seen.
+        limit: a Gaussian with at least this gradient is refined.
         extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
-        max_splats: the population never grows beyond; the largest gradients come first.
-        remove_large: also remove what is larger than LARGE_SHARE of the extent.
-        random: draws the places of a split's children; row i of the draws belongs to Gaussian i.
+        max_splats: cap of the population; the largest gradients are refined first.
+        remove_large: also remove Gaussians larger than LARGE_SHARE of the extent.
+        random: draws the positions of a split's children; row i of the draws belongs to Gaussian i.
 
     Returns:
         Survivors in their old order, then clones, then the children of splits.
@@ -97,7 +98,7 @@ def refine(
     keep = grown.opacities >= MIN_OPACITY
     if remove_large:
         keep &= grown.scales.max(axis=1) <= LARGE_SHARE * extent
-    if not keep.any():  # an empty scene could never come back
+    if not keep.any():  # an empty scene could never recover
         keep = grown.opacities == grown.opacities.max()
     old = np.arange(len(grown)) < len(survivors)
     return Refinement(grown.select(keep), sources[keep], old[keep])
@@ -118,7 +119,7 @@ def split_child(
 
 
 def with_low_opacities(refinement: Refinement) -> Refinement:
-    """Push all opacities down to at most RESET_OPACITY; their moments start anew."""
+    """Lower all opacities to at most RESET_OPACITY and reset their moments to zero."""
     g = refinement.gaussians
     logits = np.minimum(g.opacity_logits, np.log(RESET_OPACITY / (1.0 - RESET_OPACITY)))
     return replace(
@@ -129,7 +130,7 @@ def with_low_opacities(refinement: Refinement) -> Refinement:
 
 
 def _largest(values: np.ndarray, candidates: np.ndarray, room: int) -> np.ndarray:
-    """Return the ``room`` candidates with the largest values as a mask; the first of equals wins."""
+    """Return a mask of the ``room`` candidates with the largest values; the first wins a tie."""
     order = np.flatnonzero(candidates)
     order = order[np.argsort(-values[order], kind="stable")][: max(room, 0)]
     chosen = np.zeros(len(values), dtype=bool)

@@ -1,4 +1,4 @@
-"""The strategies behind one interface, made from the settings by `density_control`."""
+"""One interface for the density strategies; `density_control` makes one from the settings."""
 
 from typing import Protocol
 
@@ -18,23 +18,23 @@ from digs_warp.train.draws import EXPLORE, RELOCATE, SPLIT
 
 
 class DensityControl(Protocol):
-    """How the population changes along a run."""
+    """How the population changes during a run."""
 
     statistics: SplatStatistics | None
-    """What the renderer has to sum up in every backward pass; None for nothing."""
+    """What the renderer accumulates in every backward pass; None for nothing."""
 
     def after_update(
         self, gaussians: DeviceGaussians, step: int, means_rate: float
     ) -> Refinement | None:
-        """Look at the population after an optimizer step.
+        """Update the population after an optimizer step.
 
         Args:
             gaussians: may be changed in place.
             step: steps taken so far: 1, 2, ...
-            means_rate: the centres' present rate, in units of the scene's extent.
+            means_rate: the current rate of the centers, in units of the scene's extent.
 
         Returns:
-            The population to go on with, None for the same.
+            The new population, or None when it stays the same.
         """
         ...
 
@@ -43,12 +43,12 @@ class DensityControl(Protocol):
         ...
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from a `state`."""
+        """Continue from a `state`."""
         ...
 
 
 class Fixed:
-    """Keeps the population as it is: a dense start needs no more."""
+    """Keeps the population as it is: enough for a dense start."""
 
     statistics: SplatStatistics | None = None
 
@@ -59,7 +59,7 @@ class Fixed:
         return None
 
     def state(self) -> dict[str, np.ndarray]:
-        """There is none."""
+        """Return an empty state."""
         return {}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -110,7 +110,7 @@ class Adaptive:
         return {name: array.numpy() for name, array in self._sums().items()}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from the sums in ``state``."""
+        """Continue from the sums in ``state``."""
         self._start_sums(len(state["counts"]))
         for name, array in self._sums().items():
             array.assign(state[name])
@@ -127,7 +127,7 @@ class Adaptive:
 
 
 class MonteCarlo:
-    """Explore with noise, move the dead, grow to the cap; see `digs_warp.train.density.relocation`."""
+    """Explore with noise, relocate the dead, grow to the cap; see `digs_warp.train.density.relocation`."""
 
     statistics: SplatStatistics | None = None
 
@@ -163,7 +163,7 @@ class MonteCarlo:
         launch_parallel(noise_kernel, len(gaussians), inputs, device)
 
     def state(self) -> dict[str, np.ndarray]:
-        """There is none: draws follow from (seed, step)."""
+        """Return an empty state: draws follow from (seed, step)."""
         return {}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -176,7 +176,7 @@ def density_control(
     """Return the strategy that ``config`` names, for a run that starts with ``count`` Gaussians.
 
     Raises:
-        DigsError: there are more than the cap allows.
+        DigsError: ``count`` is more than the cap allows.
     """
     density = config.density
     if density.strategy == "fixed":

@@ -1,12 +1,12 @@
-"""The noise of Markov-chain Monte Carlo training (Kheradmand et al. 2024, equation 8): it explores.
+"""The exploration noise of Markov-chain Monte Carlo training (Kheradmand et al. 2024, equation 8).
 
-Every step moves each centre by
+Every step moves each center by
 
     E * NOISE * rate * sigmoid(-STEEPNESS (o - DEAD_OPACITY)) * (Sigma / E^2) eta,   eta ~ N(0, I)
 
-with opacity o, covariance Sigma, the centres' rate before it is scaled by the extent E. Only what is nearly
-transparent moves far, along its own axes. Lengths are taken in units of E, the scale at which the
-reference's factor was found: the noise does not depend on the unit of the scene.
+with opacity o, covariance Sigma, and the rate of the centers before it is scaled by the extent E. Only nearly
+transparent Gaussians move far, along their own axes. Lengths are in units of E, for which the reference
+tuned its factor, so the noise does not depend on the unit of the scene.
 """
 
 import warp as wp
@@ -35,10 +35,10 @@ def noise_kernel(
     # outputs
     means: wp.array[wp.vec3],  # [n]
 ):
-    """Move one centre."""
+    """Move one center."""
     g = first + wp.tid()
     rotation = rotation_of(quats[g])
-    # What is larger than the scene has nothing to explore; its square might overflow.
+    # A Gaussian larger than the scene has nothing to explore, and its square could overflow.
     largest = wp.log(factors[1])
     scale = wp.vec3(
         wp.exp(wp.min(log_scales[g][0], largest)),

@@ -1,4 +1,4 @@
-"""What a strategy hands back: the Gaussians that the training goes on with, and where each came from."""
+"""The result of a refinement: the Gaussians to continue with, and where each one came from."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ class Refinement:
 
     Attributes:
         gaussians: the raw parameters.
-        sources: row of the old population that each one comes from, shape (m,), int64.
-        keeps_moments: whether it also takes over the optimizer's moments of that row, shape (m,), bool;
-            otherwise they start at zero.
-        restarted: names of parameters whose moments start at zero for all.
+        sources: row of the old population that each Gaussian comes from, shape (m,), int64.
+        keeps_moments: whether it also keeps that row's optimizer moments, shape (m,), bool; otherwise they
+            start at zero.
+        restarted: names of the parameters whose moments are reset to zero for all Gaussians.
     """
 
     gaussians: Gaussians

@@ -1,12 +1,12 @@
 """Gaussian splatting as Markov chain Monte Carlo (Kheradmand et al. 2024): relocation and its formula.
 
-Legend: o, s opacity and scales of one Gaussian; N the number of copies that replace it in one place.
-Copies of
+Legend: o, s opacity and scales of one Gaussian; N the number of copies that replace it at the same place.
+Copies with
 
     o' = 1 - (1 - o)^(1/N)
     s' = s o / sum_{i=1..N} sum_{k=0..i-1} C(i-1, k) (-1)^k o'^(k+1) / sqrt(k+1)
 
-look together as the one did (the paper's equation 9). Summed over i first, C(i-1, k) becomes C(N, k+1).
+together look like the original (the paper's equation 9). Summed over i first, C(i-1, k) becomes C(N, k+1).
 """
 
 from dataclasses import replace
@@ -17,16 +17,16 @@ import numpy as np
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.train.density.refinement import Refinement
 
-# Below this opacity a Gaussian is dead: it moves to where it helps.
+# A Gaussian below this opacity is dead: it is relocated to where it helps.
 DEAD_OPACITY = 0.005
 # The population grows by this share at each refinement, up to its cap.
 GROWTH = 0.05
 # The reference refines up to step 25,000 of its 30,000.
 RELOCATE_UNTIL_SHARE = 25.0 / 30.0
-# Copies in one place, as in gsplat: the binomials of more would cost all digits.
+# Most copies at one place, as in gsplat: with more, the binomials would lose all precision.
 MAX_COPIES = 51
 
-# Opacities of copies stay within these bounds, so that logits stay finite.
+# The opacities of copies stay within these bounds, so that their logits are finite.
 _MAX_OPACITY = 1.0 - 1e-6
 
 _TERMS = np.arange(MAX_COPIES)
@@ -41,7 +41,7 @@ def shared_by_copies(
     """Return opacity (n,) and scales (n, 3) of each of ``copies`` equal Gaussians that replace one.
 
     Args:
-        opacities: above 0, up to 1, shape (n,).
+        opacities: in (0, 1], shape (n,).
         scales: standard deviations [m], shape (n, 3).
         copies: 1 to MAX_COPIES, shape (n,), int; more count as MAX_COPIES.
     """
@@ -57,12 +57,12 @@ def shared_by_copies(
 def relocate(
     gaussians: Gaussians, max_splats: int, random: np.random.Generator
 ) -> Refinement | None:
-    """Move the dead to living Gaussians and add new ones there, drawn in proportion to opacity.
+    """Move dead Gaussians onto living ones and add new ones there, sampled in proportion to opacity.
 
     Args:
         gaussians: the population, n.
         max_splats: cap of the population.
-        random: row i of the draws belongs to Gaussian i, old or new.
+        random: the generator; row i of its draws belongs to Gaussian i, old or new.
 
     Returns:
         The n old ones in their order, then the new ones; None when nothing lives or nothing changes.
@@ -76,7 +76,7 @@ def relocate(
     steps = np.cumsum(np.where(alive, opacities, 0.0))
     draws = random.random(count + newcomers)
     hosts = np.searchsorted(steps, draws * steps[-1], side="right")
-    # Rounding may carry the last draw past the end, or onto a dead one behind it.
+    # Rounding can put the last draw past the end, or on a dead Gaussian after the last living one.
     hosts = np.minimum(hosts, np.flatnonzero(alive)[-1])
     moving = np.concatenate([~alive, np.ones(newcomers, dtype=bool)])
     sources = np.where(moving, hosts, np.arange(count + newcomers))
@@ -88,5 +88,5 @@ def relocate(
     )
     logits[shared], log_scales[shared] = np.log(each) - np.log1p(-each), np.log(scales)
     moved = replace(gaussians, log_scales=log_scales, opacity_logits=logits).select(sources)
-    # Where a Gaussian changed, its moments describe another one.
+    # The moments of a changed Gaussian no longer describe it.
     return Refinement(moved, sources, copies[sources] == 1)

@@ -1,6 +1,6 @@
 """The recovered scale under the simulator's sensor effects, and under calibration errors.
 
-Sparse points come from the truth, in a unit of their own, with noisy and mismatched features.
+Sparse points come from the truth, in an arbitrary unit, with noisy and mismatched features.
 """
 
 from collections.abc import Callable, Sequence

@@ -19,7 +19,7 @@ def cloud(count: int, seed: int = 0) -> PointCloud:
 
 
 def voxel_sums(points_world: np.ndarray, colors: np.ndarray, voxel_size: float) -> VoxelSums:
-    """Each point a voxel of its own, put on the coarser grid."""
+    """Each point in a separate voxel, put on the coarser grid."""
     ones = np.ones((len(points_world), 1))
     rows = np.concatenate([ones, points_world, colors], axis=1, dtype=np.float64)
     single = VoxelSums(np.arange(len(rows)), np.ones(len(rows), np.int64), rows)

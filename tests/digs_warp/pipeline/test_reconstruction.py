@@ -49,7 +49,7 @@ def assert_same(one: Reconstruction, other: Reconstruction) -> None:
     assert one.start is not None and other.start is not None
     np.testing.assert_array_equal(one.start.points.points_world, other.start.points.points_world)
     assert (one.start.sources, one.start.depth) == (other.start.sources, other.start.depth)
-    # NaN is no number of its own: compared as text.
+    # NaN does not equal itself, so compare as text.
     assert str(one.scores.views) == str(other.scores.views)
     assert str(one.course) == str(other.course)
     for name in ("scale", "sfm", "stopped_by", "capture", "settings", "seconds"):

@@ -63,7 +63,7 @@ def test_poses_come_out_to_a_thousandth_of_the_distance(
     assert estimated.model.names == tuple(frame.name for frame in views)
     assert np.median(errors.centers_m) < 0.002  # at 0.9 m, in images of 320 x 240
     assert errors.centers_m.max() < 0.006
-    # The arc is nearly a line, which leaves the turn about it a little loose for all alike.
+    # The arc is nearly a line, so the rotation about it is only weakly determined for all frames together.
     assert np.median(errors.rotations_deg) < 0.6
 
 

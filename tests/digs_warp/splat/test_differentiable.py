@@ -149,7 +149,7 @@ def test_a_wrong_pose_finds_back() -> None:
     gaussians = DeviceGaussians.from_numpy(SCENE)
     target = rasterize(None, gaussians, VIEW, pose=pose_array(truth), near=NEAR).image.numpy()
     pose = start.copy()
-    # Adam: rotation and translation have units of their own.
+    # Adam: rotation and translation have different units.
     first, second = np.zeros(6), np.zeros(6)
     for step in range(1, 141):
         array = pose_array(pose)

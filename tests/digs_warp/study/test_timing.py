@@ -33,7 +33,7 @@ def test_peak_memory_sees_what_a_block_took() -> None:
 
 
 def test_memory_held_for_a_moment_counts() -> None:
-    """In a process of its own: a large one may serve the block from memory that it holds already."""
+    """In a separate process: a large one may serve the block from memory that it holds already."""
     if not os.access("/proc/self/clear_refs", os.W_OK):
         pytest.skip("this system does not let a process forget its peak memory")
     code = (

@@ -128,7 +128,7 @@ def test_only_faces_without_area_are_refused(tmp_path: Path) -> None:
 
 
 def gltf_folder(tmp_path: Path) -> Path:
-    """A .gltf with its buffer and its texture in files of their own."""
+    """A .gltf with its buffer and its texture in separate files."""
     exported: Any = textured_square(baseColorTexture=checker()).export(file_type="gltf")
     for name, data in exported.items():
         (tmp_path / name).write_bytes(data)

@@ -7,7 +7,7 @@ from reference import fuzz_splats
 
 
 def test_damaged_files_are_read_or_refused() -> None:
-    """In a process of its own: a crash, memory beyond its limit or a hang would not go unseen."""
+    """In a separate process, so that a crash, a hang or too much memory is noticed."""
     done = subprocess.run(
         [sys.executable, fuzz_splats.__file__, "600", "--seed", "1"],
         capture_output=True,
