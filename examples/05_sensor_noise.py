@@ -1,4 +1,4 @@
-"""How well does your own algorithm stand sensor noise? Here it is the size of an object, from its depth.
+"""How well does your own algorithm tolerate sensor noise? Here it measures an object from its depth.
 
 python examples/05_sensor_noise.py [WIDTH FRAMES]
 """

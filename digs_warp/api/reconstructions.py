@@ -36,7 +36,7 @@ def reconstruct(
         strategy: which points to start from. Default: those from depth.
         iterations: training steps. Default: 1000.
         seed: decides everything random.
-        resume: with ``out``: go on where a run with the same settings was cut off.
+        resume: with ``out``: continue an interrupted run with the same settings.
         settings: any other flag of ``digs-warp reconstruct``, with underscores: ``poses="sfm"``,
             ``masks="depth"``, ``density="mcmc"``, ``time_budget=60.0`` (seconds), ...
 

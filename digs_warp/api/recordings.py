@@ -1,4 +1,4 @@
-"""Simulated recordings: `simulate` makes a whole one, `stream` one frame after the other."""
+"""Simulated recordings: `simulate` makes a whole one, `stream` yields one frame at a time."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +18,7 @@ def simulate(
     resume: bool = False,
     **settings: Any,
 ) -> Capture:
-    """Walk round an object with a simulated stereo depth camera.
+    """Walk around an object with a simulated stereo depth camera.
 
         capture = simulate("mug.glb", frames=40, width=320)
 
@@ -26,7 +26,7 @@ def simulate(
         mesh: the object: GLB, glTF, OBJ, PLY or STL. Default: the built-in object.
         frames: number of stereo frames.
         out: folder of the capture (docs/capture-format.md). Default: it stays in memory.
-        resume: with ``out``: go on where a run with the same settings was cut off.
+        resume: with ``out``: continue an interrupted run with the same settings.
         settings: the other fields of `digs_warp.sim.config.SimulateConfig`, such as ``environment``,
             ``width``, ``tier``, ``effects``, ``seed``.
 
@@ -44,13 +44,13 @@ def simulate(
 def stream(
     mesh: Path | str | None = None, frames: int = 20, **settings: Any
 ) -> Iterator[StereoFrame]:
-    """Yield the frames of the same recording; each is rendered when asked for, and none is kept.
+    """Yield the frames of the same recording; each is rendered on demand, and none is kept.
 
         for frame in stream("mug.glb", frames=100, seed=3):
             learn(frame.left, frame.depth, frame.mask)
 
     Args:
-        mesh: as in `simulate`, like the rest.
+        mesh: see `simulate`.
         frames: number of stereo frames.
         settings: see `simulate`.
 

@@ -64,7 +64,7 @@ class SfmModel:
         return self.cameras[self.names.index(name)] if name in self.names else None
 
     def in_metres(self, sfm_per_metre: float) -> "SfmModel":
-        """Return the model in metres, given the scale that the depth maps told (paper eq. 6, 7).
+        """Return the model in metres, given the scale found from the depth maps (paper eq. 6, 7).
 
         Raises:
             DigsError: the scale is not a finite number above 0.

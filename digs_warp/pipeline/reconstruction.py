@@ -1,6 +1,6 @@
 """The result of a reconstruction, in memory and in the folder of docs/reconstruction-format.md.
 
-Nobody else reads or names the files of that folder that tell of a result.
+No other code reads or names the files of that folder that describe a result.
 """
 
 import logging
@@ -51,7 +51,7 @@ MASKS = "masks"
 class Reconstruction:
     """Gaussians, and what is known of how they were made.
 
-    A finished reconstruction has everything; of Gaussians from elsewhere only they are known.
+    A finished reconstruction has everything; for Gaussians from elsewhere only the Gaussians are known.
 
     Attributes:
         gaussians: the result, in metres.
