@@ -1,1 +1,1 @@
-"""Data at rest: what stages hand to each other, and the files it is read from and written to."""
+"""The data that stages pass to each other, and the files it is read from and written to."""

@@ -1,4 +1,4 @@
-"""What a recorder says about a recording as a whole, in transforms.json under ``digs_warp``."""
+"""Facts about a whole recording, stored in transforms.json under ``digs_warp``."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -11,7 +11,7 @@ from digs_warp.checks import CaptureError
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """Facts about a recording; None where the recorder does not give one.
+    """Facts about a recording; None if the recorder does not provide one.
 
     Attributes:
         recorded_as: form of the recording that the capture was converted from.
@@ -21,7 +21,7 @@ class About:
         object_radius: radius of the simulated object [m].
         surround_radius: radius of its surround [m].
         exposure: factor from radiance to pixel values in the simulation.
-        sensor: figures of the simulated stereo camera; None for infinite ones.
+        sensor: parameters of the simulated stereo camera; None for infinite ones.
         readout_time: time from the first row of an image to the last [s]; 0: all rows at once.
         effects: names of the simulated effects of the sensor.
         cause_labels: names of the values in the cause images.
@@ -40,7 +40,7 @@ class About:
     cause_labels: dict[int, str] | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the facts that are known, as transforms.json holds them."""
+        """Return the known facts in the form of transforms.json."""
         facts = {each.name: getattr(self, each.name) for each in fields(self)}
         if self.cause_labels is not None:
             facts["cause_labels"] = {str(code): name for code, name in self.cause_labels.items()}
@@ -52,10 +52,10 @@ def read_about(facts: dict[str, Any], where: str) -> About:
 
     Args:
         facts: the object under ``digs_warp``.
-        where: what messages begin with: names the file.
+        where: prefix of messages, which names the file.
 
     Raises:
-        CaptureError: a value is not what its key stands for.
+        CaptureError: a value does not fit its key.
     """
     known: dict[str, Any] = {}
     for name, (fits, expected) in _EXPECTED.items():

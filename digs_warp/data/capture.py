@@ -24,7 +24,7 @@ from digs_warp.record.files import read_json
 INDEX_NAME = "transforms.json"
 OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
-# Where a layer's pixels are: a file, or an array with what the file would hold.
+# Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray
 
 
@@ -70,14 +70,14 @@ class Frame:
         return self._load_grey(Layer.MASK)
 
     def load_cause(self) -> np.ndarray:
-        """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0: it is neither.
+        """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0 if it is fine.
 
         `About.cause_labels` of the capture names the values.
         """
         return self._load_grey(Layer.CAUSE)
 
     def load_confidence(self) -> np.ndarray:
-        """Return the sensor's trust in its depth, 0 to 1, shape (height, width), float32."""
+        """Return the sensor's confidence in its depth, 0 to 1, shape (height, width), float32."""
         return self._load_grey(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
 
     def load_normals(self) -> np.ndarray:
@@ -137,7 +137,7 @@ class Frame:
                 f"{self._where(layer)}: {pixels.dtype}, expected a float EXR in metres or a 16-bit PNG "
                 "in millimetres"
             )
-        # Sensors mark missing depth as 0, negative, NaN or infinite; in memory it is NaN.
+        # Sensors mark missing depth as 0, negative, NaN or infinity; in memory it is NaN.
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         return depth
 
@@ -170,9 +170,9 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A recording: its frames in order of time, the rig (if stereo), and facts about the whole.
+    """A recording: its frames in order of time, the rig (if stereo), and facts about the recording.
 
-    ``stored_in`` is the folder it was read from; None: it was made in memory.
+    ``stored_in`` is the folder it was read from; None if it was made in memory.
     """
 
     stored_in: Path | None
@@ -191,7 +191,7 @@ class Capture:
         """The capture's folder.
 
         Raises:
-            CaptureError: it has none: it was made in memory.
+            CaptureError: it has none because it was made in memory.
         """
         if self.stored_in is None:
             raise CaptureError(f"{self}: this needs a capture folder; simulate with out=FOLDER")
@@ -199,7 +199,7 @@ class Capture:
 
     @property
     def knows_poses(self) -> bool:
-        """Whether the poses mean anything: a recording without them has the identity in every frame."""
+        """Whether the poses are valid: a recording without poses has the identity in every frame."""
         return self.about.poses_known is not False
 
     @property
@@ -208,7 +208,7 @@ class Capture:
         return self.about.readout_time or 0.0
 
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
-        """Return (training, test) frames: every ``test_every``-th, from the first on, is held out."""
+        """Return (training, test) frames: every ``test_every``-th, starting at the first, is held out."""
         test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]
         train = [frame for i, frame in enumerate(self.frames) if i % test_every != 0]
         return train, test
@@ -287,7 +287,7 @@ def _lookup(entry: dict[str, Any], index: dict[str, Any], key: str) -> Any:
 
 
 def _inside(folder: Path, relative: str, where: str) -> Path:
-    """Return the path of a file of the capture; refuse one that leaves the folder."""
+    """Return the path of a file of the capture; reject one outside the folder."""
     path = folder / relative
     if not path.resolve().is_relative_to(folder.resolve()):
         raise CaptureError(

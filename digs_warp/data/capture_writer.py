@@ -1,4 +1,4 @@
-"""Writes a capture folder, frame by frame; `digs_warp.data.capture` reads it. Or keeps it in memory."""
+"""Writes a capture frame by frame, to a folder that `digs_warp.data.capture` reads or to memory."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -24,9 +24,9 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class FrameImages:
-    """The pixels of one frame, as `CaptureWriter` takes them; see `Frame` for their meaning.
+    """The pixels of one frame as `CaptureWriter` expects them; see `Frame` for their meaning.
 
-    Sensors say in ``depth`` why a value is missing: -inf is too near, +inf too far, NaN anything else.
+    ``depth`` also says why a value is missing: -inf is too near, +inf too far, NaN any other reason.
     ``confidence`` is 0 to 255 here, as in the file.
     """
 
@@ -40,17 +40,17 @@ class FrameImages:
     normals: np.ndarray | None = None
 
     def by_layer(self) -> dict[Layer, np.ndarray]:
-        """Return the images that are there."""
+        """Return the images that are present."""
         images = {layer: getattr(self, layer.name.lower()) for layer in Layer}
         return {layer: pixels for layer, pixels in images.items() if pixels is not None}
 
 
 @dataclass
 class CaptureWriter:
-    """Writes a capture folder frame by frame; the index comes last, so that it never names a missing file.
+    """Writes a capture folder frame by frame; the index is written last, so it never names a missing file.
 
-    Frames may be written in any order. `has_frame` tells which are complete: a run that was cut off
-    goes on where it stopped.
+    Frames may be written in any order. `has_frame` says which are complete, so an interrupted run can
+    continue where it stopped.
     """
 
     folder: Path
@@ -59,7 +59,7 @@ class CaptureWriter:
     _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def has_frame(self, number: int, layers: Sequence[Layer] = BASIC_LAYERS) -> bool:
-        """Whether the files of these layers of frame ``number`` are in the folder already."""
+        """Whether the files of these layers of frame ``number`` already exist."""
         return all((self.folder / layer.pattern.format(number)).is_file() for layer in layers)
 
     def write_frame(self, number: int, images: FrameImages) -> None:
@@ -79,9 +79,9 @@ class CaptureWriter:
         time: float,
         intrinsics: Intrinsics | None = None,
     ) -> None:
-        """Note the pose and time [s] of frame ``number``, whose files are written (now or before).
+        """Record the pose and time [s] of frame ``number``, whose files have been written.
 
-        ``intrinsics`` is its own camera where that differs from the others', at the same image size.
+        ``intrinsics`` is the frame's camera if it differs from the others', at the same image size.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
         paths = {layer.value: layer.pattern.format(number) for layer in Layer}
@@ -114,7 +114,7 @@ class CaptureWriter:
 
 @dataclass
 class MemoryWriter:
-    """Collects frames into a capture in memory; takes what `CaptureWriter` takes."""
+    """Collects frames into a capture in memory; same interface as `CaptureWriter`."""
 
     intrinsics: Intrinsics
     rig: Rig | None = None
@@ -130,7 +130,7 @@ class MemoryWriter:
         self._layers[number] = images.by_layer()
 
     def add_pose(self, number: int, world_from_cam: np.ndarray, time: float) -> None:
-        """Note the pose and time [s] of frame ``number``, whose images were written before."""
+        """Record the pose and time [s] of frame ``number``, whose images have been written."""
         camera = Camera(self.intrinsics, world_from_cam)
         self._frames[number] = Frame(f"{number:04d}", camera, time, self._layers[number])
 
@@ -145,7 +145,7 @@ def _camera_keys(k: Intrinsics) -> dict[str, float]:
 
 
 def file_hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file below ``folder`` but run.json, by relative path."""
+    """Return the SHA-256 of every file below ``folder`` except run.json, by relative path."""
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))

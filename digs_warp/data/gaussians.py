@@ -1,4 +1,4 @@
-"""The Gaussians of a scene, as the optimizer sees them (raw) and as a renderer sees them (activated)."""
+"""The Gaussians of a scene: raw parameters for the optimizer, activated values for a renderer."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +58,7 @@ class Gaussians:
     @property
     def opacities(self) -> np.ndarray:
         """Opacities in 0..1, shape (n,)."""
-        from scipy.special import expit  # here: `digs-warp --help` shall not wait for it
+        from scipy.special import expit  # imported here to keep `digs-warp --help` fast
 
         return expit(self.opacity_logits.astype(np.float64)).astype(np.float32)
 

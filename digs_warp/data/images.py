@@ -1,4 +1,4 @@
-"""The one door to image files: OpenImageIO reads and writes PNG, EXR and HDR. Rows go top to bottom."""
+"""All image file access: OpenImageIO reads and writes PNG, EXR and HDR. Rows go top to bottom."""
 
 import os
 import tempfile
@@ -9,11 +9,11 @@ import numpy as np
 
 from digs_warp.checks import DigsError, check_shape, require_file
 
-# Stands where a format wants a date.
+# Used where a format requires a date.
 NO_DATE = "1970:01:01 00:00:00"
 
-# Row filters of PNG as libpng numbers them: a byte minus its left neighbour, or minus the mean of the left
-# and the upper one.
+# PNG row filters by libpng's numbers: a byte minus its left neighbor, or minus the mean of its left and upper
+# neighbors.
 PNG_FILTER_SUB, PNG_FILTER_AVG = 0x10, 0x40
 
 
@@ -29,7 +29,7 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
     import OpenImageIO as oiio
 
     require_file(path, what)
-    # Without this, colours of transparent pixels come multiplied by their alpha.
+    # Without this, the colors of transparent pixels are premultiplied by alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)
@@ -75,7 +75,7 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     if pixels.dtype == np.uint16:
         # 16 bits hold depth, not colour. Marked as sRGB, libpng's readers (Open3D) would undo its gamma.
         spec.attribute("oiio:ColorSpace", "data")
-    # OpenImageIO stamps EXR files with the time otherwise: the same pixels, but other bytes.
+    # Otherwise OpenImageIO puts the time into EXR files: same pixels, different bytes.
     spec.attribute("DateTime", NO_DATE)
     if path.suffix == ".png":
         _choose_png_coding(spec, image)
@@ -97,8 +97,8 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
 def _choose_png_coding(spec: Any, image: np.ndarray) -> None:
     """Set in an `OpenImageIO.ImageSpec` how a PNG file is filtered and deflated, without loss.
 
-    Photographs and masks hardly repeat themselves: a search for earlier copies finds next to nothing in
-    what one good filter leaves. Without it a noisy photograph takes a quarter of the time, and less room.
+    Photographs and masks have few repetitions: after a good filter, deflate's search for matches finds almost
+    nothing. Without the search, a noisy photograph takes a quarter of the time, and less space.
     """
     if image.dtype == np.uint8:
         spec.attribute("png:filter", PNG_FILTER_AVG if image.shape[2] >= 3 else PNG_FILTER_SUB)

@@ -7,8 +7,8 @@ class Layer(Enum):
     """A kind of image that belongs to a frame. The value is its key in transforms.json.
 
     Attributes:
-        label: what messages call it.
-        pattern: where `digs_warp.data.capture_writer` puts it in the folder, with the frame's number.
+        label: its name in messages.
+        pattern: its path in a capture folder, formatted with the frame's number.
     """
 
     label: str
@@ -31,5 +31,5 @@ class Layer(Enum):
         return layer
 
 
-# What every simulated frame has; the other layers are there for some sensors, or on request.
+# The layers of every simulated frame; the others exist for some sensors, or on request.
 BASIC_LAYERS = (Layer.IMAGE, Layer.RIGHT, Layer.DEPTH, Layer.DEPTH_TRUE, Layer.MASK)

@@ -1,4 +1,4 @@
-"""Coloured points: what an initialization hands to the splat seeding."""
+"""Colored points, from which the first Gaussians are made."""
 
 from dataclasses import dataclass
 from pathlib import Path

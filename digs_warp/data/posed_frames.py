@@ -1,7 +1,7 @@
 """The frames as a reconstruction used them: metric cameras, masks, and which were held out.
 
-A recording's own poses and masks may differ from these: structure from motion estimates the ones, a
-segmentation the others. ``cameras.json`` in the reconstruction's folder keeps them.
+These can differ from the recording's poses and masks: structure from motion estimates poses, and a
+segmentation makes masks. ``cameras.json`` in the reconstruction's folder stores them.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,8 +27,8 @@ class PosedFrames:
     """Frames with metric cameras, in the order of the recording.
 
     Attributes:
-        training: what initialization and training see.
-        held_out: what measures the result.
+        training: used for initialization and training.
+        held_out: used to measure the result.
         sfm_per_metre: the scale of the structure from motion that gave the poses; None: the recording's
             own poses.
     """
@@ -124,9 +124,9 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
         "held_out": held_out,
         "world_from_cam": frame.camera.world_from_cam.tolist(),
     }
-    # Masks of the recording stay where they are; only ours lie in the reconstruction's folder.
+    # The recording's masks stay where they are; only masks that we made are in the reconstruction's folder.
     mask = frame.layers.get(Layer.MASK)
-    if isinstance(mask, np.ndarray):  # nobody else stores it
+    if isinstance(mask, np.ndarray):  # not stored anywhere else
         mask = Path(folder) / MASKS / f"{frame.name}.png"
         write_image(mask, frame.load_mask())
     if isinstance(mask, Path) and mask.resolve().is_relative_to(Path(folder).resolve()):

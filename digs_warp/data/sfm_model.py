@@ -1,4 +1,4 @@
-"""What structure from motion leaves behind: posed cameras, sparse points, and who saw what where."""
+"""The result of structure from motion: posed cameras, sparse points, and observations."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""A coloured triangle mesh in memory: what surface extraction hands to file and scene writers."""
+"""A colored triangle mesh in memory, from surface extraction to file and scene writers."""
 
 from dataclasses import dataclass
 

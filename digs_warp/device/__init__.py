@@ -1,1 +1,1 @@
-"""The machine below the kernels: threads, launches, compilation, memory layouts, foreign libraries."""
+"""The layer below the kernels: threads, launches, compilation, memory layouts, external libraries."""

@@ -1,8 +1,8 @@
-"""Parts of arrays whose layout the compiler knows, for loops that are to become vector code.
+"""Array views with a layout that the compiler knows, for loops that must be vectorized.
 
-A Warp array carries its stride, which LLVM learns only at run time, and an index that might be negative
-counts from the end: a loop over it reads value by value. A view made inside the kernel has the stride of its
-type, and an index that counts from 0 is no negative one. The loop has to be of fixed length, too.
+A Warp array carries its stride, which LLVM only learns at run time, and a negative index counts from the end.
+So a loop over it reads one value at a time. A view made inside the kernel has the stride of its type, and an
+index that counts from 0 is never negative. The loop must also have a fixed length.
 """
 
 import warp as wp
@@ -12,13 +12,13 @@ wp.set_module_options({"enable_backward": False})
 
 @wp.func
 def floats_from(values: wp.array[float], first: int, count: int) -> wp.array[float]:
-    """``count`` values of a contiguous array, from ``first`` on."""
+    """Return ``count`` values of a contiguous array, starting at ``first``."""
     return wp.array(ptr=values.ptr + wp.uint64(4) * wp.uint64(first), shape=(count,), dtype=float)
 
 
 @wp.func
 def bytes_from(values: wp.array[wp.uint8], first: int, count: int) -> wp.array[wp.uint8]:
-    """``count`` bytes of a contiguous array, from ``first`` on."""
+    """Return ``count`` bytes of a contiguous array, starting at ``first``."""
     return wp.array(ptr=values.ptr + wp.uint64(first), shape=(count,), dtype=wp.uint8)
 
 
@@ -31,7 +31,7 @@ def flat(array: wp.array) -> wp.array:
     return wp.array(ptr=array.ptr, dtype=float, shape=count, device=array.device)
 
 
-# No fault where an address lies outside of the array; on CUDA other threads hide the latency.
+# A prefetch outside the array does not fault; on CUDA, other threads hide the latency.
 _PREFETCH = """
 #if !defined(__CUDA_ARCH__)
 for (int i = 0; i < count; i += 16)
@@ -42,5 +42,5 @@ for (int i = 0; i < count; i += 16)
 
 @wp.func_native(_PREFETCH)
 def prefetch_floats(values: wp.array[float], first: int, count: int):
-    """Ask for ``count`` floats from ``first`` on before they are read: lines of 64 bytes that hold 16."""
+    """Prefetch ``count`` floats starting at ``first``; a cache line of 64 bytes holds 16."""
     ...

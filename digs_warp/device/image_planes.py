@@ -1,4 +1,4 @@
-"""Float images on a device, in the layout that the hot kernels read: planar, padded, rows aligned."""
+"""Float images on a device, in the layout of the hot kernels: planar, padded, with aligned rows."""
 
 from typing import Any
 
@@ -17,9 +17,9 @@ PADDING = 16
 
 @wp.struct
 class PlaneLayout:
-    """Where the pixels of `ImagePlanes` lie, for kernels."""
+    """The memory layout of `ImagePlanes`, for kernels."""
 
-    width: int  # of the present image
+    width: int  # of the current image
     height: int
     pitch: int  # floats from one image row to the next
     plane: int  # floats from one channel to the next
@@ -30,12 +30,12 @@ class ImagePlanes:
     """``channels`` float32 planes of one size with a border of zeros, in one flat Warp array.
 
     Pixel (x, y) of channel c lies at ``origin + c * plane + y * pitch + x``. Kernels never write the
-    border, so windows that reach over the image edge read zeros. A smaller image (`resize`) lies at the top
+    border, so windows that reach over the image edge read zeros. A smaller image (`resize`) uses the top
     left of the same memory: the layout never changes.
 
     Attributes:
-        width, height: size of the present image [px].
-        max_width, max_height: the size that the memory is for [px].
+        width, height: size of the current image [px].
+        max_width, max_height: the largest size that fits into the memory [px].
     """
 
     def __init__(self, width: int, height: int, channels: int, device: str = "cpu") -> None:
@@ -58,14 +58,14 @@ class ImagePlanes:
         return planes
 
     def layout(self) -> Any:
-        """Return the `PlaneLayout` of the present image."""
+        """Return the `PlaneLayout` of the current image."""
         return packed(PlaneLayout, **{name: getattr(self, name) for name in PlaneLayout.vars})
 
     def resize(self, width: int, height: int) -> None:
-        """Hold an image of another size; what lay outside of it becomes border.
+        """Change the image size; the area outside becomes border.
 
         Raises:
-            ValueError: it is larger than the memory is for.
+            ValueError: the size does not fit into the memory.
         """
         if width > self.max_width or height > self.max_height:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""How kernels are compiled whose inner loops LLVM is to turn into vector code. Imports nothing heavy."""
+"""Compiler options for kernels whose inner loops LLVM must vectorize. Imports nothing heavy."""
 
 import platform
 from typing import Any

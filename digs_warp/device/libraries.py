@@ -1,6 +1,6 @@
-"""The one door to dependencies that bite when imported carelessly or need system libraries.
+"""The only place that imports dependencies with import-order problems or system libraries.
 
-Each function imports on first call and explains what to install when it cannot.
+Each function imports on first call, and says what to install if the import fails.
 """
 
 import importlib
@@ -14,13 +14,13 @@ PYRENDER_APT = "apt-get install -y libegl1 libgl1-mesa-dri"
 
 
 class MissingLibraryError(DigsError):
-    """An optional part cannot be loaded; the message names the line that installs what it needs."""
+    """An optional library cannot be loaded; the message has the command that installs what it needs."""
 
 
 def import_pycolmap() -> ModuleType:
     """Return pycolmap, imported after zlib.
 
-    In the other order pycolmap's own zlib shadows Python's, and every later PNG write in the process
+    In the other order, pycolmap's bundled zlib shadows Python's, and every later PNG write in the process
     aborts with ``free(): invalid pointer``.
     """
     importlib.import_module("zlib")
@@ -28,7 +28,7 @@ def import_pycolmap() -> ModuleType:
 
 
 def import_open3d() -> ModuleType:
-    """Return open3d; its wheel links libusb, libEGL, libGL and libX11 of the system."""
+    """Return open3d; its wheel links the system's libusb, libEGL, libGL and libX11."""
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:

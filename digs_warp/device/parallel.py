@@ -1,10 +1,10 @@
 """Run one Warp launch on all CPU cores.
 
-Warp runs a CPU launch as one serial loop on the calling thread. `ParallelLaunch` cuts the index range
-into chunks, records one launch per chunk, and a few threads replay them; ``ctypes`` releases the
-interpreter lock meanwhile. Kernels must write disjoint addresses per index (``wp.atomic_add`` is a plain
-``+=`` on a CPU) and take the chunk's first index as their first argument; then the result does not
-depend on the number of threads.
+Warp runs a CPU launch as one serial loop on the calling thread. `ParallelLaunch` splits the index range
+into chunks and records one launch per chunk; a few threads replay them, while ``ctypes`` releases the
+interpreter lock. Kernels must write to disjoint addresses per index (``wp.atomic_add`` is a plain ``+=`` on
+a CPU) and take the chunk's first index as their first argument. Then the result does not depend on the
+number of threads.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from digs_warp.device.warp_start import start_warp
 
 start_warp()
 
-# More chunks than threads even out uneven chunks, and a thread that was held up; a launch costs about 5 us.
+# More chunks than threads, to balance uneven chunks and delayed threads; a launch costs about 5 us.
 CHUNKS_PER_THREAD = 8
 EVEN_CHUNKS_PER_THREAD = 3
 
@@ -30,12 +30,12 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 
 
 class ParallelLaunch:
-    """A recorded launch of ``kernel`` over indices 0..dim-1, shared out over CPU threads.
+    """A recorded launch of ``kernel`` over indices 0..dim-1, split over CPU threads.
 
-    The kernel's first parameter is the first index of a chunk (int); ``inputs`` are the others. On a
-    CUDA device it is a single launch. Array arguments are bound when recorded: call `run` again after
-    changing their contents, build a new object after replacing them. ``even`` says that all indices take
-    about the same time: fewer chunks do then.
+    The kernel's first parameter is the first index of a chunk (int); ``inputs`` are the others. On a CUDA
+    device it is a single launch. Array arguments are bound when recorded: call `run` again after changing
+    their contents, and build a new object after replacing them. ``even`` says that all indices take about
+    the same time, so fewer chunks are enough.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ParallelLaunch:
         ]
 
     def set_param(self, index: int, value: Any) -> None:
-        """Change argument ``index`` of ``inputs`` for the next runs; a number that it has costs nothing."""
+        """Change argument ``index`` of ``inputs`` for the next runs; an unchanged number costs nothing."""
         before = self._inputs[index]
         if isinstance(value, (int, float)) and value == before:
             return
@@ -78,7 +78,7 @@ class ParallelLaunch:
 
 
 def run_together(launches: Sequence[ParallelLaunch]) -> None:
-    """Execute launches that do not need each other's results, and wait: the threads are woken only once."""
+    """Execute independent launches and wait; the threads are woken only once."""
     chunks = [chunk for launch in launches for chunk in launch.chunks]
     threads = min(len(chunks), max((launch.threads for launch in launches), default=1))
     queue = iter(chunks)  # taking the next item is atomic: the threads share it
@@ -87,7 +87,7 @@ def run_together(launches: Sequence[ParallelLaunch]) -> None:
         for chunk in queue:
             chunk.launch()
 
-    # The calling thread works, too. result() hands on an exception of a chunk.
+    # The calling thread works, too. result() re-raises an exception of a chunk.
     others = [_pool(threads - 1).submit(work) for _ in range(threads - 1)]
     work()
     for other in others:

@@ -1,4 +1,4 @@
-"""How many threads to use, and NumPy work spread over them."""
+"""The number of threads, and NumPy work spread over them."""
 
 import os
 from collections.abc import Callable
@@ -9,8 +9,8 @@ from digs_warp.checks import DigsError
 
 _T = TypeVar("_T")
 
-# Rows handled at a time. So many that threads seldom wait for each other at the interpreter, which costs more
-# than arrays that outgrow the cache; so few that the intermediate arrays take some ten megabytes a thread.
+# Rows per slice. Enough that threads rarely wait for the interpreter lock, which costs more than arrays that
+# do not fit into the cache; few enough that intermediate arrays take about ten megabytes per thread.
 CHUNK = 32768
 
 
@@ -29,9 +29,9 @@ def default_threads() -> int:
 def over_rows(count: int, work: Callable[[slice], _T], chunk: int = CHUNK) -> list[_T]:
     """Return ``work(rows)`` for slices that cover 0..count-1, in order, computed on all cores.
 
-    NumPy lets go of the interpreter while it computes, so threads help. The results do not depend on
-    their number: the slices are always the same. The first error of ``work`` is raised; what has not begun by
-    then is left out.
+    NumPy releases the interpreter lock while it computes, so threads help. The results do not depend on the
+    number of threads, because the slices are always the same. The first error of ``work`` is raised; slices
+    that have not started by then are skipped.
     """
     from threadpoolctl import threadpool_limits
 
@@ -39,7 +39,7 @@ def over_rows(count: int, work: Callable[[slice], _T], chunk: int = CHUNK) -> li
     threads = min(len(slices), default_threads())
     if threads <= 1:
         return [work(rows) for rows in slices]
-    # Matrix products of several threads at once would each ask for all cores, and wait for each other.
+    # Concurrent matrix products would each try to use all cores, and wait for each other.
     with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(threads) as pool:
         try:
             return list(pool.map(work, slices))

@@ -1,7 +1,7 @@
-"""Starts Warp so that it says only what a user can use, through Python's logging.
+"""Starts Warp so that it logs only useful messages, through Python's logging.
 
-Left alone, Warp prints a banner and its compilations to stdout, where results belong, and its native part
-warns on stderr whenever there is no CUDA driver: the usual case here.
+By default, Warp prints a banner and its compilations to stdout, where results belong. Its native code warns
+on stderr if there is no CUDA driver, which is normal here.
 """
 
 import logging
@@ -29,7 +29,7 @@ def start_warp() -> None:
 
 
 def compile_seconds() -> float:
-    """Return the seconds [s] that this process has spent on compiling kernels so far."""
+    """Return the time [s] that this process has spent compiling kernels so far."""
     return sum(_compiled)
 
 
@@ -37,13 +37,13 @@ _compiled: list[float] = []  # seconds of each module; appending is atomic
 
 
 class _ToLogging:
-    """Warp's logger interface, forwarded."""
+    """Warp's logger interface, forwarded to Python's logging."""
 
     def debug(self, message: str) -> None:
         logger.debug(message)
 
     def info(self, message: str) -> None:
-        # Compiling takes seconds and happens once per kernel and machine: worth a line. The rest is not.
+        # Compiling takes seconds, once per kernel and machine, so it is worth a line. The rest is not.
         if found := COMPILED.match(message):
             seconds = float(found["milliseconds"]) / 1e3
             _compiled.append(seconds)
@@ -60,7 +60,7 @@ class _ToLogging:
 
 @contextmanager
 def _without_driver_warning() -> Iterator[None]:
-    """Pass on what native code writes to stderr, but for the line about the missing driver."""
+    """Forward native code's output to stderr, except the line about the missing driver."""
     with tempfile.TemporaryFile() as caught:
         stderr = os.dup(2)
         os.dup2(caught.fileno(), 2)

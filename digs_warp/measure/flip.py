@@ -1,6 +1,6 @@
-"""FLIP: an image metric that follows human vision and needs no weights.
+"""FLIP: an image metric that models human vision and needs no network weights.
 
-An extra: ``pip install 'digs-warp[metrics]'``.
+Optional: ``pip install 'digs-warp[metrics]'``.
 """
 
 import numpy as np
@@ -11,15 +11,15 @@ from digs_warp.checks import DigsError, check_shape
 def flip_map(image: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return the FLIP error per pixel, 0 (same) to 1, shape (height, width), float32.
 
-    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), as its authors publish
-    it, for a viewer 0.7 m before a 0.7 m wide screen of 3840 px.
+    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), the authors' code, for a
+    viewer 0.7 m from a 0.7 m wide screen of 3840 px.
 
     Args:
         image: sRGB values in 0..1, shape (height, width, 3); values outside are clipped.
-        target: what it should look like, the same shape.
+        target: the reference image, same shape.
 
     Raises:
-        DigsError: other shapes, or the extra is not installed.
+        DigsError: the shapes do not match, or the extra is not installed.
     """
     try:
         import flip_evaluator
@@ -31,10 +31,9 @@ def flip_map(image: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def flip(image: np.ndarray, target: np.ndarray, mask: np.ndarray | None = None) -> float:
-    """Return the mean FLIP error, over ``mask`` (bool, (height, width)) where given; see `flip_map`.
+    """Return the mean FLIP error, over ``mask`` (bool, (height, width)) if given; see `flip_map`.
 
-    The error of a pixel also depends on its neighbours, whether they are in the mask or not. An empty mask
-    gives NaN.
+    The error of a pixel also depends on its neighbors, inside or outside the mask. An empty mask gives NaN.
     """
     errors = flip_map(image, target)
     if mask is not None:

@@ -1,10 +1,10 @@
-# torch is an extra that type checking need not have:
+# torch is optional, so type checking must pass without it:
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
 """LPIPS: an image distance from the features of a network (Zhang et al. 2018, version 0.1).
 
-An extra: ``pip install 'digs-warp[lpips]'`` brings torch. Two files of weights are needed, which this
-package cannot ship: the backbone's (torchvision's ImageNet weights) and the calibration (from the package
-``lpips``, folder ``weights/v0.1``).
+Optional: ``pip install 'digs-warp[lpips]'`` installs torch. It needs two weight files that this package
+cannot ship: the backbone (torchvision's ImageNet weights) and the calibration (from the package ``lpips``,
+folder ``weights/v0.1``).
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ Network = Literal["alex", "vgg"]
 
 @dataclass(frozen=True)
 class _Convolution:
-    """A convolution with ReLU: its number among torchvision's ``features``, and its geometry."""
+    """A convolution with ReLU: its index in torchvision's ``features``, and its geometry."""
 
     number: int
     stride: int = 1
@@ -29,7 +29,7 @@ class _Convolution:
 
 @dataclass(frozen=True)
 class _Backbone:
-    """Blocks of convolutions; the features after each block are compared. A pool parts the blocks."""
+    """Blocks of convolutions, separated by pooling; the features after each block are compared."""
 
     file: str
     blocks: tuple[tuple[_Convolution, ...], ...]
@@ -68,24 +68,24 @@ _BACKBONES: dict[str, _Backbone] = {
     ),
 }
 
-# The networks were trained on images normalized so; LPIPS repeats it on values in -1..1.
+# The networks were trained on images with this normalization; LPIPS applies it to values in -1..1.
 _SHIFT = (-0.030, -0.088, -0.188)
 _SCALE = (0.458, 0.448, 0.450)
 
-# Smaller images have no pixel left after the last pool.
+# A smaller image has no pixels left after the last pooling.
 MIN_SIZE = 32
 
 
 class Lpips:
-    """Distance of two images by the features of a network; 0 for the same image.
+    """Distance of two images by the features of a network; 0 for identical images.
 
     Args:
-        backbone: file of torchvision's AlexNet or VGG16.
-        calibration: file of the linear layers, ``alex.pth`` or ``vgg.pth`` of the package ``lpips``.
-        network: which of the two. "alex" is the package's default, 3DGS reports "vgg".
+        backbone: weight file of torchvision's AlexNet or VGG16.
+        calibration: weight file of the linear layers, ``alex.pth`` or ``vgg.pth`` of the package ``lpips``.
+        network: which of the two. "alex" is the package's default; 3DGS reports "vgg".
 
     Raises:
-        DigsError: torch is not installed, or a file is missing or for another network.
+        DigsError: torch is not installed, or a file is missing or belongs to another network.
     """
 
     def __init__(self, backbone: Path, calibration: Path, network: Network = "alex") -> None:
@@ -118,14 +118,14 @@ class Lpips:
             )
         with self._torch.no_grad():
             pairs = zip(self._features(image), self._features(target), strict=True)
-            # Squared difference of unit vectors, weighed by channel, averaged over the image.
+            # Squared difference of unit vectors, weighted by channel, averaged over the image.
             return sum(
                 float(((a - b) ** 2 * line).sum(dim=1).mean())
                 for (a, b), line in zip(pairs, self._lines, strict=True)
             )
 
     def _features(self, image: np.ndarray) -> list[Any]:
-        """Return the features after each block, of unit length per pixel."""
+        """Return the features after each block, normalized to unit length per pixel."""
         torch = self._torch
         values = 2.0 * np.clip(np.asarray(image, np.float32), 0, 1) - 1.0
         values = (values - np.array(_SHIFT, np.float32)) / np.array(_SCALE, np.float32)
@@ -141,15 +141,15 @@ class Lpips:
 
 
 class _Weights:
-    """Named tensors of a file that torch saved."""
+    """Named tensors from a file saved by torch."""
 
     def __init__(self, path: Path, torch: Any, hint: str) -> None:
         self._path = require_file(path, "LPIPS weights", hint)
         self._hint = hint
         try:
-            # weights_only: a pickle from elsewhere must not run code.
+            # weights_only: a pickle from an unknown source must not run code.
             self._state = torch.load(path, map_location="cpu", weights_only=True)
-        except Exception as error:  # torch raises whatever its unpickler met
+        except Exception as error:  # torch passes on any error of its unpickler
             raise DigsError(f"LPIPS weights '{path}': cannot be read; {hint}") from error
         if not isinstance(self._state, dict):
             found = type(self._state).__name__
@@ -161,7 +161,7 @@ class _Weights:
         return weight, self.tensor(f"{name}.bias", (len(weight),))
 
     def tensor(self, name: str, shape: tuple[int, ...] | None = None) -> Any:
-        """Return a tensor, of the given shape where there is one."""
+        """Return a tensor; check its shape if one is given."""
         found = self._state.get(name)
         if found is None or tuple(found.shape) != (shape or tuple(found.shape)):
             what = "not there" if found is None else tuple(found.shape)

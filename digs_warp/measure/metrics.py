@@ -5,12 +5,12 @@ import numpy as np
 from digs_warp.checks import check_shape
 from digs_warp.measure.ssim import C1, C2, window_weights
 
-# Identical images would give infinity, which JSON cannot hold; 8-bit rounding alone gives 59 dB.
+# Identical images would give infinity, which JSON cannot store; 8-bit rounding alone gives 59 dB.
 MAX_PSNR = 100.0
 
 
 def psnr(image: np.ndarray, target: np.ndarray, mask: np.ndarray | None = None) -> float:
-    """Return the peak signal-to-noise ratio [dB], at most 100; over ``mask`` (bool) where given.
+    """Return the peak signal-to-noise ratio [dB], at most 100; over ``mask`` (bool) if given.
 
     An empty mask gives NaN.
     """
@@ -26,7 +26,7 @@ def psnr(image: np.ndarray, target: np.ndarray, mask: np.ndarray | None = None) 
 def ssim_map(image: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return SSIM per pixel and channel, same shape: 11x11 Gaussian window, zero padding.
 
-    The formula stands in `digs_warp.measure.ssim`; this is its plain float64 form.
+    `digs_warp.measure.ssim` documents the formula; this is its plain float64 version.
     """
     from scipy.ndimage import correlate1d
 
@@ -46,7 +46,7 @@ def ssim_map(image: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def ssim(image: np.ndarray, target: np.ndarray, mask: np.ndarray | None = None) -> float:
-    """Return the mean SSIM; over the pixels of ``mask`` (bool, (height, width)) where given.
+    """Return the mean SSIM, over the pixels of ``mask`` (bool, (height, width)) if given.
 
     An empty mask gives NaN.
     """

@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """PSNR [dB] and SSIM over the whole view and inside the object's mask; NaN where one is undefined."""
+    """PSNR [dB] and SSIM over the whole view and inside the object's mask; NaN if undefined."""
 
     psnr: float = math.nan
     ssim: float = math.nan
@@ -18,7 +18,7 @@ class Score:
     ssim_masked: float = math.nan
 
     def to_json(self) -> dict[str, float | None]:
-        """Return the metrics by name; None for NaN, which JSON does not have."""
+        """Return the metrics by name; None for NaN, which JSON lacks."""
         values = {name: getattr(self, name) for name in METRICS}
         return {name: None if math.isnan(value) else value for name, value in values.items()}
 
@@ -27,7 +27,7 @@ class Score:
         """Return what `to_json` wrote.
 
         Raises:
-            TypeError, ValueError: a metric is no number.
+            TypeError, ValueError: a metric is not a number.
         """
         return Score(**_metrics(content))
 
@@ -44,7 +44,7 @@ class ViewScore(Score):
 
 @dataclass(frozen=True)
 class Scores:
-    """The scores of all held-out views; no views: nothing was measured."""
+    """The scores of all held-out views; empty if nothing was measured."""
 
     views: tuple[ViewScore, ...] = ()
 
@@ -70,9 +70,9 @@ class Scores:
         """Return what `to_json` wrote.
 
         Raises:
-            AttributeError, KeyError, TypeError, ValueError: it has another form.
+            AttributeError, KeyError, TypeError, ValueError: it has a different form.
         """
-        Score.from_json(content["mean"])  # for readers of the file; we compute it from the views
+        Score.from_json(content["mean"])  # stored for other readers; we compute it from the views
         return Scores(
             tuple(ViewScore(name=str(view["name"]), **_metrics(view)) for view in content["views"])
         )

@@ -18,15 +18,15 @@ and, because W is symmetric, the gradient of the sum of SSIM over all pixels is
 
     W * dSSIM/dm_x + 2 x (W * dSSIM/de_xx) + y (W * dSSIM/de_xy)
 
-Where pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
+If pixels have weights w, the sum is that of w SSIM: the three derivatives are multiplied by w before they
 are blurred.
 
-One thread walks down a strip of 64 columns of one channel, at most `SEGMENT_ROWS` rows of it, and keeps only
-the last rows of every stage, in rings as high as a window: image line -> moments, blurred along
-the row -> blurred along the column, SSIM and its derivatives -> blurred along the row -> blurred along the
-column, gradient. Nothing in between goes through memory, at the price of derivatives computed twice in the
-columns around a strip. Only where blocks are active it is computed: elsewhere image and target are the same
-background, SSIM is 1 and its gradient 0.
+One thread walks down a strip of 64 columns of one channel, at most `SEGMENT_ROWS` rows. It keeps only the
+last rows of every stage, in ring buffers as high as a window: image line -> moments, blurred along the row
+-> blurred along the column, SSIM and its derivatives -> blurred along the row -> blurred along the column,
+gradient. No intermediate result goes through memory; in exchange, the derivatives in the columns around a
+strip are computed twice. Only active blocks are computed: elsewhere image and target are the same
+background, SSIM is 1 and its gradient is 0.
 """
 
 import math
@@ -36,8 +36,8 @@ import warp as wp
 from digs_warp.device.contiguous import floats_from, prefetch_floats
 from digs_warp.device.image_planes import PlaneLayout
 
-# Products and sums are not contracted, but for those of a window: fused, the variance of two equal constants
-# would not cancel, and SSIM would miss 1 by 1e-4.
+# Products and sums are not contracted, except in a window: if fused, the variance of two equal constants
+# would not cancel, and SSIM would be off from 1 by 1e-4.
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
 WINDOW = 11
@@ -77,7 +77,7 @@ _LINE_COLUMNS = _WIDE_COLUMNS + 2 * REACH
 _LINE = wp.constant(_LINE_COLUMNS)
 _LINES = wp.constant(4 * _LINE_COLUMNS)
 _LINES_TWICE = wp.constant(8 * _LINE_COLUMNS)
-# Rows that are asked for ahead: a pitch apart, the processor does not foresee them.
+# Rows to prefetch: they are a pitch apart, which the processor does not predict.
 _AHEAD = wp.constant(4)
 # Rings of blurred rows: of the four moments, and of the three derivatives.
 _RING_ROWS = wp.constant(WINDOW)
@@ -114,12 +114,12 @@ def window_sum(d5: float, d4: float, d3: float, d2: float, d1: float, d0: float)
 
 @wp.func
 def ring_place(row: int) -> int:
-    """Where a row lies in a ring.
+    """Return the position of a row in a ring.
 
-    Of 11 rows, not 16: in a ring of a power of two, LLVM derives places from each other bit by bit, and the
-    loops that read there become gathers.
+    The ring has 11 rows, not 16: with a power of two, LLVM derives positions from each other bit by bit, and
+    the loops that read there become gathers.
     """
-    # Rows above the image are negative; a mask tells LLVM that the sum is not.
+    # Rows above the image are negative; a mask shows LLVM that the sum is not.
     return ((row + _SEVERAL_RINGS) & _NOT_NEGATIVE) % _RING_ROWS
 
 
@@ -130,7 +130,7 @@ def similarity_kernel(
     active: wp.array2d[int],  # [blocks_y, blocks_x] not 0 where the loss counts
     image: wp.array[float],  # 3 padded planes
     target: wp.array[float],  # 3 padded planes
-    weighted: int,  # whether pixels count as much as ``weights`` say; otherwise all count 1
+    weighted: int,  # whether to weight pixels by ``weights``; otherwise all weights are 1
     weights: wp.array[float],  # 1 padded plane
     l1_weight: float,
     dssim_weight: float,
@@ -174,8 +174,8 @@ def similarity_kernel(
         column = left - _MARGIN + i_e
         rows[_EXISTS + i_e] = wp.where(column >= 0 and column < width, 1.0, 0.0)
         rows[_WEIGHT + i_e] = 1.0
-    # A row is blurred one turn after it was written, while the next is written elsewhere: reads that straddle
-    # two vectors which were just written would have to wait for both to reach the cache.
+    # A row is blurred one iteration after it was written, while the next is written elsewhere: a read across
+    # two vectors that were just written would have to wait until both reach the cache.
     for turn in range(top - _TWICE, end + _TWICE + 2):
         half = (turn & 1) * _LINES
         source = base + turn * pitch - _MARGIN - _REACH

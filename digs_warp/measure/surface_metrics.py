@@ -1,6 +1,6 @@
 # Kernels are typed by Warp, whose stubs pyright cannot follow; scipy comes without stubs:
 # pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false, reportInvalidTypeForm=false
-"""How far reconstructed points lie from a true surface, and how much of the surface they cover."""
+"""Distance of reconstructed points to the true surface, and how much of the surface they cover."""
 
 from dataclasses import asdict, dataclass
 
@@ -11,10 +11,11 @@ from digs_warp.checks import DigsError, check_positive, check_shape
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import launch_parallel
 
-# Neighbours that tell how densely points lie at a place of the surface.
+# Number of neighbors that measures the density of points at a place on the surface.
 NEIGHBOURS = 8
 
-# Samples of the true surface for the way back; the error of a mean over them is below 1 % of its spread.
+# Samples of the true surface for the distance from surface to points. The standard error of a mean over them
+# is below 1 % of the spread.
 DEFAULT_SAMPLES = 20_000
 
 
@@ -24,16 +25,16 @@ class SurfaceScore:
 
     Attributes:
         accuracy: mean distance from the points to the surface.
-        accuracy_median: median of the same; stray points do not move it.
+        accuracy_median: median of the same distances; stray points do not affect it.
         completeness: mean distance from the surface to the nearest point.
         chamfer: mean of accuracy and completeness.
         precision: share of points within ``threshold`` of the surface.
         recall: share of the surface within ``threshold`` of a point.
         f_score: harmonic mean of precision and recall.
-        spacing_ratio: how unevenly the points lie along the surface: upper over lower quartile, over the
-            surface, of the distance to the eighth nearest point. 1: a perfect grid; 1.28: random and even
+        spacing_ratio: how unevenly the points are spread: ratio of the upper to the lower quartile, over the
+            surface, of the distance to the eighth nearest point. 1: a perfect grid; 1.28: uniformly random
             (a planar Poisson process); more: clusters. It does not depend on the number of points.
-        threshold: the distance [m] that the shares refer to.
+        threshold: the distance [m] for precision and recall.
     """
 
     accuracy: float
@@ -60,18 +61,18 @@ def surface_score(
 ) -> SurfaceScore:
     """Compare points with a true surface.
 
-    Distances to the surface are exact (point to triangle). The surface is sampled evenly by area for the
-    way back; parts that no camera saw count as missing.
+    Distances to the surface are exact (point to triangle). For distances from the surface, it is sampled
+    uniformly by area; parts that no camera saw count as missing.
 
     Args:
         points_world: reconstructed points [m], shape (n, 3), n >= 1.
         surface: the true mesh, in the same world.
         threshold: distance [m] for precision, recall and F-score.
         samples: number of points on the surface.
-        seed: decides the samples.
+        seed: seed of the samples.
 
     Raises:
-        DigsError: no points, no surface, or a threshold that is not above 0.
+        DigsError: no points, no surface, or a threshold that is not positive.
     """
     from scipy.spatial import cKDTree
 
@@ -106,7 +107,7 @@ def surface_score(
 
 
 def sample_surface(surface: TriangleMesh, count: int, seed: int = 0) -> np.ndarray:
-    """Return points spread evenly by area over the triangles [m], shape (count, 3), float64."""
+    """Return points sampled uniformly by area from the triangles [m], shape (count, 3), float64."""
     random = np.random.default_rng(seed)
     corners = surface.points_world[surface.triangles].astype(np.float64)
     edges = corners[:, 1:] - corners[:, :1]
@@ -114,7 +115,7 @@ def sample_surface(surface: TriangleMesh, count: int, seed: int = 0) -> np.ndarr
     if not areas.sum() > 0:
         raise DigsError("surface: its triangles have no area; expected a surface, not a line")
     chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
-    # The square root makes the density even over a triangle.
+    # The square root makes the density uniform over a triangle.
     root, along = np.sqrt(random.random(count)), random.random(count)
     first, second = root * (1 - along), root * along
     return (
@@ -130,7 +131,7 @@ def distances_to_surface(points_world: np.ndarray, surface: TriangleMesh) -> np.
         indices=wp.array(surface.triangles.ravel(), dtype=int, device="cpu"),
     )
     points = np.ascontiguousarray(points_world, dtype=np.float32)
-    # A query has to be bounded; nothing is further away than the box around both is wide.
+    # A query needs a bound; no distance exceeds the diagonal of the box around both.
     limit = float(np.linalg.norm(np.ptp(np.vstack([points, corners]), axis=0))) + 1.0
     distances = wp.zeros(len(points), dtype=float, device="cpu")
     inputs = [mesh.id, wp.array(points, dtype=wp.vec3, device="cpu"), limit, distances]

@@ -1,7 +1,7 @@
 """Capture -> posed frames with masks, and the points to start from (paper sections 3.1 to 3.3).
 
-The order is the paper's: structure from motion sees whole images, background included; masks come after it;
-the depth maps inside them tell the scale; then everything is metric.
+The order follows the paper: structure from motion uses whole images, background included; then come the
+masks; the depth maps inside them give the scale; from then on everything is metric.
 """
 
 import logging
@@ -60,7 +60,7 @@ class FrontEndConfig:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """All that a training starts from.
+    """Everything that training starts from.
 
     Attributes:
         frames: with metric cameras and masks.
@@ -89,7 +89,7 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """Structure from motion in metres, and the scale it had; the scale of given poses is 1."""
+    """Structure from motion in metres, and its original scale; the scale of given poses is 1."""
 
     sfm: SfmModel
     sfm_per_metre: float
@@ -99,10 +99,10 @@ class _Model:
 def front_end(
     capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog, resume: bool = False
 ) -> Prepared:
-    """Return the frames as the reconstruction sees them, and the points that it starts from.
+    """Return the frames as the reconstruction uses them, and the initial points.
 
-    Leaves them in ``folder``, beside the workspace of structure from motion and new masks, if any; ``resume``
-    takes from there what is finished.
+    Also saves them to ``folder``, next to the workspace of structure from motion and new masks, if any;
+    ``resume`` reuses what is finished there.
 
     Raises:
         DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
@@ -111,7 +111,7 @@ def front_end(
         return Prepared.load(capture, folder)
     if not capture.knows_poses and config.sfm.poses != "sfm":
         raise DigsError(
-            f"{capture}: the recording has no camera poses; let them be estimated with --poses sfm"
+            f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
         )
     frames = _split(capture, config.test_every)
     sparse = None
@@ -142,7 +142,7 @@ def front_end(
 
 
 def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> None:
-    """Leave everything in the folder; the points come last: they tell a resumed run that all is there."""
+    """Save everything to the folder; the points come last, to tell a resumed run that all is there."""
     results = Results.of_start(capture.stored_in, prepared.start, prepared.sfm, prepared.scale)
     log.results = results.to_json()
     log.save(folder / RUN_RECORD)
@@ -161,7 +161,7 @@ def _split(capture: Capture, test_every: int) -> PosedFrames:
 
 
 def _structure_from_motion(capture: Capture, config: SfmConfig, workspace: Path) -> "SfmResult":
-    """Pose all frames, those held out as well: without a pose they could not be compared."""
+    """Estimate the poses of all frames, held-out ones included: evaluation needs their poses."""
     from digs_warp.sfm.estimate import structure_from_motion
 
     if config.readout_time is None:
@@ -170,7 +170,7 @@ def _structure_from_motion(capture: Capture, config: SfmConfig, workspace: Path)
 
 
 def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
-    """Give the frames masks. Those held out keep their own: what is tested must not be the yardstick."""
+    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks."""
     training = with_masks(frames.training, segment(frames.training, config, folder))
     held_out = list(frames.held_out)
     if any(not frame.has(Layer.MASK) for frame in held_out):
@@ -181,7 +181,7 @@ def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFr
 def _in_metres(
     sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig
 ) -> _Model:
-    """Scale the model by what the depth maps say (eq. 6 and 7), and choose its world."""
+    """Scale the model by the depth maps (eq. 6 and 7), and choose its world."""
     if sparse.is_metric:
         return _Model(sparse.model, 1.0)
     ratios = local_scales(sparse.model, frames.training, config)
@@ -201,7 +201,7 @@ def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
 
 
 def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:
-    """Return the frames that the model has a camera for, with it; warn of the others."""
+    """Return the frames that the model has a camera for, with that camera; warn about the others."""
     training, held_out = (
         tuple(with_cameras(group, model.sfm)) for group in (frames.training, frames.held_out)
     )

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-# More see little that is new, and take longer.
+# More cameras add little and take longer.
 MOST_VIEWS = 60
 
-# Where no capture says where to look from: rings of cameras at these elevations [degrees].
+# Without a capture: rings of cameras at these elevations [degrees].
 RING_ELEVATIONS_DEG = (-15.0, 15.0, 45.0, 70.0)
 RING_CAMERAS = 16
 RING_SIZE_PX = 512
@@ -31,8 +31,8 @@ class ExtractedMesh:
 
     Attributes:
         mesh: without floaters.
-        removed_parts, removed_triangles: what was left out as floaters.
-        views: how many cameras looked.
+        removed_parts, removed_triangles: how many were removed as floaters.
+        views: number of cameras used.
         voxel: the finest detail [m].
     """
 
@@ -46,12 +46,12 @@ class ExtractedMesh:
 def extract_mesh(
     result: Reconstruction, voxel: float | None = None, views: int = MOST_VIEWS
 ) -> ExtractedMesh:
-    """Return the surface of Gaussians as the cameras of their capture see it, or else rings of cameras.
+    """Return the surface of Gaussians as seen by the cameras of their capture, or by rings of cameras.
 
     Args:
-        result: Gaussians of one object; their views, where they are known, have cameras and masks.
+        result: Gaussians of one object; their views, if known, have cameras and masks.
         voxel: finest detail [m]; default: a 160th of the object's size.
-        views: how many cameras to use at most, evenly spread.
+        views: the most cameras to use, evenly spread.
 
     Raises:
         DigsError: the cameras see no surface.

@@ -1,6 +1,6 @@
 """Capture -> Gaussians: poses, initialization, training and evaluation, each stage cached and resumable.
 
-The folder that `reconstruct` leaves behind is described in docs/reconstruction-format.md.
+docs/reconstruction-format.md describes the folder that `reconstruct` writes.
 """
 
 from collections.abc import Sequence
@@ -33,13 +33,13 @@ class ReconstructConfig(FrontEndConfig):
 def reconstruct(
     capture: Capture, config: ReconstructConfig, folder: Path, resume: bool = False
 ) -> Reconstruction:
-    """Reconstruct a capture and leave the result in ``folder``, each part as soon as it is finished.
+    """Reconstruct a capture and save each part of the result to ``folder`` as soon as it is finished.
 
     Args:
-        capture: the recording; held-out views serve neither the initialization nor the training.
+        capture: the recording; held-out views are used neither for initialization nor for training.
         config: settings; with ``resume`` they must be those of the interrupted run.
         folder: where results go; created when missing.
-        resume: keep finished stages, and go on from the last checkpoint, bit for bit.
+        resume: keep finished stages, and continue from the last checkpoint, bit for bit.
 
     Raises:
         DigsError: too few frames, nothing to initialize from, or settings that differ on resume.
@@ -94,7 +94,7 @@ def _train(
 
 
 def _finished_training(folder: Path) -> Trained | None:
-    """Return what an earlier run had trained to the end, if it came so far."""
+    """Return the finished training of an earlier run, if there is one."""
     if not (folder / GAUSSIANS).is_file():
         return None
     record = RunRecord.load(folder / RUN_RECORD)
@@ -103,7 +103,7 @@ def _finished_training(folder: Path) -> Trained | None:
 
 
 def _evaluate(gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path) -> Scores:
-    """Render and measure the held-out views, and leave both in the folder."""
+    """Render and measure the held-out views, and save both to the folder."""
     images = render_views(DeviceGaussians.from_numpy(gaussians, device), views)
     for view, image in zip(views, images, strict=True):
         write_render(folder, view.name, image)

@@ -65,7 +65,7 @@ class Reconstruction:
         stopped_by: what ended the training: "iterations", "target psnr" or "time budget".
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.
-        capture: folder of the recording; None where it is not known, or only in memory.
+        capture: folder of the recording; None if it is not known, or only in memory.
     """
 
     gaussians: Gaussians
@@ -137,9 +137,9 @@ class Reconstruction:
             write_capture_package(capture, [self], Path(path))
 
     def in_memory(self) -> "Reconstruction":
-        """Return the reconstruction without its folder: masks that were made for it are loaded.
+        """Return the reconstruction without its folder; masks that were made for it are loaded.
 
-        Renders of held-out views and snapshots of the training stay behind.
+        Renders of held-out views and training snapshots are not included.
         """
         frames = self.frames
         if frames and self.folder:
@@ -205,7 +205,7 @@ class Reconstruction:
         Args:
             folder: of 'digs-warp reconstruct' or 'digs-warp run', or its gaussians.npz.
             capture: the recording; without it, the one that was reconstructed, if it is still there.
-            partial: accept a folder that has Gaussians but was not finished; what is missing stays unknown.
+            partial: accept an unfinished folder if it has Gaussians; missing parts are None.
 
         Raises:
             DigsError: a file is missing or broken; the message names it.

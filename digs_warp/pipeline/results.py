@@ -1,4 +1,4 @@
-"""What the run.json of a reconstruction says of its result: counts and figures that no other file holds."""
+"""The results in a reconstruction's run.json: counts and figures that no other file has."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,7 +22,7 @@ class Results:
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses, where there are such.
         sources: number of initial points by where they came from: "depth", "sfm", "random".
-        depth: what became of the depth maps' pixels, where the start is from depth.
+        depth: how many pixels of the depth maps were used, if the start is from depth.
         initial_points, gaussians: how many.
         iterations: training steps.
         stopped_by: what ended the training.
@@ -57,7 +57,7 @@ class Results:
         return replace(known, sources=start.sources, depth=start.depth, initial_points=count)
 
     def start(self, points: PointCloud) -> Initialization:
-        """Return the initial points with what is known of their making."""
+        """Return the initial points with what is known about their origin."""
         return Initialization(points, self.sources or {}, self.depth)
 
     def to_json(self) -> dict[str, Any]:

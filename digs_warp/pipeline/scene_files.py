@@ -1,4 +1,4 @@
-"""Gaussians from any kind of file or folder, and into any kind of file."""
+"""Reads Gaussians from any supported file or folder, and writes them to any supported file."""
 
 from pathlib import Path
 from typing import Literal
@@ -22,12 +22,12 @@ SUFFIXES = (OURS, *SPLAT_SUFFIXES, *USD_SUFFIXES)
 def read_scene(
     source: Path, up: UpAxis = "z", drop_broken: bool = False, capture: Capture | None = None
 ) -> Reconstruction:
-    """Return the Gaussians of a file or folder, with all that is known of their making.
+    """Return the Gaussians of a file or folder, with all that is known about their origin.
 
     Args:
         source: a folder of 'digs-warp reconstruct' or 'run', an ``.npz``, a splat file or a USD scene.
         up: the axis that points up in PLY and .splat files, which do not say it.
-        drop_broken: leave out Gaussians with NaN or infinite values of a splat file, instead of refusing it.
+        drop_broken: drop a splat file's Gaussians with NaN or infinite values instead of rejecting the file.
         capture: the recording; default: the one that a run left in or beside the folder, if any.
 
     Raises:
@@ -57,7 +57,7 @@ def write_scene_file(
 ) -> None:
     """Write Gaussians in the format that the suffix of ``target`` names.
 
-    A USD scene says how a reconstruction was made, and of other Gaussians the name of their ``source``.
+    A USD scene says how a reconstruction was made; for other Gaussians, it has the name of their ``source``.
     """
     suffix = target.suffix.lower()
     if suffix in SPLAT_SUFFIXES:

@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 
 def write_scene(result: Reconstruction, path: Path, options: "WriteOptions | None" = None) -> None:
-    """Write the Gaussians alone; what is known about their making goes along as metadata."""
+    """Write the Gaussians alone, with what is known about their origin as metadata."""
     from digs_warp.usd.writer import write_gaussians
 
     write_gaussians(path, result.gaussians, scene_metadata(result), options)
@@ -42,7 +42,7 @@ def write_capture_package(
     Args:
         capture: the recording.
         results: its reconstructions; the first is shown by default, and its scene has the cameras, and the
-            course of the training where it was kept.
+            training progress if it was kept.
         path: the ``.usdz`` file.
         options: precision and degree.
         surface: also extract a mesh from the first reconstruction, for the scene.
@@ -69,7 +69,7 @@ def write_capture_package(
 def scene_metadata(result: Reconstruction) -> dict[str, Any]:
     """Return what is known about the making of a reconstruction.
 
-    USD has no place for what the training assumed of its renderer: its constants are part of it.
+    It includes the constants of the renderer that the training used, for which USD has no attributes.
     """
     from digs_warp.splat.config import DEFAULT_OPTIONS as options
 

@@ -1,1 +1,1 @@
-"""What a run leaves behind: files, their names, the record of settings and times, progress."""
+"""The output of a run: files, their names, the record of settings and times, progress."""

@@ -1,4 +1,4 @@
-"""Durations as people write them, such as 60s, 20min or 2h, for flags and settings that hold seconds."""
+"""Durations such as 60s, 20min or 2h, for flags and settings in seconds."""
 
 import re
 
@@ -10,10 +10,10 @@ _SECONDS_OF = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
 def seconds_of(duration: str) -> float:
-    """Return the seconds of a text such as 90, 90s, 20min (or 20m) or 1.5h.
+    """Convert a text such as 90, 90s, 20min (or 20m) or 1.5h to seconds.
 
     Raises:
-        DigsError: the text is something else, or zero.
+        DigsError: the text has another form, or is zero.
     """
     found = re.fullmatch(r"(\d+\.?\d*)\s*(s|m|min|h)?", duration.strip())
     if found is None or float(found[1]) == 0:

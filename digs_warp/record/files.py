@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, arrays and JSON."""
+"""Atomic file writes, arrays and JSON."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from digs_warp.checks import DigsError, require_file
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write ``data`` to a temporary name beside ``path``, then rename: never a half-written file."""
+    """Write ``data`` to a temporary file next to ``path``, then rename it: never a half-written file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -31,7 +31,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder to write into, then rename it to ``folder``: complete or not there.
+    """Yield a temporary folder to write into, then rename it to ``folder``: complete or absent.
 
     ``folder`` must be new or empty.
     """
@@ -53,10 +53,10 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 @contextmanager
 def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
-    """Open an ``.npz`` that `write_arrays` wrote; use it as a context manager around all that reads it.
+    """Open an ``.npz`` that `write_arrays` wrote; a context manager around everything that reads it.
 
     Raises:
-        DigsError: the file is missing or broken, or what is read in the context does not fit.
+        DigsError: the file is missing or broken, or an array read in the context is invalid.
     """
     require_file(path, what)
     try:
@@ -66,9 +66,9 @@ def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
         BadZipFile,
         KeyError,
         EOFError,
-        MemoryError,  # an array's header may promise any size
+        MemoryError,  # an array's header can claim any size
         OSError,
-        RuntimeError,  # encrypted, or a compression that Python does not know
+        RuntimeError,  # encrypted, or compressed in a way that Python does not know
         TypeError,
         ValueError,
         zlib.error,
@@ -95,7 +95,7 @@ def _plain(value: Any) -> Any:
 
 
 def read_json(path: Path, what: str) -> dict[str, Any]:
-    """Return a JSON object, or raise a `DigsError` that says where the file breaks off."""
+    """Return a JSON object, or raise a `DigsError` that says where the file is broken."""
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:

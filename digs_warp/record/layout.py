@@ -1,4 +1,4 @@
-"""Where things lie in the folders that the commands write: the one place that holds these names."""
+"""File names in the folders that the commands write; they are defined only here."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ EVALUATION = "evaluation.json"
 
 
 def find_gaussians(source: Path) -> Path:
-    """Return the Gaussians of a reconstruction folder, of a `run` folder, or the file itself."""
+    """Return the Gaussians file of a reconstruction or `run` folder, or ``source`` if it is a file."""
     if not source.is_dir():
         return source
     for folder in (source, source / RECONSTRUCTION):

@@ -1,4 +1,4 @@
-"""Progress with a time estimate: bars on a terminal, a line now and then in a log."""
+"""Progress with a time estimate: bars on a terminal, occasional lines in a log."""
 
 import logging
 import os
@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 logger = logging.getLogger(__name__)
 
-# Short stages leave no line in a log.
+# Shorter stages write no line to a log.
 SECONDS_BETWEEN_LINES = 30.0
 
 # Library calls are silent; the command line turns progress on.
@@ -32,7 +32,7 @@ class Progress(Protocol):
         ...
 
     def set_postfix_str(self, s: str, refresh: bool = True) -> None:
-        """Show ``s`` behind the numbers."""
+        """Show ``s`` after the numbers."""
         ...
 
 
@@ -45,7 +45,7 @@ def show_progress(shown: bool = True) -> None:
 def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> Progress:
     """Return a progress bar, or lines in a log; use it as a context manager and `update` it.
 
-    There are no bars where stderr is no terminal, and nothing at all where TQDM_DISABLE is set.
+    There are no bars if stderr is not a terminal, and no output at all if TQDM_DISABLE is set.
     """
     shown = _show_progress and os.environ.get("TQDM_DISABLE", "0") in ("", "0")
     if shown and not sys.stderr.isatty():
@@ -62,7 +62,7 @@ def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> Prog
 
 
 class _LogLines:
-    """Logs how far a long stage is, every half minute."""
+    """Logs the progress of a long stage every half minute."""
 
     def __init__(self, total: int, label: str, unit: str, initial: int) -> None:
         self.n, self.total = initial, total

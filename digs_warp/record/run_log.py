@@ -1,4 +1,4 @@
-"""What a run leaves behind: run.json with versions, settings and stage times."""
+"""The record of a run: run.json with versions, settings and stage times."""
 
 import json
 import os
@@ -20,7 +20,7 @@ REPORTED_PACKAGES = ("digs-warp", "warp-lang", "numpy", "trimesh", "usd-core", "
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that decide a result."""
+    """Return the package versions that can affect a result."""
     found = {"python": platform.python_version()}
     for package in REPORTED_PACKAGES:
         try:
@@ -31,9 +31,9 @@ def versions() -> dict[str, str]:
 
 
 def source_commit(package: Path = PACKAGE) -> str | None:
-    """Return the git commit that is checked out where the code lies; None for an installed package.
+    """Return the checked-out git commit of the code; None for an installed package.
 
-    Reads git's own files: no program to be missing, and nothing to wait for.
+    Reads git's files directly: git need not be installed, and there is no process to wait for.
     """
     try:
         git = package.parent / ".git"
@@ -57,7 +57,7 @@ def source_commit(package: Path = PACKAGE) -> str | None:
 def timed(
     seconds: dict[str, float], name: str, clock: Callable[[], float] = time.perf_counter
 ) -> Iterator[None]:
-    """Add what a block takes on a clock [s] to ``seconds[name]``, also when it fails."""
+    """Add the time of a block [s] to ``seconds[name]``, even if it fails."""
     start = clock()
     try:
         yield
@@ -67,16 +67,16 @@ def timed(
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What a run.json says, as plain JSON values.
+    """The content of a run.json, as plain JSON values.
 
     Attributes:
         command: the command that ran, such as "reconstruct".
-        versions: of the packages that decide a result, by name.
+        versions: of the packages that can affect a result, by name.
         settings: all settings of the command, defaults included.
         commit: git commit of the code; None for an installed package.
-        machine: what it ran on.
+        machine: the machine that it ran on.
         seconds: wall-clock time of each stage [s].
-        results: what the command found out.
+        results: the figures that the command reports.
     """
 
     command: str
@@ -92,12 +92,12 @@ class RunRecord:
         """Read a record.
 
         Raises:
-            DigsError: the file is missing or broken, or another program wrote it.
+            DigsError: the file is missing or broken, or is from another program.
         """
         content = read_json(path, "run record")
         if not _is_ours(content):
             raise DigsError(
-                f"run record '{path}': not one of digs-warp, which has {', '.join(_NEEDED)}; name a "
+                f"run record '{path}': not one of digs-warp, which has {', '.join(_NEEDED)}; give a "
                 "folder that a command wrote"
             )
         known = {
@@ -105,12 +105,12 @@ class RunRecord:
         }
         for name in ("versions", "settings", "machine", "seconds", "results"):
             if not isinstance(known.get(name, {}), dict):
-                raise DigsError(f"run record '{path}': '{name}' is no JSON object; run again")
+                raise DigsError(f"run record '{path}': '{name}' is not a JSON object; run again")
         return RunRecord(**known)
 
     @staticmethod
     def find(folder: Path) -> "RunRecord | None":
-        """Read the record of a folder; None where it has none, or that of another program.
+        """Read the record of a folder; None if it has none, or one from another program.
 
         Raises:
             DigsError: the file is broken.
@@ -125,7 +125,7 @@ class RunRecord:
         write_atomically(path, to_json(self).encode())
 
 
-# What every record holds, and what tells it from another program's run.json.
+# Keys that every record has, and that distinguish it from another program's run.json.
 _NEEDED = ("command", "versions", "settings")
 
 
@@ -135,7 +135,7 @@ def _is_ours(content: dict[str, Any]) -> bool:
 
 @dataclass
 class RunLog:
-    """The record of a run while it goes on: settings, stage times [s], results."""
+    """The record of a run in progress: settings, stage times [s], results."""
 
     command: str
     settings: Any
@@ -143,36 +143,36 @@ class RunLog:
     results: dict[str, Any] = field(default_factory=dict)
 
     def stage(self, name: str) -> AbstractContextManager[None]:
-        """Time a stage; times of a stage entered twice add up."""
+        """Time a stage; if it is entered twice, its times add up."""
         return timed(self.seconds, name)
 
     @contextmanager
     def saved(self, path: Path) -> Iterator[None]:
-        """Save the record after a block, also when it is cut off."""
+        """Save the record after a block, even if the block is interrupted."""
         try:
             yield
         finally:
             self.save(path)
 
     def continue_from(self, path: Path) -> RunRecord | None:
-        """Take over the stage times of an interrupted run; return its record, None without one.
+        """Take over the stage times of an interrupted run; return its record, or None without one.
 
         Raises:
-            DigsError: the run was begun with other settings; the message names them.
+            DigsError: the run was started with other settings; the message names them.
         """
         if not Path(path).is_file():
             return None
         before = RunRecord.load(path)
         if different := _differences(before.settings, self.record().settings):
             raise DigsError(
-                f"'{Path(path).parent}': begun with other settings ({', '.join(different)}); resume "
+                f"'{Path(path).parent}': started with other settings ({', '.join(different)}); resume "
                 "with the same ones, or start again with --overwrite"
             )
         self.seconds |= before.seconds
         return before
 
     def record(self) -> RunRecord:
-        """Return the record as it stands now."""
+        """Return the current record."""
         return RunRecord(
             command=self.command,
             versions=versions(),

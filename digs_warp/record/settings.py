@@ -1,4 +1,4 @@
-"""Settings as a record holds them in JSON -> the dataclasses that they were."""
+"""Turns the JSON settings of a record back into dataclasses."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def settings_from_json(kind: type[T], values: Any, name: str = "settings") -> T:
-    """Return a dataclass from what `to_json` wrote of it; fields that are missing keep their defaults.
+    """Return the dataclass that `to_json` wrote; missing fields keep their defaults.
 
     Args:
         kind: a dataclass of numbers, texts, paths, choices, tuples and dataclasses.
@@ -20,7 +20,7 @@ def settings_from_json(kind: type[T], values: Any, name: str = "settings") -> T:
         name: of the object, for messages.
 
     Raises:
-        DigsError: a name that is no field, or a value of another type.
+        DigsError: a name that is not a field, or a value of the wrong type.
     """
     if not isinstance(values, Mapping):
         raise DigsError(f"{name}: expected names with values, found {values!r}")
@@ -36,7 +36,7 @@ def settings_from_json(kind: type[T], values: Any, name: str = "settings") -> T:
 
 
 def _value(hint: Any, value: Any, name: str) -> Any:
-    """Return a JSON value as the type that a field asks for."""
+    """Convert a JSON value to the type of a field."""
     if get_origin(hint) in (Union, UnionType):
         options = get_args(hint)
         if value is None and NoneType in options:

@@ -1,3 +1,3 @@
-"""The report of a reconstruction: one HTML file that needs nothing else."""
+"""The report of a reconstruction: one self-contained HTML file."""
 
 from digs_warp.report.page import write_report as write_report

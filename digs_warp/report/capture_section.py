@@ -1,4 +1,4 @@
-"""The contact sheet of a capture: what the cameras saw and what the depth sensor made of it."""
+"""The contact sheet of a capture: images, depth and depth errors."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
         return np.repeat(frame.load_mask()[..., None], 3, axis=2)
 
     def error(frame: Frame) -> np.ndarray:
-        # The surround is many times farther and noisier: beside it the object's errors would not show.
+        # The surroundings are much farther away and noisier, and would hide the object's errors.
         return np.where(_on_object(frame)[..., None], errors.paint(_error_mm(frame)), _OUTSIDE)
 
     return [

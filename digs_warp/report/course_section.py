@@ -1,4 +1,4 @@
-"""How the optimization went: quality of the held-out views, loss and number of splats over time."""
+"""Training progress: quality of the held-out views, loss and number of splats over time."""
 
 from collections.abc import Callable, Sequence
 from math import isfinite
@@ -28,7 +28,7 @@ def course_section(result: Reconstruction) -> str:
         return section("Course of the optimization", "The training log holds too few records.")
     return section(
         "Course of the optimization",
-        "Views are held out from training and rendered now and then to see how far it has come.",
+        "Held-out views are rendered at intervals during training to measure its progress.",
         f"<div class=charts>{''.join(charts)}</div>",
     )
 

@@ -17,10 +17,10 @@ from digs_warp.report.views_section import views_section
 
 
 def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
-    """Write the report of a reconstruction as one HTML file without outside parts.
+    """Write the report of a reconstruction as one self-contained HTML file.
 
-    Stage times and settings come from the run.json of the capture, of the reconstruction, and, where
-    there is one, of the folder that the report is written into.
+    Stage times and settings come from the run.json of the capture, of the reconstruction, and of the folder
+    that the report is written to, if it has one.
 
     Raises:
         DigsError: the renders are missing, or the reconstruction belongs to another capture.
@@ -50,7 +50,7 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
 
 
 def _subject(capture: Capture, records: RunRecords) -> str:
-    """Return what was captured: the mesh if the capture tells, else the folder's name."""
+    """Return what was captured: the mesh if the capture names it, else the folder's name."""
     settings = records.capture.settings if records.capture else {}
     if "mesh" in settings:
         return Path(settings["mesh"]).stem if settings["mesh"] else "Built-in object"

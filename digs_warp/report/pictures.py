@@ -12,7 +12,7 @@ MISSING_COLOR = np.array([128, 128, 128], dtype=np.uint8)  # grey: in none of th
 
 @dataclass(frozen=True)
 class ColorScale:
-    """A colour map over a range of values; what lies outside has the colour of the nearer end.
+    """A color map over a range of values; values outside are clamped to the range.
 
     Attributes:
         label: what is shown, with its unit.
@@ -55,7 +55,7 @@ def depth_scale(depths_in_mask: np.ndarray) -> ColorScale:
         depths_in_mask: depths on the object in all views, shape (n,), NaN allowed.
     """
     known = depths_in_mask[~np.isnan(depths_in_mask)]
-    # A few stray values must not squeeze the object into a few colours.
+    # A few outliers must not compress the object into a few colors.
     low, high = np.percentile(known, [1, 99]) if known.size else (0.0, 1.0)
     margin = max(0.05 * (high - low), 0.005)
     return ColorScale("depth [m]", max(0.0, low - margin), high + margin, "viridis_r")
@@ -64,7 +64,7 @@ def depth_scale(depths_in_mask: np.ndarray) -> ColorScale:
 def error_scale(errors_in_mask: np.ndarray) -> ColorScale:
     """Return the symmetric scale of depth errors [mm]."""
     known = np.abs(errors_in_mask[~np.isnan(errors_in_mask)])
-    # Wrong matches at edges are many times larger than the noise, which is what the colours shall show.
+    # The colors should show the noise; wrong matches at edges are many times larger.
     limit = float(np.percentile(known, 90)) if known.size else 1.0
     limit = max(limit, 0.1)
     return ColorScale("sensed minus true depth [mm]", -limit, limit, "coolwarm")
@@ -81,7 +81,7 @@ def shrink(image: np.ndarray, max_width: int) -> np.ndarray:
 
 
 def over_white(image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
-    """Return the object on white, as reconstructions are trained and judged; no mask: the image."""
+    """Return the object on white, as in training and evaluation; without a mask, the whole image."""
     if mask is None:
         return image
     alpha = mask[..., None].astype(np.float32) / 255

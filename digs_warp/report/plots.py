@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-# Stands for the page's text colour inside matplotlib; no chart uses it for anything else.
+# Placeholder for the page's text color inside matplotlib; no chart uses it for anything else.
 _INK = "#010203"
 COLORS = ("#2f7ed8", "#e07b20", "#159a84", "#b04fc4", "#c8423b")
 _SIZE = (5.2, 3.1)  # inches; the page scales it

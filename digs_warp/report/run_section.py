@@ -48,7 +48,7 @@ def times_section(records: RunRecords) -> str:
         )
         for stage, seconds in _seconds(record).items()
     ]
-    # The whole run times the two above as one stage each; what else it did comes last.
+    # The whole run counts the two above as one stage each; its other stages come last.
     covered = {"simulate", "reconstruct"}
     others = {k: v for k, v in _seconds(records.whole).items() if k not in covered}
     bars += [Bar(stage, seconds, "rest") for stage, seconds in others.items()]
@@ -89,7 +89,7 @@ def settings_section(records: RunRecords) -> str:
         tables.append(f"<div><h3>Versions</h3>{table(['Part', 'Version'], versions)}</div>")
     return section(
         "Settings",
-        "All that is needed to make the same result again.",
+        "Everything needed to reproduce this result.",
         f"<div class=columns>{''.join(tables)}</div>",
     )
 

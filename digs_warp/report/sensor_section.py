@@ -16,7 +16,7 @@ def sensor_section(capture: Capture) -> str:
     """Return the section, or nothing for a capture without a plan.
 
     Raises:
-        DigsError: a plan that is no plan; the message names the file.
+        DigsError: the file is not a valid plan; the message names it.
     """
     path = capture.folder / SENSOR_PLAN
     if not path.is_file():
@@ -37,7 +37,7 @@ def sensor_section(capture: Capture) -> str:
     ]
     return section(
         "Sensor",
-        f"{on} of {len(rows)} effects of the depth camera were simulated; what the scene shows decided.",
+        f"{on} of {len(rows)} effects of the depth camera were simulated, chosen by what the scene shows.",
         *parts,
     )
 

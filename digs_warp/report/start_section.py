@@ -14,16 +14,16 @@ _SOURCES = {
 
 
 def start_section(result: Reconstruction) -> str:
-    """Return the section, or nothing where no figures of the start are known."""
+    """Return the section, or nothing if no figures about the start are known."""
     parts = [
         *_table("Poses from structure from motion", _sfm_rows(result.sfm)),
-        *_table("Scale of the poses, told by the depth maps", _scale_rows(result.scale)),
+        *_table("Scale of the poses, from the depth maps", _scale_rows(result.scale)),
         *_table("Points to start from", _point_rows(result.start)),
     ]
     if not parts:
         return ""
     warning = result.scale.warning if result.scale else ""
-    intro = "Camera poses place the depth maps; what they agree on becomes the first Gaussians."
+    intro = "Camera poses place the depth maps; where they agree, the first Gaussians are placed."
     return section("Start", f"{intro} Warning: {warning}" if warning else intro, *parts)
 
 
@@ -50,7 +50,7 @@ def _scale_rows(scale: ScaleEstimate | None) -> list[tuple[str, str]]:
     share = 100 * scale.width / scale.sfm_per_metre
     return [
         ("units of the model per metre", number(scale.sfm_per_metre, 4)),
-        ("spread of the single measurements", number(share, 2, "%")),
+        ("spread of the individual measurements", number(share, 2, "%")),
         ("measurements", f"{scale.values:,}"),
         ("peaks of their distribution", str(scale.modes)),
     ]

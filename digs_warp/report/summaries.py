@@ -1,4 +1,4 @@
-"""What `digs-warp info` says about each kind of thing: a name and what is known, fact by fact."""
+"""The facts that `digs-warp info` prints about each kind of file or folder."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +19,7 @@ Facts = dict[str, str]
 
 
 def describe(path: Path) -> Facts:
-    """Return what is known about ``path``, in the order in which a reader wants it."""
+    """Return the facts about ``path``, the most important first."""
     if not path.exists():
         raise DigsError(f"'{path}': no such file or folder. Check the path.")
     if path.is_dir():
@@ -98,14 +98,14 @@ def of_gaussians(path: Path) -> Facts:
 
 
 def of_splat_file(path: Path) -> Facts:
-    """The same of a PLY, SPZ or .splat file; PLY and .splat in the axes of the file."""
+    """The same for a PLY, SPZ or .splat file; PLY and .splat in the axes of the file."""
     from digs_warp.interchange.splats.files import read_splat_file
 
     return _of_gaussians(read_splat_file(path), path)
 
 
 def of_ply(path: Path) -> Facts:
-    """Gaussians or a mesh: a PLY file may hold either."""
+    """Gaussians or a mesh: a PLY file can contain either."""
     from digs_warp.interchange.splats.ply import holds_gaussians
 
     return of_splat_file(path) if holds_gaussians(path) else of_mesh(path)
@@ -148,7 +148,7 @@ def of_data_set(folder: Path) -> Facts:
 
 
 def of_run(folder: Path) -> Facts:
-    """What 'digs-warp run' left: each part in a line."""
+    """The results of 'digs-warp run': one line per part."""
     facts = {"kind": "results of 'digs-warp run'"}
     parts = {
         "capture": (layout.CAPTURE, of_capture, "{length}, {image size}"),
@@ -166,7 +166,7 @@ def of_run(folder: Path) -> Facts:
 
 
 def of_usd(path: Path) -> Facts:
-    """What the scene holds, without loading the Gaussians."""
+    """The content of the scene, without loading the Gaussians."""
     from digs_warp.usd.info import describe
 
     return facts_of_usd(describe(path))
@@ -192,7 +192,7 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
 
 
 def of_mesh(path: Path) -> Facts:
-    """The mesh as the simulator sees it: brought to a standard size, upright, at the origin."""
+    """The mesh as the simulator uses it: scaled to a standard size, upright, at the origin."""
     from digs_warp.sim.load import load_scene
 
     scene = load_scene(path)

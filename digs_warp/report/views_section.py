@@ -1,4 +1,4 @@
-"""Rendered against true held-out views: where the reconstruction is right and where it is not."""
+"""Rendered and true held-out views side by side, to show where the reconstruction is wrong."""
 
 from math import isnan
 
@@ -45,7 +45,7 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
     return section(
         "Held-out views",
         f"{len(chosen)} of {len(ranked)} views that training never saw, from the worst to the best. "
-        "The object stands on white, as it is trained and judged.",
+        "The object is shown on white, as in training and evaluation.",
         picture_grid(["True", "Rendered", "Difference, amplified"], rows),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
         details(f"Numbers of all {len(ranked)} views", table(names, [*numbers, mean])),
