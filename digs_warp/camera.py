@@ -1,7 +1,7 @@
 """The pinhole camera of the whole project.
 
-Axes are OpenCV's: x right, y down, z forward. The centre of the first pixel is (0.5, 0.5), so
-``u = fx * x / z + cx`` puts a point on the optical axis of a centred camera at ``u = width / 2``.
+Axes are OpenCV's: x right, y down, z forward. The center of the first pixel is (0.5, 0.5), so
+``u = fx * x / z + cx`` puts a point on the optical axis of a centered camera at ``u = width / 2``.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class Intrinsics:
 
     @staticmethod
     def from_fov(width: int, height: int, horizontal_fov_deg: float) -> "Intrinsics":
-        """Return a centred camera with square pixels and the given horizontal field of view."""
+        """Return a centered camera with square pixels and the given horizontal field of view."""
         focal = 0.5 * width / np.tan(0.5 * np.deg2rad(horizontal_fov_deg))
         return Intrinsics(width, height, float(focal), float(focal), width / 2, height / 2)
 
@@ -72,7 +72,7 @@ class Camera:
 
     @property
     def center_world(self) -> np.ndarray:
-        """The optical centre in the world [m], shape (3,)."""
+        """The optical center in the world [m], shape (3,)."""
         return self.world_from_cam[:3, 3]
 
     def project(self, points_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,6 +117,6 @@ class Camera:
 
 
 def pixel_centers(width: int, height: int) -> np.ndarray:
-    """Return (u, v) of all pixel centres, shape (height, width, 2); the first is (0.5, 0.5)."""
+    """Return (u, v) of all pixel centers, shape (height, width, 2); the first is (0.5, 0.5)."""
     u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     return np.stack([u, v], axis=-1)

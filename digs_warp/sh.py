@@ -1,7 +1,7 @@
 """Real spherical harmonics as 3D Gaussian splatting and USD use them (degrees 0 to 3), in NumPy.
 
 Coefficients have shape (..., K, 3) with K = (degree + 1)^2: band l ascending, m = -l..l inside a band,
-one RGB triplet each. Colour = 0.5 + sum of coefficient * basis(direction), direction from the camera
+one RGB triplet each. Color = 0.5 + sum of coefficient * basis(direction), direction from the camera
 to the splat. The constants and signs are those of the 3DGS PLY and the USD reference renderer
 (Condon-Shortley: band 1 is (-y, z, -x)). The Warp twin lives in `digs_warp.splat.project`.
 """
@@ -35,7 +35,7 @@ C3 = (
 
 
 def coefficient_count(degree: int) -> int:
-    """Return K, the number of coefficients a colour channel of ``degree`` (0..3) has."""
+    """Return K, the number of coefficients a color channel of ``degree`` (0..3) has."""
     if degree not in range(MAX_DEGREE + 1):
         raise DigsError(f"spherical harmonics degree {degree}, expected 0 to {MAX_DEGREE}")
     return (degree + 1) ** 2
@@ -68,7 +68,7 @@ def sh_basis(directions: np.ndarray, degree: int) -> np.ndarray:
 
 
 def rgb_from_sh(sh: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return colours clipped at 0 below, shape (n, 3), of ``sh`` (n, K, 3) seen along unit vectors (n, 3)."""
+    """Return colors clipped at 0 below, shape (n, 3), of ``sh`` (n, K, 3) seen along unit vectors (n, 3)."""
     basis = sh_basis(directions, degree_from_count(sh.shape[-2]))
     return np.maximum(0.0, 0.5 + np.einsum("nk,nkc->nc", basis, sh))
 

@@ -6,7 +6,7 @@
 Each checkout draws the same random splats, computes the loss, back-projects the drawn depth and filters its
 edges, in a separate process. The two processes take turns, stage by stage, so that whatever else the
 machine does disturbs both. Printed are medians, and the median of the ratios
-of neighbouring turns; processor time suffers least from other programs. Compilation is not counted.
+of neighboring turns; processor time suffers least from other programs. Compilation is not counted.
 """
 
 import argparse

@@ -81,7 +81,7 @@ def draw_demo(run: Path = Path("out/demo")) -> None:
 
 
 def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
-    """Colour the depth of the object's surroundings; near is bright."""
+    """Color the depth of the object's surroundings; near is bright."""
     distance = np.linalg.norm(frame.camera.center_world)
     reach = capture.about.object_radius or 0.0
     shade = (distance + reach - frame.load_depth()) / (2 * reach)
@@ -155,7 +155,7 @@ def points_picture(
     """Draw the points as the camera sees them, near ones over far ones, on white.
 
     Args:
-        points: with colours.
+        points: with colors.
         camera: gives the size of the picture.
         dot: a point covers this many pixels to either side.
         depth_true: of the camera [m]. Points behind it are left out: through gaps between points one would

@@ -60,7 +60,7 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
         linear = linear_from_srgb(pixels.astype(np.float32) / np.iinfo(pixels.dtype).max)
     else:
         linear = check_finite(f"environment '{path}'", pixels)
-    # One channel is grey, two are grey and alpha, four are colour and alpha.
+    # One channel is gray, two are gray and alpha, four are color and alpha.
     linear = linear[..., :3] if channels >= 3 else np.repeat(linear[..., :1], 3, axis=-1)
     if not (linear > 0).any():
         # A valid test of the sensor, but more often the wrong file.

@@ -1,4 +1,4 @@
-"""Any mesh file as a `Scene`: z up, half a metre in size, centred on the origin."""
+"""Any mesh file as a `Scene`: z up, half a metre in size, centered on the origin."""
 
 import logging
 import re
@@ -41,7 +41,7 @@ def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene
     """Load a GLB, glTF, OBJ, PLY or STL file.
 
     A logged warning names parts that the renderer cannot show as intended (glass that bends light), and
-    faces that are dropped because they have no area or are not finite. Vertex colours are linear in glTF,
+    faces that are dropped because they have no area or are not finite. Vertex colors are linear in glTF,
     as its standard says, and sRGB in the other formats.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 
 
 def panorama_directions(width: int, height: int) -> np.ndarray:
-    """Return the unit direction of each panorama pixel's centre, shape (height, width, 3)."""
+    """Return the unit direction of each panorama pixel's center, shape (height, width, 3)."""
     azimuth = (0.5 - (np.arange(width) + 0.5) / width) * 2 * np.pi
     polar = ((np.arange(height) + 0.5) / height * np.pi)[:, None]
     ring = np.sin(polar)

@@ -70,7 +70,7 @@ HANDLE_POINTS = (
 
 
 def procedural_scene() -> Scene:
-    """Return the built-in object, always the same: 0.5 m tall, centred on the origin."""
+    """Return the built-in object, always the same: 0.5 m tall, centered on the origin."""
     rng = np.random.default_rng(SEED)
     neck_profile = smooth_curve(NECK_OUTLINE, 40)
     lip = neck_profile[:, 1].argmax()
@@ -111,7 +111,7 @@ def _bowl() -> Patch:
 
 
 def _handle_path() -> np.ndarray:
-    """Return the centre line of the handle, from loop to loop over the top, shape (121, 3)."""
+    """Return the center line of the handle, from loop to loop over the top, shape (121, 3)."""
     right = np.array(HANDLE_POINTS)
     left = right[-2::-1] * (-1, 1)
     curve = smooth_curve(np.concatenate([right, left]), 121)
@@ -151,7 +151,7 @@ def _grip() -> Patch:
 
 
 def _scene(patches: list[Patch], materials: tuple[Material, ...]) -> Scene:
-    """Join the patches, one material each, centre them and scale them to SIZE."""
+    """Join the patches, one material each, center them and scale them to SIZE."""
     whole = join_patches(patches)
     low, high = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
     scale = SIZE / (high - low).max()

@@ -8,7 +8,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_positive
 
 # A real ZED 2 has a horizontal field of view of 92 to 101 degrees [measured: factory calibration]. An
-# object at arm's length would fill a quarter of its frame, so the default is the angle of a centre crop: at
+# object at arm's length would fill a quarter of its frame, so the default is the angle of a center crop: at
 # 60 degrees an object of 0.5 m fills the height of a 16:9 frame at about 0.9 m [tuned].
 DEFAULT_FOV_DEG = 60.0
 
@@ -40,7 +40,7 @@ class StereoRig:
         column_offset: disparity error that a drifted calibration adds everywhere [px].
         drops_saturated: whether pixels in saturated areas are dropped even if smoothness could fill them.
         post_filter: whether a filter or upsampler smooths depth across edges.
-        image_noise: noise of each colour channel of a mid-grey pixel [DN of 255].
+        image_noise: noise of each color channel of a mid-gray pixel [DN of 255].
         full_well: electrons of a white pixel at the gain in use; determines how noise grows with light.
         exposure_time: [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.

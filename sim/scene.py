@@ -1,4 +1,4 @@
-"""The captured scene: one triangle mesh with materials, centred on the origin, z up, in metres."""
+"""The captured scene: one triangle mesh with materials, centered on the origin, z up, in metres."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ class Material:
 
     Attributes:
         name: label for messages and reports.
-        base_color: linear RGB factor in 0..1, shape (3,); multiplies the texture and vertex colours.
-        texture: sRGB base-colour image, shape (height, width, 3), uint8, row 0 on top; None: plain.
+        base_color: linear RGB factor in 0..1, shape (3,); multiplies the texture and vertex colors.
+        texture: sRGB base-color image, shape (height, width, 3), uint8, row 0 on top; None: plain.
         roughness: perceptual roughness, 0 (mirror) to 1; the mean where it varies.
         metallic: 0 (dielectric) to 1 (metal); the mean where it varies.
         finish_texture: roughness and metallic of each texel, (height, width, 2), uint8, 255 = 1; None:
@@ -25,7 +25,7 @@ class Material:
         opacity_texture: opacity of each texel, (height, width), uint8; None: the same everywhere.
         alpha_cutoff: where the opacity is lower, there is a hole.
         transmission: share of the light that passes through the body of the surface (glass), tinted
-            with the base colour, 0 to 1; the mean where it varies. Rays go straight on.
+            with the base color, 0 to 1; the mean where it varies. Rays go straight on.
         transmission_texture: transmission of each texel, (height, width), uint8; None: as above.
         emission: linear RGB of the light that the surface emits; 1 is full white at any exposure.
         emission_texture: sRGB image that multiplies ``emission``, (height, width, 3), uint8; None: plain.
@@ -56,7 +56,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A triangle soup in the world: z up, metres, centred on the origin.
+    """A triangle soup in the world: z up, metres, centered on the origin.
 
     Attributes:
         vertices: positions [m], shape (n, 3), float32.

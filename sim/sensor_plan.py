@@ -29,7 +29,7 @@ class SensorPlan:
 
     Attributes:
         depth: effects on the depth path, in the order in which they act; empty where the tier plans none.
-        color: the same on the colour path.
+        color: the same on the color path.
         facts: the basis of the choices; None where the tier plans nothing.
     """
 

@@ -174,7 +174,7 @@ def _picture_wall(rng: np.random.Generator) -> np.ndarray:
 
 
 def _paint_picture(rng: np.random.Generator, canvas: np.ndarray) -> None:
-    """Fill a canvas, (h, w, 3), with an abstract picture in two to three colours."""
+    """Fill a canvas, (h, w, 3), with an abstract picture in two to three colors."""
     height, width = canvas.shape[:2]
     fields = [stretch(rng.standard_normal((n, n)), height, width) for n in (4, 9, 24, 60)]
     mix = sum(field / (1 + i) for i, field in enumerate(fields))
@@ -267,7 +267,7 @@ def stretch(grid: np.ndarray, height: int = WALL_SIZE, width: int = WALL_SIZE) -
 
 
 def plain(color: tuple[float, float, float], shade: np.ndarray) -> np.ndarray:
-    """Return a wall of one colour times a shading, (n, n)."""
+    """Return a wall of one color times a shading, (n, n)."""
     return np.asarray(color, np.float32) * np.maximum(shade, 0.05)[..., None]
 
 
@@ -295,5 +295,5 @@ def light_up(canvas: np.ndarray, radiance: np.ndarray) -> None:
 
 
 def muted(color: np.ndarray) -> np.ndarray:
-    """Return a colour halfway to its grey: pigments are less pure than random numbers."""
+    """Return a color halfway to its gray: pigments are less pure than random numbers."""
     return 0.5 * (color + color.mean())

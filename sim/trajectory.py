@@ -1,6 +1,6 @@
 """A handheld walk around an object: three orbits at different heights, with the shake of a hand.
 
-The shake is coloured noise with the spectrum of a person who walked around a desk with a handheld camera
+The shake is colored noise with the spectrum of a person who walked around a desk with a handheld camera
 (TUM RGB-D, fr2/desk, motion capture): position falls off as f^-4 and angle as f^-3 between 1 and 10 Hz, and
 physiological tremor adds a low hump at 6 to 12 Hz. White noise per frame, the usual shortcut, would be far
 too strong at high frequencies and far too weak at low ones.
@@ -14,7 +14,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.geometry import invert_rigid, look_at, rigid
 
-# Low enough to look under overhangs and high enough to see the top; 25 degrees apart, so that neighbouring
+# Low enough to look under overhangs and high enough to see the top; 25 degrees apart, so that neighboring
 # orbits share most of their view.
 ELEVATIONS_DEG = (10.0, 35.0, 60.0)
 

@@ -1,4 +1,4 @@
-"""The base colours of a scene at its vertices, for meshes without textures. NumPy only."""
+"""The base colors of a scene at its vertices, for meshes without textures. NumPy only."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from digs_warp.sim.scene import Scene
 
 
 def srgb_vertex_colors(scene: Scene) -> np.ndarray:
-    """Return the base colour at every vertex, sRGB in 0..1, shape (n, 3), float32.
+    """Return the base color at every vertex, sRGB in 0..1, shape (n, 3), float32.
 
     As in glTF, the product of the material's factor, its texture (bilinear, repeated) and the vertex
-    colour. The texture between vertices is lost. A vertex of several materials has the colour of its last
+    color. The texture between vertices is lost. A vertex of several materials has the color of its last
     face; one without a face is white.
     """
     materials = np.full(len(scene.vertices), -1)

@@ -25,7 +25,16 @@ FLOORS = {
     ),
     "digs_warp.pipeline": 5,
     "digs_warp.report": 6,
-    **dict.fromkeys(("digs_warp.api", "digs_warp.cli", "digs_warp.commands", "digs_warp.study"), 7),
+    **dict.fromkeys(
+        (
+            "digs_warp.api",
+            "digs_warp.cli",
+            "digs_warp.__main__",
+            "digs_warp.commands",
+            "digs_warp.study",
+        ),
+        7,
+    ),
 }
 # The lowest floor is one room: the vocabulary and the record of a run.
 SHARED_FLOORS = (0,)

@@ -18,7 +18,7 @@ MODULES = sorted(
     ".".join([package, *path.relative_to(REPOSITORY / folder).with_suffix("").parts])
     for folder, package in FOLDERS.items()
     for path in (REPOSITORY / folder).rglob("*.py")
-    if path.name != "__init__.py"
+    if path.name not in ("__init__.py", "__main__.py")
 )
 
 

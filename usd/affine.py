@@ -1,4 +1,4 @@
-"""Splats under any invertible transform: exact shapes, colours under the nearest rotation. NumPy only."""
+"""Splats under any invertible transform: exact shapes, colors under the nearest rotation. NumPy only."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def deformed(
     """Return the splats of frame a in frame b under an affine ``b_from_a``, shape (4, 4).
 
     A Gaussian of covariance C becomes one of ``L C L^T``, L the linear part: exact, even if L mirrors, shears
-    or scales the axes differently. There is no such rule for view-dependent colours: they are rotated (or
+    or scales the axes differently. There is no such rule for view-dependent colors: they are rotated (or
     mirrored) by the orthogonal factor of L's polar decomposition, which is exact for similarities.
     ``sh_out`` takes the coefficients where it is given.
 

@@ -28,7 +28,7 @@ def begin_stage(layer: "Sdf.Layer | None" = None) -> "Usd.Stage":
 
 
 def begin_asset(metadata: dict[str, Any], layer: "Sdf.Layer | None" = None) -> "Usd.Stage":
-    """Return a stage of ``layer`` (else in memory) with the default prim, its colours and provenance.
+    """Return a stage of ``layer`` (else in memory) with the default prim, its colors and provenance.
 
     Raises:
         UsdError: ``metadata`` has no JSON form.

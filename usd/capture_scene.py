@@ -213,7 +213,7 @@ def _select_first(stage: "Usd.Stage", variant: str) -> None:
 def _course_layer(
     course: Sequence[tuple[int, Gaussians]], options: WriteOptions, rate: float
 ) -> "Sdf.Layer":
-    """Return the training as time samples, a time code each: colour only, halves but for the positions."""
+    """Return the training as time samples, a time code each: color only, halves but for the positions."""
     sparing = replace(options, precision="mixed", sh_degree=0)
     stage, prim = _begin_payload()
     stage.SetStartTimeCode(0)

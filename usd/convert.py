@@ -51,7 +51,7 @@ class SplatArrays:
     """The values of n splats as the schema stores them, in one frame; float32, or float16 to be stored.
 
     Attributes:
-        positions: centres, shape (n, 3).
+        positions: centers, shape (n, 3).
         orientations: quaternions xyzw, frame-from-local, zero for no rotation, (n, 4).
         scales: standard deviations along the local axes, (n, 3).
         opacities: in 0..1, (n,).
@@ -237,7 +237,7 @@ def check_activated(arrays: SplatArrays, what: str) -> None:
 
 
 def mean_display_color(arrays: SplatArrays) -> np.ndarray:
-    """Return the opacity-weighted mean colour of at least one splat, linear RGB in 0..1, shape (3,)."""
+    """Return the opacity-weighted mean color of at least one splat, linear RGB in 0..1, shape (3,)."""
     return display_color(color_sums(arrays))
 
 
@@ -250,8 +250,8 @@ def color_sums(arrays: SplatArrays) -> np.ndarray:
 
 
 def display_color(sums: np.ndarray) -> np.ndarray:
-    """Return the mean colour, linear RGB in 0..1, shape (3,), from the result of `color_sums`."""
+    """Return the mean color, linear RGB in 0..1, shape (3,), from the result of `color_sums`."""
     mean_sh = sums[:3] / sums[3]
-    # Degree 0 has the same colour in all directions.
+    # Degree 0 has the same color in all directions.
     srgb = rgb_from_sh(mean_sh[None, None], np.array([[0.0, 0.0, 1.0]]))[0]
     return linear_from_srgb(np.clip(srgb, 0.0, 1.0))

@@ -138,7 +138,7 @@ def read_arrays(prim: "Usd.Prim", what: str, time: float | None = None) -> Splat
 def _read_sh(prim: "Usd.Prim", count: int, what: str, time: float | None) -> np.ndarray:
     stored = stored_sh_degree(prim, count, what, time)
     degree = min(stored or 0, MAX_DEGREE)
-    if stored is None or count == 0:  # the schema's default is mid grey from every side
+    if stored is None or count == 0:  # the schema's default is mid gray from every side
         return np.zeros((count, coefficient_count(degree), 3), dtype=np.float32)
     if stored > MAX_DEGREE:
         _log.warning("%s: SH degree %d is reduced to %d", what, stored, MAX_DEGREE)

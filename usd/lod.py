@@ -54,7 +54,7 @@ def merged_in_voxels(gaussians: Gaussians, count: int) -> Gaussians:
     """Return ``count`` (>= 1) Gaussians or a few less, in the order of their voxels.
 
     A group of weights w (the opacities, summing to 1) becomes the Gaussian of mean ``sum w m`` and covariance
-    ``sum w (C + (m - mean)(m - mean)^T)``; its colour coefficients are ``sum w c``, and its opacity times
+    ``sum w (C + (m - mean)(m - mean)^T)``; its color coefficients are ``sum w c``, and its opacity times
     covered area is the group's sum. A splat alone in its voxel stays as it is.
     """
     groups = _voxels(gaussians.means.astype(np.float64), count)

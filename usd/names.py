@@ -46,7 +46,7 @@ FALLBACK_DEGREE = 3
 PROJECTION_MODE = "perspective"
 SORTING_MODE = "zDepth"
 
-# Splat colours are optimized and blended as sRGB values. OpenUSD has no name for that; this one is
+# Splat colors are optimized and blended as sRGB values. OpenUSD has no name for that; this one is
 # used by KHR_gaussian_splatting and NVIDIA, and the asset defines it, so that it resolves everywhere.
 SPLAT_COLOR_SPACE = "srgb_rec709_display"
 COLOR_SPACE_INSTANCE = "display"

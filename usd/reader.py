@@ -52,7 +52,7 @@ class ReadOptions:
         time: time code of animated splats and transforms; None reads the first sample of each.
         variants: variant set -> variant; others keep the scene's own choice.
         approximate: also read splats under transforms that shear or scale the axes differently: shapes
-            exactly, colours as if the transform were only a rotation.
+            exactly, colors as if the transform were only a rotation.
     """
 
     time: float | None = None

@@ -36,7 +36,7 @@ def author_points(stage: "Usd.Stage", path: str, cloud: PointCloud) -> None:
 
 
 def author_mesh(stage: "Usd.Stage", path: str, mesh: TriangleMesh) -> None:
-    """Author triangles as a ``UsdGeomMesh`` with a normal and a colour per vertex."""
+    """Author triangles as a ``UsdGeomMesh`` with a normal and a color per vertex."""
     from pxr import UsdGeom, Vt
 
     shape = UsdGeom.Mesh.Define(stage, path)
@@ -71,7 +71,7 @@ def _in_asset(points_world: np.ndarray) -> np.ndarray:
 
 
 def _typical_spacing(points: np.ndarray) -> float:
-    """Return the median distance [m] to the nearest neighbour, a millimetre for fewer than two points."""
+    """Return the median distance [m] to the nearest neighbor, a millimetre for fewer than two points."""
     from scipy.spatial import KDTree
 
     if len(points) < 2:

@@ -162,7 +162,7 @@ def _write_arrays(
     options: WriteOptions,
     what: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Write all splats to their places; return their extent, (2, 3), and mean colour, (3,)."""
+    """Write all splats to their places; return their extent, (2, 3), and mean color, (3,)."""
 
     def work(rows: slice) -> tuple[np.ndarray, np.ndarray]:
         arrays = asset_arrays(gaussians.select(rows), options, what)

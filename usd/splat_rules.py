@@ -20,7 +20,7 @@ QUAT_TOLERANCE = 1e-3
 MAX_SLACK = 0.5
 # Rounding of a box computed elsewhere in float32, as a share of the diagonal.
 EXTENT_TOLERANCE = 1e-5
-# Half of the splats brighter than white, or darker than black, by more than this are no sRGB colours.
+# Half of the splats brighter than white, or darker than black, by more than this are no sRGB colors.
 COLOR_MARGIN = 1.0
 
 
@@ -143,7 +143,7 @@ def _check_ranges(values: FieldValues) -> Iterator[Finding]:
 
 
 def _check_colors(values: FieldValues) -> Iterator[Finding]:
-    """Colours that are no sRGB values: 0 to 255, colours without the offset, another order of channels."""
+    """Colors that are no sRGB values: 0 to 255, colors without the offset, another order of channels."""
     if values.sh is None or not values.element_size or values.element_size < 1:
         return
     base = values.sh[:: values.element_size]

@@ -36,7 +36,7 @@ class ExportUsd(Command):
     """More reconstructions of that capture: each becomes a variant, named after its initialization."""
 
     surface: tyro.conf.FlagCreatePairsOff[bool] = False
-    """With --capture, also put a coloured mesh of the Gaussians into the scene, as 'digs-warp mesh' does."""
+    """With --capture, also put a colored mesh of the Gaussians into the scene, as 'digs-warp mesh' does."""
 
     storage: Annotated[WriteOptions, tyro.conf.OmitArgPrefixes] = field(
         default_factory=WriteOptions

@@ -1,4 +1,4 @@
-"""`digs-warp mesh`: Gaussians -> a coloured triangle mesh."""
+"""`digs-warp mesh`: Gaussians -> a colored triangle mesh."""
 
 import logging
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh(Command):
-    """Turn Gaussians into a coloured triangle mesh.
+    """Turn Gaussians into a colored triangle mesh.
 
     Depth is rendered from the cameras of the capture and fused (TSDF). For a simulated capture it says how
     far the mesh lies from the one that was recorded.

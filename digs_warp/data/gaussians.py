@@ -17,11 +17,11 @@ class Gaussians:
     """Raw, optimized parameters of n Gaussians, all float32.
 
     Attributes:
-        means: centres in the world [m], shape (n, 3).
+        means: centers in the world [m], shape (n, 3).
         log_scales: natural logarithm of the standard deviations [m] along the local axes, (n, 3).
         quats: rotations world-from-local, xyzw, not normalized, (n, 4); zero means no rotation.
         opacity_logits: logit of the opacity, (n,).
-        sh: spherical-harmonics coefficients of the colour in sRGB, (n, K, 3), see `digs_warp.sh`.
+        sh: spherical-harmonics coefficients of the color in sRGB, (n, K, 3), see `digs_warp.sh`.
     """
 
     means: np.ndarray

@@ -21,7 +21,7 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
     """Return the pixels of a file, shape (height, width, channels), in the file's own number type.
 
     8-bit and 16-bit files give uint8 and uint16, floating-point files float32. Nothing is converted
-    between colour spaces.
+    between color spaces.
 
     Raises:
         DigsError: the file is missing, truncated or no image.
@@ -55,7 +55,7 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
 def write_image(path: Path, pixels: np.ndarray) -> None:
     """Write uint8, uint16 or float32 pixels, shape (height, width) or (height, width, channels).
 
-    The suffix decides the format: PNG for integers (8 bits are sRGB colour or a mask, 16 bits are data
+    The suffix decides the format: PNG for integers (8 bits are sRGB color or a mask, 16 bits are data
     such as depth), EXR (lossless ZIP, NaN kept) for float32. The file appears under its name only when
     it is complete.
     """
@@ -68,12 +68,12 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     image = np.ascontiguousarray(pixels.reshape(*pixels.shape[:2], -1))
     height, width, channels = image.shape
     spec = oiio.ImageSpec(width, height, channels, kinds[str(pixels.dtype)])
-    spec.attribute("oiio:UnassociatedAlpha", 1)  # colours are stored as they are
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # colors are stored as they are
     if path.suffix == ".exr":
         # Level 1 takes two thirds of the time of the default 4; files are 5 % larger.
         spec.attribute("compression", "zip:1")
     if pixels.dtype == np.uint16:
-        # 16 bits hold depth, not colour. Marked as sRGB, libpng's readers (Open3D) would undo its gamma.
+        # 16 bits hold depth, not color. Marked as sRGB, libpng's readers (Open3D) would undo its gamma.
         spec.attribute("oiio:ColorSpace", "data")
     # Otherwise OpenImageIO puts the time into EXR files: same pixels, different bytes.
     spec.attribute("DateTime", NO_DATE)

@@ -14,7 +14,7 @@ OPTIONAL_FIELDS = ("axes_world", "axis_deviations")
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Points with colours; the order carries no meaning.
+    """Points with colors; the order carries no meaning.
 
     Attributes:
         points_world: positions [m], shape (n, 3), float32.

@@ -44,7 +44,7 @@ class SfmModel:
     Attributes:
         names: names of the registered frames, in the order of the recording.
         cameras: their cameras, one per name; ``world_from_cam`` translates in [sfm].
-        points: sparse points [sfm] with colours.
+        points: sparse points [sfm] with colors.
         observations: which camera saw which point.
         reprojection_errors: mean error of each point [px], shape (n,), float32.
     """

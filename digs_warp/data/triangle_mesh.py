@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """Triangles with a colour per vertex, in the world (z up, metres).
+    """Triangles with a color per vertex, in the world (z up, metres).
 
     Attributes:
         points_world: vertices [m], shape (n, 3), float32.

@@ -50,7 +50,7 @@ def shoot(
     Args:
         gaussians: the scene.
         cameras: one per frame, all of one image size.
-        background: sRGB colour behind the Gaussians, 0..1.
+        background: sRGB color behind the Gaussians, 0..1.
         center_world: where the scene is, for the near plane [m]; default: the mean of the Gaussians.
         device: "cpu" or a CUDA device of Warp.
         threads: CPU threads; 0: all cores.

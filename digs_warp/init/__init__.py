@@ -1,1 +1,1 @@
-"""Initialization: from depth maps to coloured points to Gaussians (paper section 3.3)."""
+"""Initialization: from depth maps to colored points to Gaussians (paper section 3.3)."""

@@ -14,7 +14,7 @@ from digs_warp.device.kernel_options import vector_module_options
 wp.set_module_options(vector_module_options())
 
 TILE_WIDTH, TILE_HEIGHT = 64, 16
-REACH = 2  # pixels from the centre to the rim of the kernel
+REACH = 2  # pixels from the center to the rim of the kernel
 
 _WIDTH = wp.constant(TILE_WIDTH)
 _HEIGHT = wp.constant(TILE_HEIGHT)

@@ -6,7 +6,7 @@ pixels whose Laplacian response E is small, ``|E| < mean(|E|) + 0.1 std(|E|)``.
 
 Depth maps have holes (NaN). An ordinary convolution would either spread the holes or, with a value
 filled in, find an edge around each of them. Here the Laplacian is a sum over *opposite pairs* of
-neighbours, ``E = sum K_k (d_k + d_-k - 2 d_0)``: without holes it is the usual 5x5 Laplacian (K is
+neighbors, ``E = sum K_k (d_k + d_-k - 2 d_0)``: without holes it is the usual 5x5 Laplacian (K is
 symmetric and sums to zero), and pairs with a missing member drop out without leaving a trace, because
 every single pair is zero on a plane, however slanted. A step keeps its response as long as pairs
 across it remain.
@@ -42,7 +42,7 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
     """Return |E| of a depth map [m], shape (height, width), float32, and the threshold tau_edge.
 
     Where some pairs are missing, the response of the others is scaled up to the full kernel. NaN: the
-    pixel has no depth, or too few measured neighbours to judge. The threshold is NaN when none is known.
+    pixel has no depth, or too few measured neighbors to judge. The threshold is NaN when none is known.
 
     Args:
         depth: shape (height, width), NaN where unknown.

@@ -100,7 +100,7 @@ def depth_at(depth: np.ndarray, px: np.ndarray) -> np.ndarray:
     inside = np.all((px >= 0) & (px < [width, height]), axis=1)
     columns, rows = pixels_at(px, width, height)
     found = np.where(inside, depth[rows, columns].astype(np.float64), np.nan)
-    # Pixel centres lie at +0.5.
+    # Pixel centers lie at +0.5.
     left = np.clip(np.floor(px[:, 0] - 0.5).astype(np.int64), 0, max(width - 2, 0))
     top = np.clip(np.floor(px[:, 1] - 0.5).astype(np.int64), 0, max(height - 2, 0))
     right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)

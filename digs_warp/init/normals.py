@@ -34,7 +34,7 @@ def normal_kernel(
     # outputs
     normals: wp.array3d[float],  # [height, width, 3] zero on entry
 ):
-    """Write the unit normals of one row: of each wanted pixel whose four neighbours are known."""
+    """Write the unit normals of one row: of each wanted pixel whose four neighbors are known."""
     row = wp.tid()
     height = depth.shape[0]
     width = depth.shape[1]

@@ -21,7 +21,7 @@ class VoxelSums:
     Attributes:
         keys: packed voxel indices, ascending, shape (n,), int64.
         counts: measurements in the voxel, shape (n,), int64.
-        sums: summed weights, weighted positions [m], weighted colours in 0..1, and k further weighted
+        sums: summed weights, weighted positions [m], weighted colors in 0..1, and k further weighted
             values, shape (n, 1 + 6 + k), float64.
     """
 
@@ -34,7 +34,7 @@ class VoxelSums:
 
     @property
     def means(self) -> np.ndarray:
-        """Weighted means of position, colour and the further values, shape (n, 6 + k)."""
+        """Weighted means of position, color and the further values, shape (n, 6 + k)."""
         return self.sums[:, 1:] / self.sums[:, :1]
 
     @property
@@ -44,7 +44,7 @@ class VoxelSums:
 
     @property
     def colors(self) -> np.ndarray:
-        """Weighted mean colours, shape (n, 3)."""
+        """Weighted mean colors, shape (n, 3)."""
         return self.means[:, COLOR:EXTRA]
 
     @property

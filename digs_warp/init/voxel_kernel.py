@@ -56,7 +56,7 @@ class PixelRays:
     """Rays of a view in the world, per unit of depth."""
 
     center: wp.vec3d  # of the camera
-    corner: wp.vec3d  # to the pixel (0, 0) (not its centre)
+    corner: wp.vec3d  # to the pixel (0, 0) (not its center)
     right: wp.vec3d  # change per pixel to the right
     down: wp.vec3d  # and downwards
 
@@ -69,7 +69,7 @@ class VoxelTable:
     slots: wp.array[int]  # [2^slot_bits] index of a voxel + 1; 0: free
     keys: wp.array[wp.int64]  # [capacity]
     counts: wp.array[wp.int64]  # [capacity]
-    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6 + k] weight, weighted position, colour, extra
+    sums: wp.array2d[wp.float64]  # [capacity, 1 + 6 + k] weight, weighted position, color, extra
     report: wp.array[int]  # [2]
 
 

@@ -1,4 +1,4 @@
-"""Why depth pixels are missing or wrong, in colours: the cause images of a simulated capture."""
+"""Why depth pixels are missing or wrong, in colors: the cause images of a simulated capture."""
 
 from collections.abc import Sequence
 
@@ -7,16 +7,16 @@ import numpy as np
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.layers import Layer
 
-# Nearly white where the depth is right: only what went wrong has a colour.
+# Nearly white where the depth is right: only what went wrong has a color.
 OK_COLOR = np.array([238, 240, 243], dtype=np.uint8)
 
-# Twenty colours that can be told apart, in pairs; neighbouring causes take colours of different pairs.
+# Twenty colors that can be told apart, in pairs; neighboring causes take colors of different pairs.
 COLOR_MAP = "tab20"
 PAIR_STEP = 7
 
 
 def paint_causes(causes: np.ndarray) -> np.ndarray:
-    """Return a colour per cause, shape (height, width, 3), uint8; causes: (height, width), uint8."""
+    """Return a color per cause, shape (height, width, 3), uint8; causes: (height, width), uint8."""
     import matplotlib
 
     colors = matplotlib.colormaps[COLOR_MAP]
@@ -26,7 +26,7 @@ def paint_causes(causes: np.ndarray) -> np.ndarray:
 
 
 def describe_causes(capture: Capture, frames: Sequence[Frame]) -> list[tuple[str, str]]:
-    """Return (CSS colour, "cause, share of pixels") of every cause in the frames, the largest first."""
+    """Return (CSS color, "cause, share of pixels") of every cause in the frames, the largest first."""
     counts = np.zeros(256, dtype=np.int64)
     for frame in frames:
         if frame.has(Layer.CAUSE):

@@ -67,7 +67,7 @@ def details(summary: str, body: str) -> str:
 
 
 def legend(scale: ColorScale, missing: bool = False) -> str:
-    """Return the colour bar of a scale with its ticks; ``missing``: explain the grey, too."""
+    """Return the color bar of a scale with its ticks; ``missing``: explain the gray, too."""
     gradient = ", ".join(scale.gradient())
     decimals = 2 if scale.high - scale.low < 10 else 0
     ticks = "".join(f"<span>{tick:.{decimals}f}</span>" for tick in scale.ticks())
@@ -80,7 +80,7 @@ def legend(scale: ColorScale, missing: bool = False) -> str:
 
 
 def swatches(items: Iterable[tuple[str, str]]) -> str:
-    """Return a legend of (CSS colour, text) pairs."""
+    """Return a legend of (CSS color, text) pairs."""
     parts = (
         f'<span><i style="background:{escape(color)}"></i>{escape(text)}</span>'
         for color, text in items

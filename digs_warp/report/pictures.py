@@ -1,4 +1,4 @@
-"""Pixels -> pictures in a page: colour maps with fixed ranges, smaller copies, data URIs."""
+"""Pixels -> pictures in a page: color maps with fixed ranges, smaller copies, data URIs."""
 
 import base64
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.data.images import encode_jpeg
 
-MISSING_COLOR = np.array([128, 128, 128], dtype=np.uint8)  # grey: in none of the colour maps
+MISSING_COLOR = np.array([128, 128, 128], dtype=np.uint8)  # gray: in none of the color maps
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class ColorScale:
         label: what is shown, with its unit.
         low: value at the left end.
         high: value at the right end.
-        map_name: a colour map of matplotlib.
+        map_name: a color map of matplotlib.
     """
 
     label: str
@@ -27,13 +27,13 @@ class ColorScale:
     map_name: str
 
     def paint(self, values: np.ndarray) -> np.ndarray:
-        """Return colours, shape (height, width, 3), uint8; NaN is grey."""
+        """Return colors, shape (height, width, 3), uint8; NaN is gray."""
         share = np.clip((values - self.low) / (self.high - self.low), 0.0, 1.0)
         colors = self._table()[np.nan_to_num(share * 255).astype(np.uint8)]
         return np.where(np.isnan(values)[..., None], MISSING_COLOR, colors)
 
     def gradient(self, stops: int = 9) -> list[str]:
-        """Return evenly spaced colours from low to high, as CSS colours."""
+        """Return evenly spaced colors from low to high, as CSS colors."""
         table = self._table()[np.linspace(0, 255, stops).astype(int)]
         return [f"rgb({r} {g} {b})" for r, g, b in table]
 

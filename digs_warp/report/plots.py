@@ -1,4 +1,4 @@
-"""Charts as inline SVG. Text and axes take the page's text colour, so they fit light and dark pages."""
+"""Charts as inline SVG. Text and axes take the page's text color, so they fit light and dark pages."""
 
 import io
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +24,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Bar:
-    """One horizontal bar; bars of a group share a colour."""
+    """One horizontal bar; bars of a group share a color."""
 
     label: str
     value: float
@@ -54,7 +54,7 @@ def line_chart(lines: Sequence[Line], x_label: str, y_label: str, log_y: bool = 
 
 
 def bar_chart(bars: Sequence[Bar], x_label: str) -> str:
-    """Return an SVG element with one labelled horizontal bar each, top to bottom."""
+    """Return an SVG element with one labeled horizontal bar each, top to bottom."""
     groups = list(dict.fromkeys(bar.group for bar in bars))
 
     def draw(axes: Any) -> None:

@@ -2,7 +2,7 @@
 
 The surface that the object stands on, or the wall behind it, is the plane that most depth pixels lie in. What
 is nearer falls into pieces at jumps of depth, and the piece in the middle of the image is the object. Depth
-is missing or wrong at the borders, where colours are sharp: there GrabCut decides (Rother, Kolmogorov and
+is missing or wrong at the borders, where colors are sharp: there GrabCut decides (Rother, Kolmogorov and
 Blake, SIGGRAPH 2004).
 """
 
@@ -14,10 +14,10 @@ from digs_warp.checks import check_shape
 CUT_SIZE = 720
 CUT_ROUNDS = 3
 
-# Width, as a share of the image's longer side, of the band at the depth's borders in which colours decide.
+# Width, as a share of the image's longer side, of the band at the depth's borders in which colors decide.
 BAND = 0.012
 
-# Unknown depth takes its neighbour's value over this distance, as a share of the image's longer side.
+# Unknown depth takes its neighbor's value over this distance, as a share of the image's longer side.
 GAP = 0.015
 
 # A plane counts from this share of the known pixels on. Pixels belong to it within this relative distance.
@@ -32,7 +32,7 @@ PLANE_BORDER_SHARE = 0.3
 LEAST_IN_FRONT = 0.003
 PLANE_SPAN = 0.8
 
-# Neighbours belong together when their depths differ by less than this share.
+# Neighbors belong together when their depths differ by less than this share.
 LARGEST_STEP = 0.05
 
 # Pieces beside the best one are kept from this share of its score on, if they are about as far away.
@@ -221,7 +221,7 @@ def refine_by_color(image: np.ndarray, near: np.ndarray, far: np.ndarray) -> np.
     # The image border is no border of the object.
     sure_object = cv2.erode(near.astype(np.uint8), kernel, borderValue=1)
     sure_surround = cv2.erode(far.astype(np.uint8), kernel, borderValue=1)
-    if not (sure_object.any() and sure_surround.any()):  # nothing to learn colours from
+    if not (sure_object.any() and sure_surround.any()):  # nothing to learn colors from
         return near
     labels = np.where(near, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     labels[sure_object > 0] = cv2.GC_FGD

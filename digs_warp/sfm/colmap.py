@@ -26,7 +26,7 @@ from digs_warp.sfm.interruptible import run_interruptible
 # large ones those of the enlarged image take half of all the time.
 ENLARGED_UP_TO = 1000
 
-# Most matches of neighbouring photographs are right, and RANSAC's own confidence tells when it may stop.
+# Most matches of neighboring photographs are right, and RANSAC's own confidence tells when it may stop.
 # COLMAP's least number of trials, 100, costs as much as the matching and finds the same inliers.
 FEWEST_TRIALS = 30
 

@@ -25,10 +25,10 @@ class Similarity:
 
 @dataclass(frozen=True, eq=False)
 class PoseErrors:
-    """Errors of the registered cameras after the best similarity alignment of their centres.
+    """Errors of the registered cameras after the best similarity alignment of their centers.
 
     Attributes:
-        centers_m: distance of each centre to the true one [m], shape (n,).
+        centers_m: distance of each center to the true one [m], shape (n,).
         rotations_deg: angle of each rotation to the true one [degree], shape (n,).
         sfm_per_metre: the scale that the true poses tell.
         world_from_sfm: the alignment.

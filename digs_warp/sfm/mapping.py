@@ -83,7 +83,7 @@ def global_options(pycolmap: Any, images: ImageSet, config: SfmConfig, threads: 
     options.num_threads = threads
     options.random_seed = config.sfm_seed
     options.min_model_size = SMALLEST_MODEL
-    options.image_path = str(images.root)  # for the colours of the points
+    options.image_path = str(images.root)  # for the colors of the points
     adjustment = options.mapper.bundle_adjustment
     adjustment.refine_focal_length = config.refine_focal
     adjustment.refine_extra_params = False

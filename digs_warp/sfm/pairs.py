@@ -67,7 +67,7 @@ def loop_pairs(
 
 
 def learn_words(descriptors: Sequence[np.ndarray], seed: int = 0) -> np.ndarray:
-    """Return the centres of k-means on a sample of all descriptors, shape (words, dimensions), float32."""
+    """Return the centers of k-means on a sample of all descriptors, shape (words, dimensions), float32."""
     from sklearn.cluster import MiniBatchKMeans
 
     rng = np.random.default_rng(seed)

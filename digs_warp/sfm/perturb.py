@@ -18,8 +18,8 @@ def perturbed_poses(
     Args:
         world_from_cams: the poses, (4, 4) each.
         rotation_error_deg: standard deviation of the rotation vector's components, about the camera's
-            centre [degree].
-        translation_error: standard deviation of the centre along each axis [m].
+            center [degree].
+        translation_error: standard deviation of the center along each axis [m].
         seed: the same seed gives the same directions at every size of the error.
     """
     from scipy.spatial.transform import Rotation

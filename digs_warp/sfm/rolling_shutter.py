@@ -113,7 +113,7 @@ def residuals(views: RollingViews, model: RollingModel) -> np.ndarray:
 
 
 def walking_spins(views: RollingViews, model: RollingModel) -> np.ndarray:
-    """Return how the neighbouring poses say that each camera turns [rad per read-out], shape (n, 3)."""
+    """Return how the neighboring poses say that each camera turns [rad per read-out], shape (n, 3)."""
     from scipy.spatial.transform import Rotation
 
     before, after, share = _neighbours(views)

@@ -42,7 +42,7 @@ def upright_world(cameras: Sequence[Camera], center: np.ndarray) -> np.ndarray:
     z = up / np.linalg.norm(up)
     ahead = center - cameras[0].center_world
     y = ahead - (ahead @ z) * z
-    # Straight above the centre any direction will do.
+    # Straight above the center any direction will do.
     y = y if np.linalg.norm(y) > 1e-9 else cameras[0].world_from_cam[:3, 0]
     y = y - (y @ z) * z
     y /= np.linalg.norm(y)

@@ -38,13 +38,13 @@ class RasterJob:
         layout: of the gradient records.
         count: number of Gaussians.
         tiles: of the largest view.
-        degree: bands of the colour.
+        degree: bands of the color.
         gaussians: parameters, `GaussianArrays`.
         gradients: of the parameters, `GaussianArrays`.
         splats: `Splats`.
         pairs: `TilePairs`.
         pair_gradients: `PairGradients`.
-        background: colour, (3,).
+        background: color, (3,).
         filled: tile columns first .. end and rows first .. end whose empty tiles have to be filled, (4,).
         drawn: the view, `Planes`.
         ends: one past the last pair that was drawn, of each tile or pixel: `RasterBackend.ends` of them.

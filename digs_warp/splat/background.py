@@ -1,6 +1,6 @@
 """What lies behind the splats: tiles of nothing else, and an image.
 
-An image is added after compositing, so that the hot kernels know one colour only.
+An image is added after compositing, so that the hot kernels know one color only.
 """
 
 from collections.abc import Sequence

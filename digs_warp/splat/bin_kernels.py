@@ -60,7 +60,7 @@ def span_kernel(
         half_width = splats[g, SPLAT_HALF_WIDTH]
         half_height = splats[g, SPLAT_HALF_HEIGHT]
         per_height = 1.0 / half_height
-        # Height above the centre at which the ellipse is furthest to the right.
+        # Height above the center at which the ellipse is furthest to the right.
         right_dy = -half_width * splats[g, SPLAT_B] / splats[g, SPLAT_A + 2]
         for row in range(begin, end):
             top = float((first_tile_rows[g] + row - begin) * _TILE) + 0.5 - v
@@ -72,7 +72,7 @@ def span_kernel(
             left = -shear * dy_left - half_chord(dy_left * per_height, widest)
             right = smaller(right, half_width) + slack
             left = larger(left, -half_width) - slack
-            # Pixel centres lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
+            # Pixel centers lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
             x0 = int(larger(wp.ceil(u + left - 0.5), left_pixel))
             x1 = int(smaller(wp.floor(u + right - 0.5), right_pixel))
             t0 = x0 >> _TILE_BITS

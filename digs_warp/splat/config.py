@@ -20,7 +20,7 @@ EXTENT_SLACK = 0.01
 # A projected variance [px^2] above this is an overflow, not a splat: dropped.
 MAX_VARIANCE = 1.0e12
 
-# Colour coefficients whose absolute values sum to more than this are an overflow: the splat is dropped.
+# Color coefficients whose absolute values sum to more than this are an overflow: the splat is dropped.
 MAX_COLOR = 1.0e9
 
 # The exponential of the hot loops is a polynomial for exponents down to ln(1/255).
@@ -51,10 +51,10 @@ class RasterOptions:
             must be drawn with it.
         jacobian_margin: the Jacobian of the projection is evaluated at most this many half-widths outside
             of the image: further out the linearization blows up.
-        near_share: near plane as a share of the distance from the camera to the centre of the scene, so that
+        near_share: near plane as a share of the distance from the camera to the center of the scene, so that
             units do not matter.
-        max_sh_degree: bands of the view-dependent colour that are used, 0 to 3.
-        outputs: what a view gives beside colour and transmittance: "color" nothing, "depth" expected and
+        max_sh_degree: bands of the view-dependent color that are used, 0 to 3.
+        outputs: what a view gives beside color and transmittance: "color" nothing, "depth" expected and
             median depth, "normals" these and normals. Each costs time only when asked for.
     """
 

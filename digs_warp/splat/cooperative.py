@@ -77,7 +77,7 @@ class CooperativeLaunch:
 
 @wp.func
 def offset_from_center(records: Any, k: int, x: int, y: int) -> wp.vec2:
-    """Offset [px] of the centre of pixel (x, y) from that of splat k of a batch."""
+    """Offset [px] of the center of pixel (x, y) from that of splat k of a batch."""
     return wp.vec2(
         float(x) + 0.5 - records[k, SPLAT_U],
         float(y) + 0.5 - records[k, SPLAT_V],
@@ -86,7 +86,7 @@ def offset_from_center(records: Any, k: int, x: int, y: int) -> wp.vec2:
 
 @wp.func
 def uncapped_alpha(records: Any, k: int, offset: wp.vec2) -> float:
-    """Opacity times exp(-q / 2) of splat k of a batch at an offset [px] from its centre."""
+    """Opacity times exp(-q / 2) of splat k of a batch at an offset [px] from its center."""
     dx = offset[0]
     dy = offset[1]
     q = records[k, SPLAT_A] * dx * dx + records[k, SPLAT_C] * dy * dy
@@ -96,7 +96,7 @@ def uncapped_alpha(records: Any, k: int, offset: wp.vec2) -> float:
 
 @wp.func
 def batch_color(records: Any, k: int) -> wp.vec3:
-    """Colour of splat k of a batch."""
+    """Color of splat k of a batch."""
     return wp.vec3(records[k, SPLAT_RED], records[k, SPLAT_GREEN], records[k, SPLAT_BLUE])
 
 

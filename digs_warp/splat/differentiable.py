@@ -77,7 +77,7 @@ def rasterize(
             translation t [m]; the view is that of ``world_from_cam @ [[R(w), t], [0, 1]]``. Default: none.
         intrinsics: fx, fy, cx, cy [px] in place of the camera's, shape (4,), float32.
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
-        background: sRGB colour, shape (3,), or image, shape (height, width, 3).
+        background: sRGB color, shape (3,), or image, shape (height, width, 3).
         options: how splats are drawn, and whether depth and normals are wanted.
 
     Raises:

@@ -1,6 +1,6 @@
 """One Gaussian through one camera: the linearized projection, as plain functions of the device.
 
-Legend (EWA splatting as in 3DGS): p = R_cw mu + t the centre in the camera, X = x/z and Y = y/z its
+Legend (EWA splatting as in 3DGS): p = R_cw mu + t the center in the camera, X = x/z and Y = y/z its
 tangents (clamped near the image border), V = R_cw R(q), S = diag(exp(log_scale)),
 
     m0[k] = fx/z (V[0,k] - X V[2,k]) S[k]      rows of the 2x3 matrix M = J V S
@@ -63,7 +63,7 @@ def view_params(
 
     Args:
         camera: the camera.
-        near: Gaussians whose centre is nearer than this [m] are not drawn.
+        near: Gaussians whose center is nearer than this [m] are not drawn.
         options: how splats are drawn.
         window: only tiles that touch these pixels are drawn; default: all.
     """
@@ -136,7 +136,7 @@ def rotation_adjoint(quat: wp.vec4, d: wp.mat33) -> wp.vec4:
 def clamped_tangent(
     tangent: float, focal: float, center: float, size: float, share: float
 ) -> float:
-    """x/z, kept within the image plus a margin; asymmetric for an off-centre principal point."""
+    """x/z, kept within the image plus a margin; asymmetric for an off-center principal point."""
     margin = share * 0.5 * size / focal
     low = -center / focal - margin
     high = (size - center) / focal + margin
@@ -147,7 +147,7 @@ def clamped_tangent(
 class Footprint:
     """A Gaussian as the camera sees it, up to the 2x3 matrix M; see the legend of the module."""
 
-    point: wp.vec3  # p, the centre in the camera
+    point: wp.vec3  # p, the center in the camera
     inverse_z: float
     tangent_x: float  # x/z and y/z ...
     tangent_y: float
@@ -163,7 +163,7 @@ class Footprint:
 
 @wp.func
 def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4) -> Footprint:
-    """Linearize the projection at the centre of a Gaussian that lies before the camera."""
+    """Linearize the projection at the center of a Gaussian that lies before the camera."""
     f = Footprint()
     f.point = cam.rotation * mean + cam.translation
     f.inverse_z = 1.0 / f.point[2]

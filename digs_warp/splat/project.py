@@ -58,7 +58,7 @@ def compensation(det_before: float, det: float) -> float:
 
 @wp.struct
 class Projection:
-    """A Gaussian on the image but for its colour: fields of `digs_warp.splat.records`, and where it lies."""
+    """A Gaussian on the image but for its color: fields of `digs_warp.splat.records`, and where it lies."""
 
     drawn: int  # 0: nothing else of this means anything
     z: float
@@ -133,7 +133,7 @@ def projection_of(
 
 @wp.func
 def put_record(p: Projection, record: wp.array[float], first: int, step: int):
-    """Write a splat's record but for its colour: field k to ``record[first + k * step]``."""
+    """Write a splat's record but for its color: field k to ``record[first + k * step]``."""
     record[first + SPLAT_U * step] = p.u
     record[first + SPLAT_V * step] = p.v
     record[first + SPLAT_A * step] = p.a
@@ -151,7 +151,7 @@ def put_record(p: Projection, record: wp.array[float], first: int, step: int):
 
 @wp.func
 def color_is_finite(coefficients: wp.array2d[wp.vec3], g: int, degree: int) -> bool:
-    """Whether the colour is no overflow: what cancels in it would still be one in the gradient."""
+    """Whether the color is no overflow: what cancels in it would still be one in the gradient."""
     size = float(0.0)
     for k in range((degree + 1) * (degree + 1)):
         size = size + wp.dot(wp.abs(coefficients[g, k]), wp.vec3(1.0, 1.0, 1.0))
@@ -167,7 +167,7 @@ def put_color(
     degree: int,
     records: wp.array2d[float],
 ):
-    """Write the colour of a splat as this camera sees it."""
+    """Write the color of a splat as this camera sees it."""
     direction = wp.vec3(0.0, 0.0, 0.0)
     if degree > 0:
         direction = wp.normalize(mean - cam.center_world)
@@ -181,7 +181,7 @@ def put_color(
 def project_kernel(
     first: int,
     gaussians: GaussianArrays,
-    degree: int,  # bands of the colour
+    degree: int,  # bands of the color
     splats: Splats,  # read: the view; written: all else
 ):
     """Project a Gaussian; one that is not drawn gets ``row_counts`` 0 and nothing else."""

@@ -3,7 +3,7 @@
 The camera moves in its own frame: ``world_from_cam' = world_from_cam exp(w, t)`` with a rotation vector
 w [rad] and a translation t [m] along the camera's axes. A point p in the camera then moves by p x w - t, and
 the axes V of a Gaussian turn with it: dL/dw = dL/dp x p - axial(dL/dV V^T), dL/dt = -dL/dp, where
-axial(K) = (K21 - K12, K02 - K20, K10 - K01). The colour sees the camera's centre alone.
+axial(K) = (K21 - K12, K02 - K20, K10 - K01). The color sees the camera's center alone.
 """
 
 import warp as wp

@@ -1,7 +1,7 @@
 """`digs_warp.splat.project_adjoint.project_backward_kernel` for CPUs: LLVM pulls a group back at once.
 
 As in `digs_warp.splat.project_group`, a group is laid out field by field in local memory. Sums over tiles and
-the colour go splat by splat: their loops have other lengths.
+the color go splat by splat: their loops have other lengths.
 """
 
 import warp as wp

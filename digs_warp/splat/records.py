@@ -19,7 +19,7 @@ SPLAT_BLUE = wp.constant(8)
 SPLAT_HALF_WIDTH = wp.constant(9)  # half extents [px] of the area with alpha >= min_alpha
 SPLAT_HALF_HEIGHT = wp.constant(10)
 SPLAT_TAU = wp.constant(11)  # 2 ln(opacity / min_alpha): squared Mahalanobis radius of that area
-# In the column dx off the centre, that area is slope dx -+ sqrt(chord - taper dx^2); it reaches furthest up
+# In the column dx off the center, that area is slope dx -+ sqrt(chord - taper dx^2); it reaches furthest up
 # and down on the image at dx = -peak and peak.
 SPLAT_SLOPE = wp.constant(12)
 SPLAT_CHORD = wp.constant(13)

@@ -149,7 +149,7 @@ def render(
     Args:
         gaussians: what to draw.
         camera: from where.
-        background: sRGB colour, shape (3,), or image, shape (height, width, 3), behind the Gaussians.
+        background: sRGB color, shape (3,), or image, shape (height, width, 3), behind the Gaussians.
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
         options: how splats are drawn, and whether depth and normals are wanted.
         device: Warp device.

@@ -133,9 +133,9 @@ class SplatRenderer:
 
         Args:
             camera: its image is at most as large as the renderer's; all planes take its size.
-            near: Gaussians whose centre is nearer than this [m] are not drawn.
-            background: sRGB colour behind the Gaussians, or an image of the renderer's size.
-            sh_degree: bands of the colour to use; default: all that the Gaussians have.
+            near: Gaussians whose center is nearer than this [m] are not drawn.
+            background: sRGB color behind the Gaussians, or an image of the renderer's size.
+            sh_degree: bands of the color to use; default: all that the Gaussians have.
             window: only the tiles that touch these pixels are drawn; the others keep what they held, and
                 splats outside get no gradient. Default: the whole image.
             content: pixels that are looked at although no splat may be there. Tiles without splats that lie
@@ -145,7 +145,7 @@ class SplatRenderer:
 
         Raises:
             ValueError: the camera's or the background's image does not fit the renderer.
-            DigsError: the near plane is not above 0, or the background colour is not finite.
+            DigsError: the near plane is not above 0, or the background color is not finite.
         """
         check_positive("near plane", near)
         k = camera.intrinsics
@@ -227,7 +227,7 @@ class SplatRenderer:
         self.binner.resize(width, height)
 
     def _degree_of(self, wanted: int | None) -> int:
-        """Return the bands of the colour to use: as many as wanted, allowed and there."""
+        """Return the bands of the color to use: as many as wanted, allowed and there."""
         there = round(self.gaussians.sh.shape[1] ** 0.5) - 1
         return min(there, self.options.max_sh_degree, there if wanted is None else wanted)
 

@@ -17,7 +17,7 @@ _C30, _C31, _C32, _C33, _C34, _C35, _C36 = (wp.constant(value) for value in sh.C
 
 @wp.func
 def sh_color(coefficients: wp.array2d[wp.vec3], g: int, degree: int, d: wp.vec3) -> wp.vec3:
-    """Colour of Gaussian g seen along the unit vector d, before the clamp at 0; see `digs_warp.sh`."""
+    """Color of Gaussian g seen along the unit vector d, before the clamp at 0; see `digs_warp.sh`."""
     x = d[0]
     y = d[1]
     z = d[2]

@@ -1,6 +1,6 @@
 """From the gradient of a splat back to one Gaussian, as plain functions of the device.
 
-Written by hand: it fuses the sum over a splat's tiles, the projection and the colour in one pass, which
+Written by hand: it fuses the sum over a splat's tiles, the projection and the color in one pass, which
 Warp's generated adjoint cannot. Tests compare it with central differences of a float64 twin. The notation is
 that of `digs_warp.splat.footprint`.
 """
@@ -87,9 +87,9 @@ def radius_of(f: Footprint, dilation: float) -> float:
 
 @wp.struct
 class ShapeGradient:
-    """dL / d(Gaussian) but for what its colour contributes, and what the camera's gradient is made of."""
+    """dL / d(Gaussian) but for what its color contributes, and what the camera's gradient is made of."""
 
-    point: wp.vec3  # the centre in the camera
+    point: wp.vec3  # the center in the camera
     log_scale: wp.vec3
     quat: wp.vec4
     opacity_logit: float
@@ -118,7 +118,7 @@ def shape_gradient(
         quat: its raw quaternion.
         opacity_logit: its opacity.
         conic: A, B and C of the splat.
-        d: the gradient; its colour and its normal are not read.
+        d: the gradient; its color and its normal are not read.
         d_normal_axes: what the normal contributes to dL/dV.
     """
     # conic -> covariance: G_cov = -Q G_Q Q with the symmetric G_Q = [[a, b/2], [b/2, c]].
@@ -156,7 +156,7 @@ def shape_gradient(
     out.axes = wp.matrix_from_rows(dv0, dv1, dv2) + d_normal_axes
     out.quat = rotation_adjoint(quat, wp.transpose(cam.rotation) * out.axes)
 
-    # centre: through the pixel position, the factor 1/z of M, and the tangents where not clamped
+    # center: through the pixel position, the factor 1/z of M, and the tangents where not clamped
     out.limited_x = -wp.dot(dv0, f.axes[2])
     out.limited_y = -wp.dot(dv1, f.axes[2])
     free_x = wp.where(f.limited_x == f.tangent_x, f.inverse_z, 0.0)
@@ -182,7 +182,7 @@ def color_gradient(
     adj_color: wp.vec3,
     adj_coefficients: wp.array2d[wp.vec3],
 ) -> wp.vec3:
-    """Write the gradient of the coefficients; return what the colour contributes to that of the centre."""
+    """Write the gradient of the coefficients; return what the color contributes to that of the center."""
     # None where the clamp at 0 holds.
     d_color = wp.vec3(
         wp.where(records[g, SPLAT_RED] > 0.0, adj_color[0], 0.0),

@@ -14,7 +14,7 @@ class SplatStatistics:
     """Sums over the backward passes of a renderer whose ``statistics`` this is.
 
     Attributes:
-        gradient_sums: norm of dL/d(centre on the image), in units of half the image size (normalized device
+        gradient_sums: norm of dL/d(center on the image), in units of half the image size (normalized device
             coordinates, as 3DGS sums it), shape (n,).
         absolute_sums: the same of the sums over pixels of the absolute values (AbsGS), shape (n,); empty
             when not wanted.

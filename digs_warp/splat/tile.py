@@ -93,7 +93,7 @@ def exp_in_range(x: float) -> float:
 
 @wp.struct
 class TileSplat:
-    """What compositing reads of a splat; its centre [px] is counted from that of the tile's first pixel."""
+    """What compositing reads of a splat; its center [px] is counted from that of the tile's first pixel."""
 
     mean_x: float
     mean_y: float
@@ -110,7 +110,7 @@ class TileSplat:
 
 @wp.func
 def tile_splat(splats: wp.array2d[float], g: int, mean_x: float, tile_y: int) -> TileSplat:
-    """Splat g in a tile that begins in row tile_y; ``mean_x`` is its centre, counted from the tile."""
+    """Splat g in a tile that begins in row tile_y; ``mean_x`` is its center, counted from the tile."""
     splat = TileSplat()
     splat.mean_x = mean_x
     splat.mean_y = splats[g, SPLAT_V] - float(tile_y) - 0.5
@@ -128,17 +128,17 @@ def tile_splat(splats: wp.array2d[float], g: int, mean_x: float, tile_y: int) ->
 
 @wp.func
 def block_left(block: int, splat: TileSplat) -> float:
-    """Offset [px] of the first column of a block from the centre of a splat."""
+    """Offset [px] of the first column of a block from the center of a splat."""
     return float((block >> BLOCK_ROW_SHIFT) * BLOCK_COLUMNS) - splat.mean_x
 
 
 @wp.func
 def block_top(block: int, splat: TileSplat) -> float:
-    """Offset [px] of the first row of a block from the centre of a splat."""
+    """Offset [px] of the first row of a block from the center of a splat."""
     return float((block & BLOCK_ROW_MASK) * BLOCK_LINES) - splat.mean_y
 
 
 @wp.func
 def power_at(splat: TileSplat, dx: float, dy: float) -> float:
-    """-q / 2 at an offset [px] from the centre."""
+    """-q / 2 at an offset [px] from the center."""
     return wp.min(dx * (splat.a_half * dx) + dy * (splat.c_half * dy - splat.b * dx), 0.0)

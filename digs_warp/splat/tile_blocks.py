@@ -48,9 +48,9 @@ def rows_between(first: float, last: float) -> int:
 
 @wp.struct
 class Ellipse:
-    """The area {alpha >= min_alpha} of a splat: its centre, and fields of its record.
+    """The area {alpha >= min_alpha} of a splat: its center, and fields of its record.
 
-    The centre [px] is counted from that of the first pixel of a tile.
+    The center [px] is counted from that of the first pixel of a tile.
     """
 
     mean_x: float
@@ -64,7 +64,7 @@ class Ellipse:
 
 @wp.func
 def half_chord(ellipse: Ellipse, dx: float) -> float:
-    """Half the height of an ellipse in the column dx off its centre."""
+    """Half the height of an ellipse in the column dx off its center."""
     return wp.sqrt(larger(ellipse.chord - ellipse.taper * dx * dx, 0.0))
 
 
@@ -72,7 +72,7 @@ def half_chord(ellipse: Ellipse, dx: float) -> float:
 def touched_rows(ellipse: Ellipse, left: float) -> int:
     """One bit for each block that an ellipse touches in a half of a tile.
 
-    ``left`` is the first column of the half, counted from the centre of the ellipse.
+    ``left`` is the first column of the half, counted from the center of the ellipse.
     """
     first = larger(left, -ellipse.half_width)
     last = smaller(left + float(BLOCK_COLUMNS - 1), ellipse.half_width)

@@ -27,7 +27,7 @@ from digs_warp.study.results import Result
 from digs_warp.study.timing import best_ms, clock_for
 
 # Additions and multiplications of one pixel and one splat; comparisons and selections not counted. Forward:
-# power 6, exponential 15, opacity 1, transmittance 2, weights 2, three colours 6. Backward: the same up to
+# power 6, exponential 15, opacity 1, transmittance 2, weights 2, three colors 6. Backward: the same up to
 # the weight (25), light 5, what is still to come 2, d_alpha 4, d_power 1, six sums 12.
 FORWARD_FLOPS = 32
 BACKWARD_FLOPS = 49

@@ -77,7 +77,7 @@ def _prepare(capture: Capture, voxel_size: float) -> Trainer:
     views = open_views(capture.frames, config)
     seeds = seed_gaussians(points, config.sh_degree, init.seed_opacity, init.seed_width)
     trainer = Trainer(seeds, views, config)
-    # The middle of a run: the colour has all its bands.
+    # The middle of a run: the color has all its bands.
     trainer.optimizer.step = config.stop.iterations // 2
     for _ in range(WARM_UP_STEPS):
         trainer.step()

@@ -126,7 +126,7 @@ def _floor(path: Path, size: int) -> dict[str, float]:
 
 
 def random_splats(count: int) -> Gaussians:
-    """Return splats all over a cubic metre, of every shape, with colours that change with the direction."""
+    """Return splats all over a cubic metre, of every shape, with colors that change with the direction."""
     rng = np.random.default_rng(0)
     size = count ** (-1 / 3)  # about as large as they are apart
     sh = rng.normal(0.0, 0.1, (count, (DEGREE + 1) ** 2, 3))

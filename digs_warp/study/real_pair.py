@@ -44,7 +44,7 @@ class WarpedRays:
         order = np.argsort(value)  # the nearest is written last
         rows, columns, value = rows[order], columns[order], value[order]
         target = columns - value
-        # Both neighbours: adjacent pixels of a slanted surface can land two pixels apart.
+        # Both neighbors: adjacent pixels of a slanted surface can land two pixels apart.
         for column in (np.floor(target), np.ceil(target)):
             inside = (column >= 0) & (column < width)
             np.maximum.at(front, (rows[inside], column[inside].astype(int)), value[inside])

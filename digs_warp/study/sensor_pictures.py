@@ -37,7 +37,7 @@ MOST = 95  # percent
 WINDOWS = (0.35, 0.5, 1.0)
 HELD = 0.3
 
-# Largest ratio of disparities that the colours span; anything farther has the colour of the far end.
+# Largest ratio of disparities that the colors span; anything farther has the color of the far end.
 LARGEST_RATIO = 8.0
 
 # Errors above this are bad pixels, as Middlebury counts them [px].
@@ -128,7 +128,7 @@ def depth_strip(figure: DepthFigure, path: Path) -> None:
     error = sensed.disparity - truth.disparity
     scale = _full_scale(np.abs(error[figure.changed]))
     low, high = np.nanpercentile(truth.disparity[rows, columns], [1, 99])
-    # Equal ratios of disparity are equal steps of colour, so that far things keep theirs beside near ones.
+    # Equal ratios of disparity are equal steps of color, so that far things keep theirs beside near ones.
     low = max(low, high / LARGEST_RATIO)
     norm = LogNorm(low, max(high, 1.5 * low), clip=True)
     near_far = {"cmap": _with_holes("turbo"), "norm": norm}
@@ -185,7 +185,7 @@ def _full_scale(errors: np.ndarray) -> float:
 
 
 def _with_holes(name: str) -> Any:
-    """Return a colour map that draws missing values black."""
+    """Return a color map that draws missing values black."""
     import matplotlib
 
     return matplotlib.colormaps[name].with_extremes(bad="black")

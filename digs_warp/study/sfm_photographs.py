@@ -1,6 +1,6 @@
 """Photographs of a walk around the built-in object, for the benchmarks of structure from motion.
 
-Left images only, with the colour errors of the sensor or of an ideal camera. The folder is a capture without
+Left images only, with the color errors of the sensor or of an ideal camera. The folder is a capture without
 depth. A complete one is reused, and an interrupted one is continued.
 """
 

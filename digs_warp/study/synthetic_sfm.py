@@ -71,7 +71,7 @@ def with_disparity_offset(depth: np.ndarray, offset: float, focal_baseline: floa
 def _surface_points(
     frame: Frame, depth: np.ndarray, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return world points and colours at random pixels with true depth."""
+    """Return world points and colors at random pixels with true depth."""
     rows, columns = np.nonzero(np.isfinite(depth))
     chosen = rng.choice(len(rows), size=min(count, len(rows)), replace=False)
     rows, columns = rows[chosen], columns[chosen]

@@ -1,1 +1,1 @@
-"""Surfaces of Gaussians: rendered depth fused into a coloured triangle mesh."""
+"""Surfaces of Gaussians: rendered depth fused into a colored triangle mesh."""

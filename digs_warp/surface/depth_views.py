@@ -1,4 +1,4 @@
-"""Colour and median depth of the Gaussians, as seen from each camera."""
+"""Color and median depth of the Gaussians, as seen from each camera."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from digs_warp.splat.renderer import SplatRenderer
 
 MEDIAN = 1  # the channel of the renderer's depth planes
 
-# Below this coverage, the colour of a pixel is meaningless.
+# Below this coverage, the color of a pixel is meaningless.
 LEAST_ALPHA = 1e-3
 
 

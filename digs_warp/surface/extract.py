@@ -1,4 +1,4 @@
-"""Gaussians -> a coloured triangle mesh: where to look from, how fine, what to leave out."""
+"""Gaussians -> a colored triangle mesh: where to look from, how fine, what to leave out."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from digs_warp.surface.fuse import fuse_views
 # Voxels along the diameter of the ball around the scene, if the user gives no size.
 VOXELS_ACROSS = 160
 
-# Depth further than this many radii from the centre is not part of the object.
+# Depth further than this many radii from the center is not part of the object.
 BALL_MARGIN = 1.3
 
 # Mask values of a segmentation above this are object.

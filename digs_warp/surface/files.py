@@ -1,4 +1,4 @@
-"""Coloured meshes as files: GLB (glTF 2.0) and PLY."""
+"""Colored meshes as files: GLB (glTF 2.0) and PLY."""
 
 import json
 import struct
@@ -23,7 +23,7 @@ _VERTEX_BUFFER, _INDEX_BUFFER = 34962, 34963
 
 
 def write_mesh(path: Path, mesh: TriangleMesh) -> None:
-    """Write a ``.glb`` (Y up, linear colours in 16 bits) or a ``.ply`` (our axes, sRGB in 8 bits).
+    """Write a ``.glb`` (Y up, linear colors in 16 bits) or a ``.ply`` (our axes, sRGB in 8 bits).
 
     Raises:
         DigsError: another suffix, or a mesh without triangles.
@@ -60,9 +60,9 @@ def _ply(mesh: TriangleMesh) -> bytes:
 
 
 def _glb(mesh: TriangleMesh) -> bytes:
-    """Return a GLB file. trimesh would write 8-bit colours, of which linear ones leave dark tones few."""
+    """Return a GLB file. trimesh would write 8-bit colors, of which linear ones leave dark tones few."""
     points = (mesh.points_world @ GLTF_FROM_WORLD.T).astype("<f4")
-    linear = np.ones((len(points), 4))  # glTF vertex colours are linear
+    linear = np.ones((len(points), 4))  # glTF vertex colors are linear
     linear[:, :3] = linear_from_srgb(mesh.colors)
     buffers = [
         (points, _FLOAT, "VEC3", _VERTEX_BUFFER),
@@ -91,7 +91,7 @@ def _glb(mesh: TriangleMesh) -> bytes:
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "surface"}],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}],
-        # The colours hold the light of the scene already: fully rough, no metal.
+        # The colors hold the light of the scene already: fully rough, no metal.
         "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}],
         "buffers": [{"byteLength": start}],
         "bufferViews": views,

@@ -1,6 +1,6 @@
 # open3d's compiled modules come without usable stubs:
 # pyright: reportAttributeAccessIssue=false, reportCallIssue=false
-"""Depth views -> a coloured triangle mesh: a truncated signed distance field (Curless and Levoy 1996).
+"""Depth views -> a colored triangle mesh: a truncated signed distance field (Curless and Levoy 1996).
 
 Open3D's sparse voxel grid does the work: every view moves the voxels near its surface towards their
 signed distance along the line of sight; the mesh is the zero level of the mean (marching cubes).
@@ -40,7 +40,7 @@ def fuse_views(
     Args:
         views: at least `LEAST_VIEWS` of each part that is to be seen.
         voxel: edge of a voxel [m]; details below are lost.
-        center_world: centre of the ball [m]; depth outside is left out, so strays cost no memory.
+        center_world: center of the ball [m]; depth outside is left out, so strays cost no memory.
         radius: of the ball [m].
 
     Raises:
@@ -97,7 +97,7 @@ def _integrate(grid: object, view: DepthView, depth: np.ndarray) -> bool:
         return False
     open3d = import_open3d()
     tensor, image = open3d.core.Tensor, open3d.t.geometry.Image
-    # The grid cuts projected coordinates down to pixel numbers: pixel centres are at 0.5, as ours are.
+    # The grid cuts projected coordinates down to pixel numbers: pixel centers are at 0.5, as ours are.
     k = tensor(view.camera.intrinsics.matrix)
     cam_from_world = tensor(view.camera.cam_from_world)
     depth_image = image(tensor(depth))

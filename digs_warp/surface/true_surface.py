@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def read_true_surface(capture: Path) -> "TriangleMesh | None":
     """Return the object of a capture that 'digs-warp simulate' wrote; None for any other recording.
 
-    The mesh file is loaded, scaled and placed as in the simulation. Its colours are those of its materials
+    The mesh file is loaded, scaled and placed as in the simulation. Its colors are those of its materials
     and textures at the vertices.
 
     Raises:

@@ -71,7 +71,7 @@ def render(
     """Render one view of Gaussians.
 
     Args:
-        means: centres [m], shape (n, 3); this and the next four as in `digs_warp.data.gaussians.Gaussians`.
+        means: centers [m], shape (n, 3); this and the next four as in `digs_warp.data.gaussians.Gaussians`.
         log_scales: shape (n, 3).
         quats: xyzw, shape (n, 4).
         opacity_logits: shape (n,).
@@ -79,7 +79,7 @@ def render(
         camera: from where.
         pose: a motion of the camera to optimize, shape (6,), see `moved_camera`.
         near: near plane [m]; default: a share of the distance to the middle of the Gaussians.
-        background: sRGB colour, or image of shape (height, width, 3), behind the Gaussians; a constant.
+        background: sRGB color, or image of shape (height, width, 3), behind the Gaussians; a constant.
         options: how splats are drawn, and whether depth and normals are wanted.
 
     Raises:

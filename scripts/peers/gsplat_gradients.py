@@ -5,9 +5,9 @@
 
 Of gsplat's PyTorch reference, the projection and the spherical harmonics run on a CPU; its pixels need CUDA
 (the lists of pixels per splat and nerfacc's scans have no other version). So the first table takes projection
-and colours from gsplat, blends every pixel with every splat in float64 by the formula of 3DGS, and lets
+and colors from gsplat, blends every pixel with every splat in float64 by the formula of 3DGS, and lets
 PyTorch differentiate all of it: nothing in it is ours but the blending. The second table times what runs in
-both: projection and colours, forward and backward.
+both: projection and colors, forward and backward.
 """
 
 import argparse
@@ -44,7 +44,7 @@ def random_gaussians(count: int, rng: np.random.Generator) -> Gaussians:
 
 
 def camera(width: int, height: int) -> Camera:
-    """A camera at the origin whose principal point is off the centre."""
+    """A camera at the origin whose principal point is off the center."""
     focal = 0.9 * width
     center = (0.47 * width, 0.54 * height)
     return Camera(Intrinsics(width, height, focal, focal, *center), np.eye(4))
@@ -53,7 +53,7 @@ def camera(width: int, height: int) -> Camera:
 def gsplat_projection(
     p: dict[str, torch.Tensor], view: Camera
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Return centres [px] (n, 2), conics (n, 3), colours (n, 3) and depths (n,), all by gsplat."""
+    """Return centers [px] (n, 2), conics (n, 3), colors (n, 3) and depths (n,), all by gsplat."""
     k = view.intrinsics
     dtype = p["means"].dtype
     matrix = torch.tensor([[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]], dtype=dtype)
@@ -135,7 +135,7 @@ def compare_gradients(splats: int, seeds: int) -> list[Result]:
 
 
 def compare_times(splats: int) -> list[Result]:
-    """Return times [ms] of projection and colours, forward and backward, float32, all cores."""
+    """Return times [ms] of projection and colors, forward and backward, float32, all cores."""
     view = camera(1280, 720)
     gaussians = random_gaussians(splats, np.random.default_rng(0))
     p = {

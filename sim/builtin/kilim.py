@@ -1,4 +1,4 @@
-"""The texture of the cloth: a kilim, woven thread by thread from a pattern of coloured bands.
+"""The texture of the cloth: a kilim, woven thread by thread from a pattern of colored bands.
 
 The pattern is drawn on a grid with one cell per crossing of threads. Each cell is then filled with the
 image of a crossing: in a plain weave the weft is on top in every other cell, the warp in the others.
@@ -33,7 +33,7 @@ PALETTE = np.array(
 )
 WARP_WOOL = np.array((0.80, 0.72, 0.58), np.float32)
 
-# Bands from the hem upward: (kind, wefts, ground colour, figure colours).
+# Bands from the hem upward: (kind, wefts, ground color, figure colors).
 BANDS: tuple[tuple[str, int, int, tuple[int, ...]], ...] = (
     ("plain", 3, UMBER, ()),
     ("plain", 2, CREAM, ()),
@@ -60,7 +60,7 @@ def kilim_texture(rng: np.random.Generator) -> np.ndarray:
 
 
 def _pattern(rng: np.random.Generator) -> np.ndarray:
-    """Return the colour index of every crossing, row 0 on top, shape (WEFTS, WARPS)."""
+    """Return the color index of every crossing, row 0 on top, shape (WEFTS, WARPS)."""
     rows = []
     for kind, height, ground, figures in BANDS:
         band = np.full((height, WARPS), ground)
@@ -83,7 +83,7 @@ def _draw_zigzag(band: np.ndarray, figures: tuple[int, ...]) -> None:
 
 
 def _draw_diamonds(band: np.ndarray, figures: tuple[int, ...], rng: np.random.Generator) -> None:
-    """Stepped diamonds; no two neighbours have the same colours, so that every place looks different."""
+    """Stepped diamonds; no two neighbors have the same colors, so that every place looks different."""
     height, width = len(band), 32
     x = np.abs(np.arange(width) - (width - 1) / 2)[None, :]
     y = np.abs(np.arange(height) - (height - 1) / 2)[:, None]
@@ -114,7 +114,7 @@ def _draw_steps(band: np.ndarray, figures: tuple[int, ...], rng: np.random.Gener
 
 
 def _weave(colors: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the image of the threads, sRGB 0..1, float32, from the colours of the crossings."""
+    """Return the image of the threads, sRGB 0..1, float32, from the colors of the crossings."""
     size = TEXELS_PER_THREAD
     shape = (WEFTS * size, WARPS * size)
     # Every weft, every warp and every crossing has a slightly different shade.

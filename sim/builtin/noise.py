@@ -32,7 +32,7 @@ def periodic_noise(
 
 
 def mix(a: np.ndarray, b: np.ndarray, share: np.ndarray | float) -> np.ndarray:
-    """Blend two colours or colour images; ``share`` is that of b, 0..1, shape (height, width) or a number."""
+    """Blend two colors or color images; ``share`` is that of b, 0..1, shape (height, width) or a number."""
     share = np.asarray(share, np.float32)
     if share.ndim:
         share = share[..., None]

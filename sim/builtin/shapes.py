@@ -81,7 +81,7 @@ def ring_patch(rows: np.ndarray, uvs: np.ndarray) -> Patch:
 
 
 def _mended(normals: np.ndarray, along: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Return unit normals; where a ring has collapsed to a point, those of the neighbouring ring."""
+    """Return unit normals; where a ring has collapsed to a point, those of the neighboring ring."""
     count, around, _ = along.shape
     normals = normals.reshape(count, around, 3).copy()
     length = np.linalg.norm(normals, axis=2)

@@ -93,7 +93,7 @@ def check_gltf(path: Path, header: dict[str, Any]) -> None:
 
 
 def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) -> None:
-    """Raise a `MeshError` if a base-colour texture named in the header is not in ``loaded``.
+    """Raise a `MeshError` if a base-color texture named in the header is not in ``loaded``.
 
     Args:
         path: for the message.

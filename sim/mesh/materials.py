@@ -11,7 +11,7 @@ from digs_warp.sim.mesh.parts import MeshPart
 from digs_warp.sim.mesh.pixels import alpha_pixels, color_texture, mean_over_surface, rgb_pixels
 from digs_warp.sim.scene import Material
 
-# Colour of a mesh without any colour: light grey clay, linear.
+# Color of a mesh without any color: light gray clay, linear.
 PLAIN_COLOR = (0.4, 0.4, 0.4)
 PLAIN_ROUGHNESS = 0.8
 
@@ -66,9 +66,9 @@ def _is_empty(source: Any) -> bool:
 
 
 def _simple_material(source: Any, parts: list[MeshPart]) -> Material:
-    """Convert a material of an MTL file: colours are sRGB, as in most programs.
+    """Convert a material of an MTL file: colors are sRGB, as in most programs.
 
-    With a texture the diffuse colour is ignored: exporters write any colour there, even black.
+    With a texture the diffuse color is ignored: exporters write any color there, even black.
     """
     name = str(source.name)
     texture = color_texture(source.image, name, parts)

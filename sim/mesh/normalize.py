@@ -70,7 +70,7 @@ def drop_unused_vertices(triangles: Triangles) -> Triangles:
 
 
 def place_upright(triangles: Triangles, up: str, size: float) -> tuple[Triangles, float]:
-    """Turn the axis ``up`` ("x", "y" or "z") to z, centre the box, scale its longest edge to ``size`` [m].
+    """Turn the axis ``up`` ("x", "y" or "z") to z, center the box, scale its longest edge to ``size`` [m].
 
     Returns:
         The triangles in the world, and the metres per unit of the source.

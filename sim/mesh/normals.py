@@ -47,7 +47,7 @@ def _with_computed_normals(triangles: Triangles, missing: np.ndarray) -> Triangl
     keeps_own = ~missing[corners]
     normals[keeps_own] = triangles.normals[corners[keeps_own]]
 
-    # Corners become one vertex again where position, texture, colour and normal are the same.
+    # Corners become one vertex again where position, texture, color and normal are the same.
     rows = np.hstack([triangles.vertices, triangles.uvs, triangles.colors])[corners]
     keys = np.hstack([rows, np.round(normals / SAME_NORMAL) + 0.0])
     first, inverse = unique_rows(keys)

@@ -20,7 +20,7 @@ class MeshPart:
         uvs: texture coordinates, v = 0 is the bottom row, shape (n, 2), float64; None: none.
         colors: linear RGB in 0..1, shape (n, 3), float32; 1 where the file has none.
         material: a material of trimesh, or None.
-        colored: whether the file has colours per vertex or per face.
+        colored: whether the file has colors per vertex or per face.
     """
 
     vertices: np.ndarray
@@ -37,7 +37,7 @@ def parts_of_scene(loaded: Any, linear_colors: bool) -> list[MeshPart]:
 
     Args:
         loaded: a `trimesh.Scene`; points and lines in it are ignored.
-        linear_colors: whether vertex colours are linear (glTF says so) or sRGB (what PLY and OBJ hold).
+        linear_colors: whether vertex colors are linear (glTF says so) or sRGB (what PLY and OBJ hold).
     """
     import trimesh
 
@@ -116,7 +116,7 @@ def _uvs(mesh: Any) -> np.ndarray | None:
 
 
 def _file_colors(mesh: Any) -> tuple[np.ndarray | None, bool]:
-    """Return the stored colours, in 0..1, and whether they belong to faces instead of vertices."""
+    """Return the stored colors, in 0..1, and whether they belong to faces instead of vertices."""
     visual = mesh.visual
     attributes = getattr(visual, "vertex_attributes", {})
     if visual.kind == "vertex":

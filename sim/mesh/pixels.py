@@ -26,7 +26,7 @@ def rgb_pixels(image: Any, name: str) -> np.ndarray:
         ValueError: truncated or in an unknown encoding.
     """
     try:
-        if image.mode.startswith("I"):  # 16-bit grey: PIL's own conversion clips at 255
+        if image.mode.startswith("I"):  # 16-bit gray: PIL's own conversion clips at 255
             grey = (np.asarray(image).astype(np.float64) / 257.0).clip(0, 255)
             return np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, axis=2)
         return np.ascontiguousarray(np.asarray(image.convert("RGB"), np.uint8))

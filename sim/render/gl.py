@@ -1,6 +1,6 @@
 """The OpenGL renderer (pyrender on EGL): an independent check of the ray caster, and an alternative.
 
-Depth, masks, normals and material ids mean the same as the ray caster's. Colours are simpler: one light and
+Depth, masks, normals and material ids mean the same as the ray caster's. Colors are simpler: one light and
 an ambient level replace the environment, there are no shadows, and each pixel always has four samples. Rays
 for the sensor's effects use the ray caster's BVH.
 """
@@ -67,7 +67,7 @@ class GlRenderer:
         self._surround = [self._drawing.add(sphere)]
         two_lights(self._pyrender, self._drawing, light.struct.irradiance.numpy())
         self._has_glass = any(is_see_through(material) for material in scene.materials)
-        # Ids as colours; 0 is the background.
+        # Ids as colors; 0 is the background.
         self._id_colors = {node: _id_color(int(node.mesh.name) + 1) for node in self._shown}
 
     def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
@@ -100,7 +100,7 @@ class GlRenderer:
         return exposure_by_views(self, track, samples, seed)
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return depth, world normals and material ids at the pixel centres.
+        """Return depth, world normals and material ids at the pixel centers.
 
         Normals have eight bits: they are off by about half a degree.
         """
@@ -134,7 +134,7 @@ class GlRenderer:
         flags: int,
         background: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Draw some of the meshes; return colours, uint8, and planar depth [m], 0 where there is nothing.
+        """Draw some of the meshes; return colors, uint8, and planar depth [m], 0 where there is nothing.
 
         All meshes stay in one scene: pyrender uploads a mesh again each time it is added.
         """

@@ -43,7 +43,7 @@ def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
 
 
 def normal_mesh(pyrender: Any, scene: Scene) -> Any:
-    """Return the scene with its normals as vertex colours, those of the back reversed."""
+    """Return the scene with its normals as vertex colors, those of the back reversed."""
     faces = _faces_along_normals(scene)
     normals = np.concatenate([scene.normals, -scene.normals])
     primitive = pyrender.Primitive(

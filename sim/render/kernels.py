@@ -42,7 +42,7 @@ GOLDEN_RATIO = wp.constant(0.6180339887498949)
 # Upper limit of a sample, as a multiple of full white.
 SAMPLE_LIMIT = wp.constant(4.0)
 
-# From the centre of a pixel to its corner [px], rounded up.
+# From the center of a pixel to its corner [px], rounded up.
 HALF_DIAGONAL = wp.constant(0.75)
 
 # A ray that carries less than this share of the light ends.
@@ -248,7 +248,7 @@ def geometry_kernel(
     normals: wp.array[wp.vec3],  # [pixels] world, toward the viewer
     materials: wp.array[int],  # [pixels] -1: surround
 ):
-    """Cast one ray through the exact centre of a pixel."""
+    """Cast one ray through the exact center of a pixel."""
     pixel = first + wp.tid()
     x = float(pixel % view.width) + 0.5
     y = float(pixel // view.width) + 0.5

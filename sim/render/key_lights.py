@@ -39,7 +39,7 @@ class KeyLights:
     count: int
     vectors: wp.array[wp.vec3]  # [count] unit direction of the vector irradiance
     colors: wp.array[wp.vec3]  # [count] irradiance at normal incidence over pi, exposed
-    strengths: wp.array[float]  # [count] luminance of the colours
+    strengths: wp.array[float]  # [count] luminance of the colors
     points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions of equal strength
 
 
@@ -65,7 +65,7 @@ def choose_key(keys: KeyLights, normal: wp.vec3, pick: float) -> KeyChoice:
     """Choose a spot with a probability proportional to its light, and a point of it.
 
     The total light times the visibility of that point is an unbiased estimate of the shadowed light (for
-    spots of one colour). ``pick`` is uniform in 0..1.
+    spots of one color). ``pick`` is uniform in 0..1.
     """
     choice = KeyChoice()
     for k in range(keys.count):
@@ -116,7 +116,7 @@ def take_out_spots(radiance: np.ndarray) -> tuple[np.ndarray, KeyLights]:
 
 
 def _spot(directions: np.ndarray, flux: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vector direction (3,), colour (3,) and points (SPOT_POINTS, 3) of one spot.
+    """Return vector direction (3,), color (3,) and points (SPOT_POINTS, 3) of one spot.
 
     Args:
         directions: of its pixels, shape (n, 3).

@@ -1,4 +1,4 @@
-"""The material at a hit: colour, finish, emission and normal, filtered over the ray's cone."""
+"""The material at a hit: color, finish, emission and normal, filtered over the ray's cone."""
 
 import warp as wp
 
@@ -33,7 +33,7 @@ class Look:
 
 @wp.func
 def base_color(surface: Surface, hit: wp.MeshQueryRay, uv: wp.vec2, level: float) -> wp.vec3:
-    """Linear colour of the hit: factor times vertex colour times filtered texture."""
+    """Linear color of the hit: factor times vertex color times filtered texture."""
     corner = 3 * hit.face
     w = 1.0 - hit.u - hit.v
     color = (

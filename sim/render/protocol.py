@@ -20,10 +20,10 @@ class RenderedView:
     Attributes:
         image: sRGB, shape (height, width, 3), uint8.
         mask: share of each pixel that the object covers, 0..255, shape (height, width), uint8.
-        depth: planar z at the pixel centres [m], shape (height, width), float32; the surround has the
+        depth: planar z at the pixel centers [m], shape (height, width), float32; the surround has the
             depth of its sphere.
-        normals_world: unit normals toward the viewer at the pixel centres, (height, width, 3), float32.
-        material_ids: material at the pixel centres, (height, width), int32; -1: the surround.
+        normals_world: unit normals toward the viewer at the pixel centers, (height, width, 3), float32.
+        material_ids: material at the pixel centers, (height, width), int32; -1: the surround.
     """
 
     image: np.ndarray

@@ -80,7 +80,7 @@ class RaycastRenderer:
         return image.numpy().reshape(k.height, k.width, 3), mask.numpy().reshape(k.height, k.width)
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return depth, world normals and material ids at the pixel centres; see `RenderedView`."""
+        """Return depth, world normals and material ids at the pixel centers; see `RenderedView`."""
         view = make_view(camera, self.surround_radius)
         height, width = camera.intrinsics.height, camera.intrinsics.width
         depth = wp.empty(height * width, dtype=float, device="cpu")

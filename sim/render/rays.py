@@ -34,7 +34,7 @@ def right_visibility_kernel(
     # outputs
     visible: wp.array[wp.uint8],  # [pixels]
 ):
-    """Look from the right eye at the points that the left eye sees at some pixel centres."""
+    """Look from the right eye at the points that the left eye sees at some pixel centers."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -111,7 +111,7 @@ def reflection_kernel(
     # outputs
     distances: wp.array[float],  # [pixels] [m]
 ):
-    """Follow the reflected ray from the surface at a pixel centre to the next opaque surface."""
+    """Follow the reflected ray from the surface at a pixel center to the next opaque surface."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -143,7 +143,7 @@ def depth_behind_kernel(
     # outputs
     depth: wp.array[float],  # [pixels] planar z [m]
 ):
-    """Look through all transparent surfaces at a pixel centre."""
+    """Look through all transparent surfaces at a pixel center."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -184,7 +184,7 @@ class SurfaceRays:
     def right_visibility(
         self, where: np.ndarray | None = None, depth: np.ndarray | None = None
     ) -> np.ndarray:
-        """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
+        """Whether the right eye sees the point at each left pixel center, (height, width), bool.
 
         A point is seen if nothing opaque is in the way and both eyes see the same side of the surface.
         Points outside the right image count as seen. Rays are cast only at ``where``, (height, width),

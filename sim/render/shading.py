@@ -3,7 +3,7 @@
 The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat. The coat's
 reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
 Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, corrected
-for light that bounces between coloured walls (Jimenez et al., "Practical Realtime Strategies for Accurate
+for light that bounces between colored walls (Jimenez et al., "Practical Realtime Strategies for Accurate
 Indirect Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal reflects
 the object itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
 """
@@ -31,7 +31,7 @@ FAINT_KEY = wp.constant(0.005)
 
 @wp.func
 def with_bounces(openness: float, albedo: float) -> float:
-    """Openness for one colour channel, corrected for light that bounces between walls of that albedo."""
+    """Openness for one color channel, corrected for light that bounces between walls of that albedo."""
     a = 2.0404 * albedo - 0.3324
     b = -4.7951 * albedo + 0.6417
     c = 2.7552 * albedo + 0.6903

@@ -4,7 +4,7 @@ The level of a look-up follows from the ray cone: the width of a pixel's cone at
 angle of incidence, compared with the size of a texel (Akenine-Moller et al., "Texture
 Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019, eq. 20-6).
 
-Texels are bytes packed into one 32-bit word: a quarter of the memory traffic of linear floats. Colours are
+Texels are bytes packed into one 32-bit word: a quarter of the memory traffic of linear floats. Colors are
 sRGB bytes, averaged in linear light: a table of 256 values decodes them. A second table is for linear
 quantities (roughness, normals).
 """
@@ -23,7 +23,7 @@ from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 
 wp.set_module_options({"enable_backward": False})
 
-# Byte -> value: the table of colours, followed by that of linear quantities. SRGB and LINEAR are their first
+# Byte -> value: the table of colors, followed by that of linear quantities. SRGB and LINEAR are their first
 # indices.
 BYTES = np.arange(256) / 255.0
 DECODE = np.concatenate([linear_from_srgb(BYTES), BYTES]).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Random numbers correlated between neighbouring pixels: matchers fail in patches, not in single pixels."""
+"""Random numbers correlated between neighboring pixels: matchers fail in patches, not in single pixels."""
 
 import numpy as np
 

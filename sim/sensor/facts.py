@@ -141,7 +141,7 @@ def _steps(truth: FrameTruth, visible: np.ndarray) -> dict[str, float]:
         last, window = disparity.shape[1] - 1, truth.rig.window
         near = np.clip(steps.near - window * steps.away, 0, last)
         far = np.clip(steps.far + window * steps.away, 0, last)
-        # Plus one grey level: texture below the rounding of the image does not count.
+        # Plus one gray level: texture below the rounding of the image does not count.
         ratio = (truth.gradient[steps.rows, near] + 1) / (truth.gradient[steps.rows, far] + 1)
         facts["step_contrast"] = float(np.median(np.log(ratio)))
     return facts

@@ -22,7 +22,7 @@ class FrameRays(Protocol):
     def right_visibility(
         self, where: np.ndarray | None = None, depth: np.ndarray | None = None
     ) -> np.ndarray:
-        """Whether the right eye sees the point at each left pixel centre, (height, width), bool.
+        """Whether the right eye sees the point at each left pixel center, (height, width), bool.
 
         Here and below, rays are cast only at ``where``, (height, width), bool; None: everywhere. The
         other pixels count as visible. ``depth``: planar z of what the left eye sees [m], (height, width),
@@ -49,7 +49,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class FrameTruth:
-    """The truth of one frame, as rendered, at the pixel centres of the left eye.
+    """The truth of one frame, as rendered, at the pixel centers of the left eye.
 
     Attributes:
         number: of the frame, >= 0; part of every seed.

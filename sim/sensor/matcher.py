@@ -57,7 +57,7 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
     """Return the disparity of a rectified pair [px], shape (height, width), float32, NaN: no match.
 
     Args:
-        left: grey image, (height, width), uint8.
+        left: gray image, (height, width), uint8.
         right: of the same size.
         disparities: end of the search range, which begins at 0 [px], exclusive; a multiple of 16.
         window: width of the square block, odd.

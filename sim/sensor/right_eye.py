@@ -30,7 +30,7 @@ SEEN = wp.constant(0)
 UNSURE = wp.constant(1)
 HIDDEN = wp.constant(2)
 
-# An edge may lie anywhere between two pixel centres. Half a pixel finds 99.5 % of the hidden pixels, and
+# An edge may lie anywhere between two pixel centers. Half a pixel finds 99.5 % of the hidden pixels, and
 # sends 4 to 10 % of all pixels of the sample meshes to the rays.
 BETWEEN_PIXELS = wp.constant(0.5)
 
@@ -48,7 +48,7 @@ _BLOCK = wp.constant(32)
 
 @wp.func
 def steps_that_may_hide(here: wp.array[float], right: wp.array[float]) -> int:
-    """Count the pixels of a block whose right neighbour does not land at least half a pixel to the right."""
+    """Count the pixels of a block whose right neighbor does not land at least half a pixel to the right."""
     count = int(0)
     for x in range(_BLOCK):
         apart = 1.0 + here[x] - right[x]

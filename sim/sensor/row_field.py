@@ -45,10 +45,10 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Weights of a sum of TAPS neighbouring values, for each place along an axis.
+    """Weights of a sum of TAPS neighboring values, for each place along an axis.
 
     Attributes:
-        first: index of the first neighbour, (size,), int32.
+        first: index of the first neighbor, (size,), int32.
         weights: of each of them, (size, TAPS), float32.
     """
 
@@ -116,9 +116,9 @@ def stretched(grid: np.ndarray, down: Taps, across: Taps, shape: tuple[int, int]
 
 
 def interpolated(grid: np.ndarray, step: int, shape: tuple[int, int]) -> RowField:
-    """Return a grid as a field, interpolated linearly between the centres of its cells.
+    """Return a grid as a field, interpolated linearly between the centers of its cells.
 
-    Beyond the first and the last centre the value is constant.
+    Beyond the first and the last center the value is constant.
 
     Args:
         grid: one value per ``step`` x ``step`` pixels, float32; the last cells may have fewer pixels.
@@ -133,10 +133,10 @@ def interpolated(grid: np.ndarray, step: int, shape: tuple[int, int]) -> RowFiel
 
 
 def _linear_taps(size: int, cells: int, step: int) -> Taps:
-    """Return taps for linear interpolation between the centres of ``cells`` cells of ``step`` pixels."""
+    """Return taps for linear interpolation between the centers of ``cells`` cells of ``step`` pixels."""
     place = np.clip((np.arange(size) + 0.5) / step - 0.5, 0, cells - 1)
     first = np.minimum(place.astype(np.int32), max(cells - TAPS, 0))
-    # The weight of a cell falls to 0 at the centres of its neighbours.
+    # The weight of a cell falls to 0 at the centers of its neighbors.
     distance = np.abs(place[:, None] - first[:, None] - np.arange(TAPS))
     return Taps(first.astype(np.int32), np.maximum(1 - distance, 0).astype(np.float32))
 

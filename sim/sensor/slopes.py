@@ -24,7 +24,7 @@ _PIECE = wp.constant(64)
 
 @wp.func
 def slope_between(before: float, here: float, after: float) -> float:
-    """The smaller of the differences to both neighbours; 0 where it is unknown."""
+    """The smaller of the differences to both neighbors; 0 where it is unknown."""
     back = here - before
     forth = after - here
     slope = wp.where(wp.abs(back) < wp.abs(forth), back, forth)
@@ -33,7 +33,7 @@ def slope_between(before: float, here: float, after: float) -> float:
 
 @wp.kernel
 def _slope_kernel(first: int, disparity: wp.array[float], width: int, slopes: wp.array[float]):
-    """Slopes along one row of 2 pixels or more; at the ends the only neighbour counts, whatever its step."""
+    """Slopes along one row of 2 pixels or more; at the ends the only neighbor counts, whatever its step."""
     start = (first + wp.tid()) * width
     line = floats_from(disparity, start, width)
     out = floats_from(slopes, start, width)
@@ -67,7 +67,7 @@ def _steep_kernel(
     """Process one row; slopes along columns use the rows above and below."""
     row = first + wp.tid()
     start = row * width
-    # In the first and the last row only one neighbour counts: the other is infinitely far away.
+    # In the first and the last row only one neighbor counts: the other is infinitely far away.
     middle = wp.where(row == height - 1, wp.max(height - 2, 0), row)
     at_end = height > 1 and (row == 0 or row == height - 1)
     away = wp.where(at_end, wp.inf, 0.0)
@@ -96,7 +96,7 @@ def _steep_kernel(
 def surface_slope(disparity: np.ndarray) -> np.ndarray:
     """Return the change of disparity along rows, on the surface [px/px], same shape, float32.
 
-    The smaller of the differences to both neighbours: at a step, that is the one on the same surface. 0 where
+    The smaller of the differences to both neighbors: at a step, that is the one on the same surface. 0 where
     there is none.
 
     Args:

@@ -27,12 +27,12 @@ _PIECE = wp.constant(64)
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Jumps of disparity between two neighbours along the last axis; all shapes (n,).
+    """Jumps of disparity between two neighbors along the last axis; all shapes (n,).
 
     Attributes:
         rows: row of the pair.
         near: column of the nearer pixel.
-        far: column of the farther pixel, a neighbour of ``near``.
+        far: column of the farther pixel, a neighbor of ``near``.
     """
 
     rows: np.ndarray

@@ -50,7 +50,7 @@ _PIECE = wp.constant(PIECE)
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """How much grey values change along the rows.
+    """How much gray values change along the rows.
 
     Attributes:
         gradient: RMS in the matching window [DN/px], (height, width), float32.
@@ -73,7 +73,7 @@ class Texture:
 
 @wp.func
 def squared(left: wp.uint8, right: wp.uint8) -> float:
-    """Squared difference of two grey values: four times the squared gradient between them."""
+    """Squared difference of two gray values: four times the squared gradient between them."""
     difference = float(right) - float(left)
     return difference * difference
 
@@ -251,7 +251,7 @@ def noise_of(image_noise: float) -> float:
     """Return the noise of the luma, which a gradient must exceed to be matched [DN].
 
     Args:
-        image_noise: of each colour channel [DN]; the channels' noise is independent.
+        image_noise: of each color channel [DN]; the channels' noise is independent.
     """
     return max(LUMA_NOISE * image_noise, ROUNDING_NOISE)
 

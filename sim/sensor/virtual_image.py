@@ -8,7 +8,7 @@ from digs_warp.sim.sensor.steps import pixels_where
 # Concave mirrors can move the image to infinity or in front of the surface; this limits it [m].
 MAX_VIRTUAL_DISTANCE = 100.0
 
-# Neighbours whose depth differs by more than this share belong to different surfaces.
+# Neighbors whose depth differs by more than this share belong to different surfaces.
 SAME_SURFACE = 0.05
 
 
@@ -41,7 +41,7 @@ def virtual_disparity(truth: FrameTruth, where: np.ndarray) -> np.ndarray:
 def curvature_along_rows(truth: FrameTruth, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return the curvature of the surface along the rows [1/m] at some pixels, shape (n,).
 
-    Positive where convex (a sphere of radius r seen from outside: 1/r). Measured between the neighbours on
+    Positive where convex (a sphere of radius r seen from outside: 1/r). Measured between the neighbors on
     the same surface; 0 if there are none.
     """
     last = truth.depth.shape[1] - 1

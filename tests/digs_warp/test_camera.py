@@ -9,7 +9,7 @@ from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at, rigid
 
-# Nothing is centred, square or round.
+# Nothing is centered, square or round.
 INTRINSICS = Intrinsics(641, 358, 510.3, 498.7, 301.2, 190.4)
 
 

@@ -240,3 +240,9 @@ def test_a_reader_that_goes_away_is_no_error_to_talk_about(arguments: list[str])
     else:  # what goes to stderr still arrives
         assert result.returncode == 2
         assert b"--version-of-nothing" in result.stderr
+
+
+def test_the_package_runs_as_a_module() -> None:
+    command = [sys.executable, "-m", "digs_warp", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("digs-warp ")

@@ -144,7 +144,7 @@ def test_no_turn_changes_no_bit():
 
 def test_a_quarter_turn_swaps_coefficients_of_bands_0_and_1_exactly():
     sh = np.random.default_rng(4).normal(size=(10, 4, 3)).astype(np.float32)
-    sh[0, 2] = 0.0  # stays 0: no rounding noise of its neighbours may show
+    sh[0, 2] = 0.0  # stays 0: no rounding noise of its neighbors may show
     y_up = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     assert_array_equal(rotate_sh(rotate_sh(sh, y_up), y_up.T), sh)
     # Band 1 is (-y, z, -x): the new y is the old z, the new z is the old -y.

@@ -63,7 +63,7 @@ def test_autograd_gives_the_gradients_of_the_twin(dtype: Any) -> None:
 
 
 def test_gradcheck() -> None:
-    """Central differences of float32 kernels: with colours, in which the image is linear, and opacities."""
+    """Central differences of float32 kernels: with colors, in which the image is linear, and opacities."""
     means, log_scales, quats, opacities, sh = tensors(torch.float64)
     faint = (opacities.detach() - 1.0).requires_grad_()
 

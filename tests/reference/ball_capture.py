@@ -28,7 +28,7 @@ View = tuple[Camera, BallImages]
 
 
 def ball_view(angle: float, distance: float = 0.9) -> View:
-    """A ball at the origin inside a large sphere; colour = (unit normal + 1) / 2."""
+    """A ball at the origin inside a large sphere; color = (unit normal + 1) / 2."""
     eye = distance * np.array([np.cos(angle), np.sin(angle), 0.3])
     camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
     directions = camera.unproject(pixel_centers(80, 60), np.ones((60, 80))) - eye

@@ -27,7 +27,7 @@ def splats(count: int, seed: int = 0, degree: int = 3) -> Gaussians:
 
 
 def camera_path(views: int = 9, zoom: float = 0.0, baseline: float | None = BASELINE) -> CameraPath:
-    """Views around the origin; off-centre, non-square pixels; ``zoom`` lengthens fx from view to view."""
+    """Views around the origin; off-center, non-square pixels; ``zoom`` lengthens fx from view to view."""
     cameras = []
     for i in range(views):
         angle = 2 * np.pi * i / views

@@ -45,7 +45,7 @@ def noise(
     rate: float,
     extent: float,
 ) -> np.ndarray:
-    """How far one centre moves (3DGS-MCMC, equation 8), lengths in units of the extent."""
+    """How far one center moves (3DGS-MCMC, equation 8), lengths in units of the extent."""
     axes = rotation(quat) * np.exp(log_scale)
     covariance = axes @ axes.T / extent**2
     opacity = 1.0 / (1.0 + math.exp(-logit))

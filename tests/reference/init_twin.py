@@ -51,7 +51,7 @@ def back_projected(camera: Camera, depth: np.ndarray, keep: np.ndarray) -> np.nd
 
 
 def normals_of(camera: Camera, depth: np.ndarray, reach: int) -> np.ndarray:
-    """World normals toward the camera from central differences; NaN where a neighbour is unknown."""
+    """World normals toward the camera from central differences; NaN where a neighbor is unknown."""
     rows, columns = np.indices(depth.shape)
     k = camera.intrinsics
     rays = np.stack(

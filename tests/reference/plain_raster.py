@@ -42,14 +42,14 @@ _TILE = wp.constant(TILE_SIZE)
 
 @wp.func
 def falloff(splats: wp.array2d[float], g: int, dx: float, dy: float) -> float:
-    """exp(-q / 2) of splat g at an offset [px] from its centre."""
+    """exp(-q / 2) of splat g at an offset [px] from its center."""
     q = splats[g, SPLAT_A] * dx * dx + splats[g, SPLAT_C] * dy * dy
     return wp.exp(wp.min(-0.5 * q - splats[g, SPLAT_B] * dx * dy, 0.0))
 
 
 @wp.func
 def color_of(splats: wp.array2d[float], g: int) -> wp.vec3:
-    """Colour of splat g."""
+    """Color of splat g."""
     return wp.vec3(splats[g, SPLAT_RED], splats[g, SPLAT_GREEN], splats[g, SPLAT_BLUE])
 
 

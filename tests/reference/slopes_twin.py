@@ -4,7 +4,7 @@ import numpy as np
 
 
 def slopes_twin(disparity: np.ndarray, axis: int) -> np.ndarray:
-    """Return the smaller difference to the neighbours along an axis, 0 where there is none."""
+    """Return the smaller difference to the neighbors along an axis, 0 where there is none."""
     lines = np.moveaxis(disparity, axis, 1)
     slopes = np.zeros_like(lines)
     for line, out in zip(lines, slopes, strict=True):

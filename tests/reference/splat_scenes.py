@@ -20,7 +20,7 @@ class SplatScene:
 
 
 def camera(width: int = 41, height: int = 37, **intrinsics: float) -> Camera:
-    """A camera 0.7 m from the origin; off-centre, and no multiple of the tile size, by default."""
+    """A camera 0.7 m from the origin; off-center, and no multiple of the tile size, by default."""
     k = {"fx": 40.0, "fy": 38.0, "cx": 0.56 * width, "cy": 0.41 * height} | intrinsics
     pose = look_at(np.array([0.6, 0.2, 0.3]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     return Camera(Intrinsics(width, height, k["fx"], k["fy"], k["cx"], k["cy"]), pose)
@@ -72,7 +72,7 @@ def hard_cases() -> dict[str, SplatScene]:
     opaque = replace(behind, opacity_logits=np.full(20, 20.0, np.float32))
     # Wide and opaque enough to saturate every pixel of a tile: the rest of its list is skipped.
     wall = replace(opaque, log_scales=np.full((20, 3), np.log(0.4), np.float32))
-    # A centre outside the image and its margin, where the tangents are clamped, and wide enough to be seen.
+    # A center outside the image and its margin, where the tangents are clamped, and wide enough to be seen.
     aside = some.means.copy()
     aside[0] = view.center_world + 0.3 * forward + 0.45 * view.world_from_cam[:3, 0]
     aside_scales = some.log_scales.copy()

@@ -238,7 +238,7 @@ def render_twin(
     options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
     cut_width: float = 0.0,
 ) -> TwinImage:
-    """Composite all splats; ``background`` is a colour, (3,), or an image, (height, width, 3)."""
+    """Composite all splats; ``background`` is a color, (3,), or an image, (height, width, 3)."""
     k = camera.intrinsics
     shape = (k.height, k.width)
     depths = transform_points(camera.cam_from_world, p.means)[:, 2]

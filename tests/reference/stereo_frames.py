@@ -29,7 +29,7 @@ def make_rig(width: int = 320, height: int = 240, **changes: Any) -> StereoRig:
 
 
 def broadband(shape: tuple[int, int], seed: int = 0, contrast: float = 40.0) -> np.ndarray:
-    """A texture of all scales (amplitude 1/f) round mid-grey, (height, width, 3), uint8."""
+    """A texture of all scales (amplitude 1/f) round mid-gray, (height, width, 3), uint8."""
     rng = np.random.default_rng(seed)
     spectrum = np.fft.rfft2(rng.standard_normal(shape))
     frequency = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1]))
@@ -39,7 +39,7 @@ def broadband(shape: tuple[int, int], seed: int = 0, contrast: float = 40.0) -> 
 
 
 def flat(shape: tuple[int, int], value: int = 128) -> np.ndarray:
-    """An image of one grey value."""
+    """An image of one gray value."""
     return np.full((*shape, 3), value, dtype=np.uint8)
 
 

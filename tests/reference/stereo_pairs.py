@@ -55,7 +55,7 @@ def box_frame(
 ) -> tuple[FrameTruth, tuple[slice, slice]]:
     """A near rectangle in the middle of a far plane that knows what it hides to its left, and its pixels.
 
-    Textures are factors on a contrast of 30 DN round mid-grey, so the outline itself adds little.
+    Textures are factors on a contrast of 30 DN round mid-gray, so the outline itself adds little.
     """
     rig = rig or make_rig()
     k = rig.intrinsics

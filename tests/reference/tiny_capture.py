@@ -18,7 +18,7 @@ RADIUS = 0.2  # [m]
 
 
 def ball(count: int = 1500) -> Gaussians:
-    """A ball whose colour changes smoothly along its surface."""
+    """A ball whose color changes smoothly along its surface."""
     rng = np.random.default_rng(0)
     points = rng.normal(size=(count, 3))
     points *= RADIUS / np.linalg.norm(points, axis=1, keepdims=True)

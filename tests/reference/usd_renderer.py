@@ -3,7 +3,7 @@
 It shares no code with the package: attributes and metadata are read by their names, pixels come from the
 frustum of `Gf.Camera`, Jacobians from differences, spherical harmonics from Legendre functions. Splats are
 drawn as OpenUSD's reference renderer draws particle fields (front to back by planar depth, alpha capped
-at 0.99, colour 0.5 + SH), with the low-pass and the alpha cut that the file's metadata names.
+at 0.99, color 0.5 + SH), with the low-pass and the alpha cut that the file's metadata names.
 """
 
 from math import factorial, pi, sqrt

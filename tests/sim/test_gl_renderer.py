@@ -23,7 +23,7 @@ from digs_warp.sim.scene import Material, Scene
 from reference.plates import join_scenes, plate
 
 UP = np.array([0.0, 0.0, 1.0])
-INTRINSICS = Intrinsics(321, 181, 300.0, 310.0, 158.3, 93.1)  # off centre, on purpose
+INTRINSICS = Intrinsics(321, 181, 300.0, 310.0, 158.3, 93.1)  # off center, on purpose
 SKY = Environment(np.random.default_rng(0).uniform(0.2, 1.8, (16, 32, 3)).astype(np.float32))
 
 DATA = Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
@@ -105,7 +105,7 @@ def test_the_built_in_object_agrees_from_a_rolled_camera(
 def test_images_show_the_same_things_at_the_same_places(
     vase: tuple[GlRenderer, RaycastRenderer],
 ) -> None:
-    """Lighting differs, so colours are compared loosely, and the surround closely."""
+    """Lighting differs, so colors are compared loosely, and the surround closely."""
     camera = Camera(INTRINSICS, look_at(np.array([0.8, 0.3, 0.3]), np.zeros(3), UP))
     gl, rays = (renderer.render(camera) for renderer in vase)
     surround = (gl.mask == 0) & (rays.mask == 0)

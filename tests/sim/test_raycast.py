@@ -83,7 +83,7 @@ def sphere(radius: float, rings: int = 64) -> Scene:
 
 
 def rays_world(camera: Camera) -> np.ndarray:
-    """Rays through the pixel centres with z_cam = 1, shape (height, width, 3), float64."""
+    """Rays through the pixel centers with z_cam = 1, shape (height, width, 3), float64."""
     k = camera.intrinsics
     px = pixel_centers(k.width, k.height)
     return camera.unproject(px, np.ones(px.shape[:2])) - camera.center_world
@@ -218,7 +218,7 @@ def test_threads_and_earlier_frames_do_not_change_a_bit() -> None:
 
 
 def test_white_furnace_returns_the_colour_of_a_matte_surface() -> None:
-    """Light from everywhere: a matte convex object shows its own colour, plus the coat's few percent."""
+    """Light from everywhere: a matte convex object shows its own color, plus the coat's few percent."""
     scene = replace(sphere(0.3), materials=(replace(GREY, base_color=np.array([0.8, 0.4, 0.1])),))
     renderer = RaycastRenderer(scene, grey_sky())
     image, mask = renderer.render_image(CAMERA, samples_per_pixel=16)
@@ -323,7 +323,7 @@ def checkered_wall(square: int) -> Scene:
 
 
 def test_texture_finer_than_a_pixel_does_not_shimmer() -> None:
-    """Squares of a fifth of a pixel are an even grey, also when the camera moves."""
+    """Squares of a fifth of a pixel are an even gray, also when the camera moves."""
     renderer = RaycastRenderer(checkered_wall(square=4), grey_sky())
     for shift in (0.0, 0.004):
         camera = Camera(INTRINSICS, look_at(np.array([2.0, shift, 0]), np.array([0, shift, 0]), UP))

@@ -78,7 +78,7 @@ def test_every_frame_has_all_its_images(recording: Path) -> None:
 def test_true_depth_puts_the_object_back_where_it_stands(recording: Path) -> None:
     for frame in read_capture(recording).frames:
         points = frame.camera.unproject(pixel_centers(83, 47), frame.load_depth_true())
-        # Two samples may both hit where the centre just misses.
+        # Two samples may both hit where the center just misses.
         solid = points[(frame.load_mask() == 255) & (frame.load_depth_true() < 2.0)]
         np.testing.assert_allclose(np.abs(solid).max(axis=1), 0.2, atol=1e-5)
 

@@ -282,7 +282,7 @@ def test_a_white_surround_is_even() -> None:
 
 
 def test_a_sun_of_70000_leaves_no_speckles_on_matte_surfaces() -> None:
-    """No sample by chance meets the sun: neighbours on a plane look alike."""
+    """No sample by chance meets the sun: neighbors on a plane look alike."""
     environment, _ = sunny(sun=70000.0, sky=20.0)
     renderer = RaycastRenderer(floor(MATTE), environment)
     image, mask = renderer.render_image(ABOVE)

@@ -27,7 +27,7 @@ READOUT, EXPOSURE = 0.04, 0.03  # [s]
 
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
-    """A tall grey plate, narrower than the view, in a grey room."""
+    """A tall gray plate, narrower than the view, in a gray room."""
     grey = Material("grey", np.full(3, 0.2, np.float32))
     scene = plate((0, 0, 0), (0.3, 0, 0), (0, 0, 3.0), grey)
     return RaycastRenderer(scene, Environment(np.ones((16, 32, 3), np.float32), 20.0))

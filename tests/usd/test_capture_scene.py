@@ -204,7 +204,7 @@ def test_an_independent_renderer_draws_the_file_as_ours_draws_the_gaussians(
         drawn = render_usd(path, f"/Asset/Rig/{role}", view, np.array(background))
         psnr = -10 * np.log10(((ours.image - drawn) ** 2).mean())
         assert ours.image.std() > 0.1
-        # 90 dB with floats; halves round colours and places.
+        # 90 dB with floats; halves round colors and places.
         assert psnr > (80 if precision == "float" else 55)
 
 

@@ -201,7 +201,7 @@ def test_arrays_written_in_pieces_are_those_that_the_library_writes(
         found = ours.GetPrimAtPath(prim).GetAttribute(name)
         expected = theirs.GetPrimAtPath(prim).GetAttribute(name)
         assert found.GetTypeName() == expected.GetTypeName(), name
-        # The mean colour is summed up in another order.
+        # The mean color is summed up in another order.
         close = name == "primvars:displayColor"
         np.testing.assert_allclose(*numbers(found, expected), rtol=1e-6 if close else 0)
     assert ours.GetRootLayer().ExportToString().count(

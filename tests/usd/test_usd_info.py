@@ -23,7 +23,7 @@ def test_facts_agree_with_what_was_written(tmp_path: Path, random_gaussians, suf
     assert facts["bytes"] == path.stat().st_size
     assert facts["prim_path"] == "/Asset/Gaussians"
     assert facts["metadata"]["psnr"] == 31.5
-    # The box reaches beyond the centres by at most three of the largest standard deviation.
+    # The box reaches beyond the centers by at most three of the largest standard deviation.
     low, high = facts["extent"]
     reach = 3.001 * gaussians.scales.max()
     in_asset = gaussians.means[:, [0, 2, 1]] * (1, 1, -1)

@@ -165,7 +165,7 @@ def test_extent_contains_the_three_sigma_box_of_every_splat_and_no_more(
         assert (centers[:, axis] + reach <= high[axis]).all()
         assert_allclose(low[axis], (centers[:, axis] - reach).min(), rtol=1e-6)
         assert_allclose(high[axis], (centers[:, axis] + reach).max(), rtol=1e-6)
-        # The box of the centres alone would cut splats off.
+        # The box of the centers alone would cut splats off.
         assert low[axis] < centers[:, axis].min() - 1e-3
 
 

@@ -6,7 +6,7 @@
     train/000000/scene_gt.json                per image and object: obj_id, cam_R_m2c, cam_t_m2c
     train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
 
-What we write: the model's frame is the world's, with the object centred at the origin and z up. There are no
+What we write: the model's frame is the world's, with the object centered at the origin and z up. There are no
 models (a capture holds none). Nothing hides the object, so its silhouette is the mask; an object cut by the
 image border counts as complete. What we read may hold several objects; where an image has no pose of the
 camera in the world, the frame of the first object is the world. See
@@ -156,7 +156,7 @@ def _object_info(mask: np.ndarray, known: np.ndarray) -> dict[str, Any]:
     if pixels:
         rows, columns = np.nonzero(mask)
         x, y = int(columns.min()), int(rows.min())
-        # BOP's width is from centre to centre of the outermost pixels.
+        # BOP's width is from center to center of the outermost pixels.
         box = [x, y, int(columns.max()) - x, int(rows.max()) - y]
     return {
         "bbox_obj": box,

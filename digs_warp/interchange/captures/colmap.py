@@ -4,7 +4,7 @@
     masks/0000.png.png                                  black where features are not wanted
     sparse/0/cameras.txt  images.txt  points3D.txt      or .bin
 
-Pixel centres are at +0.5, as here; poses are camera from world, quaternions wxyz. The points come from
+Pixel centers are at +0.5, as here; poses are camera from world, quaternions wxyz. The points come from
 the sensed depth and have no tracks: a start for splat trainers, not matches. See
 https://colmap.github.io/format.html.
 """

@@ -1,4 +1,4 @@
-"""What readers and writers share: work on several frames at once, 16-bit depth, integer pixel centres."""
+"""What readers and writers share: work on several frames at once, 16-bit depth, integer pixel centers."""
 
 import logging
 import shutil
@@ -105,7 +105,7 @@ def write_colors_and_depths(
 
 
 def integer_centered(intrinsics: Intrinsics) -> Intrinsics:
-    """Return the camera with the centre of the first pixel at (0, 0) instead of (0.5, 0.5).
+    """Return the camera with the center of the first pixel at (0, 0) instead of (0.5, 0.5).
 
     This is how OpenCV, Open3D, the TUM tools and BOP count: they back-project column 0 with u = 0.
     """

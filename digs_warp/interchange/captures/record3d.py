@@ -1,10 +1,10 @@
-"""Record3D (iPhone, iPad): metadata.json beside colour images and float EXR depth.
+"""Record3D (iPhone, iPad): metadata.json beside color images and float EXR depth.
 
     metadata.json    K (9 numbers, column by column), w, h, fps,
                      poses (qx qy qz qw tx ty tz, world from camera)
     rgb/0.jpg        depth/0.exr in metres, at the size of the depth sensor     both may be below EXR_RGBD/
 
-See https://record3d.app/features. Cameras have OpenGL axes (ARKit); K counts pixels of the colour image.
+See https://record3d.app/features. Cameras have OpenGL axes (ARKit); K counts pixels of the color image.
 """
 
 from pathlib import Path

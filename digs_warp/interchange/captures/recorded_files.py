@@ -65,7 +65,7 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def integer_centered_camera(matrix: np.ndarray, size: tuple[int, int]) -> Intrinsics:
-    """Return the camera of a matrix that counts the centre of the first pixel as (0, 0).
+    """Return the camera of a matrix that counts the center of the first pixel as (0, 0).
 
     Args:
         matrix: K, [[fx, 0, cx], [0, fy, cy], ...], (3, 3) or larger.

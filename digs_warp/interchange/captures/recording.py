@@ -22,8 +22,8 @@ class RecordedFrame:
     """One moment of a recording, in the files that another program wrote.
 
     Attributes:
-        image: colour image, any 8-bit format.
-        intrinsics: its camera, first pixel centre at (0.5, 0.5).
+        image: color image, any 8-bit format.
+        intrinsics: its camera, first pixel center at (0.5, 0.5).
         time: seconds.
         world_from_cam: pose, (4, 4), OpenCV axes, metres; None if unknown.
         depth: depth image, or None; floats are metres.
@@ -49,9 +49,9 @@ class Recording:
     Attributes:
         folder: named in messages.
         frames: in order of time.
-        depth_camera: intrinsics of the depth images where they differ from those of the colour images;
+        depth_camera: intrinsics of the depth images where they differ from those of the color images;
             both cameras are assumed to be in the same place.
-        distortion: of the colour camera, OpenCV's (k1, k2, p1, p2, k3); empty for none.
+        distortion: of the color camera, OpenCV's (k1, k2, p1, p2, k3); empty for none.
         baseline: distance between the two cameras [m], or None.
     """
 
@@ -73,7 +73,7 @@ class NumberedFiles:
 
     Attributes:
         folder: the recording, named in messages.
-        images: colour images by number, ascending; at least one.
+        images: color images by number, ascending; at least one.
         depths: depth images by number; some may be missing.
     """
 

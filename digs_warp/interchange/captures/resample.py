@@ -1,4 +1,4 @@
-"""Bring depth onto the colour camera's pixels, and take out lens distortion."""
+"""Bring depth onto the color camera's pixels, and take out lens distortion."""
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def undistort(
     import cv2
 
     matrix = k.matrix
-    matrix[:2, 2] -= 0.5  # OpenCV counts pixel centres at integers
+    matrix[:2, 2] -= 0.5  # OpenCV counts pixel centers at integers
     across, down = cv2.initUndistortRectifyMap(
         matrix, np.array(distortion), np.eye(3), matrix, (k.width, k.height), cv2.CV_32FC1
     )

@@ -4,7 +4,7 @@
     pose/0.txt                      4 x 4, world from camera, OpenCV axes; -inf where tracking was lost
     intrinsic/intrinsic_color.txt   intrinsic/intrinsic_depth.txt     4 x 4
 
-See https://github.com/ScanNet/ScanNet. Depth and colour are assumed to be registered: the offset between the
+See https://github.com/ScanNet/ScanNet. Depth and color are assumed to be registered: the offset between the
 two cameras, a few centimetres at most, is not applied.
 """
 

@@ -152,7 +152,7 @@ def _check_size(path: Path, pixels: np.ndarray, k: Intrinsics) -> None:
 
 
 def _scaled_to(k: Intrinsics, depth: np.ndarray, path: Path) -> Intrinsics:
-    """The colour camera at the size of the depth image."""
+    """The color camera at the size of the depth image."""
     height, width = depth.shape
     if abs(width * k.height - height * k.width) > max(k.width, k.height):
         raise CaptureError(

@@ -2,7 +2,7 @@
 
     rgb/0.000000.png  depth/0.000000.png   rgb.txt  depth.txt   time and name of each image
     groundtruth.txt                        time tx ty tz qx qy qz qw: world from camera, OpenCV axes
-    calibration.txt                        fx fy cx cy, first pixel centre at (0, 0); not part of the format
+    calibration.txt                        fx fy cx cy, first pixel center at (0, 0); not part of the format
 
 See https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 """

@@ -1,9 +1,9 @@
 """Gaussians as ``.splat``, the format of web viewers: 32 bytes each, no header.
 
-Position (3 float32), standard deviations (3 float32, linear), colour and opacity (4 bytes RGBA, the colour
+Position (3 float32), standard deviations (3 float32, linear), color and opacity (4 bytes RGBA, the color
 of degree 0, sRGB), quaternion (4 bytes wxyz, (q + 1) * 128 cut to 255). Positions are
-exact, scales to float32 rounding, colours and opacities to half of 1/255, components of quaternions to
-1/256. It has no view-dependent colour.
+exact, scales to float32 rounding, colors and opacities to half of 1/255, components of quaternions to
+1/256. It has no view-dependent color.
 """
 
 import logging
@@ -64,7 +64,7 @@ def read_dot_splat(path: Path) -> Gaussians:
 
 
 def write_dot_splat(path: Path, gaussians: Gaussians) -> None:
-    """Write Gaussians in their order; colours beyond 0..1 are cut, view-dependent ones left out.
+    """Write Gaussians in their order; colors beyond 0..1 are cut, view-dependent ones left out.
 
     Raises:
         DigsError: no Gaussians at all, which the format cannot say, or scales beyond float32.

@@ -74,7 +74,7 @@ def read_ply(path: Path) -> Gaussians:
 
 
 def holds_gaussians(path: Path) -> bool:
-    """Whether a PLY file has the colours of Gaussians, which meshes and point clouds do not have.
+    """Whether a PLY file has the colors of Gaussians, which meshes and point clouds do not have.
 
     Raises:
         DigsError: not a PLY file, or a broken header.

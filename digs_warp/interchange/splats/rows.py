@@ -19,7 +19,7 @@ LARGEST_LOGIT = 40.0
 # A standard deviation of 0 makes the covariance singular; this one is smaller than any splat [m].
 SMALLEST_SCALE = 1e-12
 
-# Half of the distance from the last step of an 8-bit opacity (0 and 255) to its neighbour's boundary:
+# Half of the distance from the last step of an 8-bit opacity (0 and 255) to its neighbor's boundary:
 # between the end and this far from it every value has the same code.
 OPACITY_CODE_MARGIN = 0.25
 

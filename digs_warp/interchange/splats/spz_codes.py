@@ -1,7 +1,7 @@
 """How SPZ turns the values of a Gaussian into bytes and back (github.com/nianticlabs/spz).
 
 Everything here is in the file's own frame. Precision: positions 2^-bits units, log-scales 1/32 within
--10..5.9 (beyond that they are cut), opacities 1/510, base colours 1/38 in units of SH coefficients within
+-10..5.9 (beyond that they are cut), opacities 1/510, base colors 1/38 in units of SH coefficients within
 +-3.3, SH coefficients 1/32 in band 1 and 1/16 above within +-1, quaternion components 1/255 in version 2
 and 1/1445 from version 3 on.
 """
@@ -11,7 +11,7 @@ import numpy as np
 LOG_SCALE_STEPS = 16.0  # per unit
 LOWEST_LOG_SCALE = -10.0
 
-# The base coefficient as 0..255 around the middle: wide enough for colours beyond 0..1 that the higher
+# The base coefficient as 0..255 around the middle: wide enough for colors beyond 0..1 that the higher
 # bands bring back.
 COLOR_SCALE = 0.15
 

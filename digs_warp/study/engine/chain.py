@@ -198,7 +198,7 @@ def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:
 def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFrames) -> float:
     """Return by what share the scale is missed.
 
-    Estimated poses show it: their centres are the true ones, that much larger or smaller. Where a case has
+    Estimated poses show it: their centers are the true ones, that much larger or smaller. Where a case has
     none, it is that of the scale that the depth gives to a perfect model of the poses: what the sensor alone
     does.
     """

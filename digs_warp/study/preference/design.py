@@ -1,7 +1,7 @@
 """The order of the strategies on screen, a Latin square, and the key that decodes the answers.
 
 Over the four versions of a kit, every strategy appears once in every place of every question and follows
-every other strategy once (a Williams square), so neither place nor neighbour can favour it.
+every other strategy once (a Williams square), so neither place nor neighbor can favor it.
 """
 
 from collections.abc import Sequence

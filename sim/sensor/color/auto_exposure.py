@@ -1,4 +1,4 @@
-"""Automatic exposure: the camera meters every frame and brightens or darkens it toward middle grey."""
+"""Automatic exposure: the camera meters every frame and brightens or darkens it toward middle gray."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -40,7 +40,7 @@ class AutoExposure:
     def apply(
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
-        """Move the left image's mean luminance toward middle grey, by at most MAX_STOPS."""
+        """Move the left image's mean luminance toward middle gray, by at most MAX_STOPS."""
         luminance = float(eyes.left.mean(axis=(0, 1), dtype=np.float64) @ LUMINANCE)
         stops = np.log2(MIDDLE_GREY / luminance) if luminance > 0 else MAX_STOPS
         gain = np.float32(2.0 ** (strength * np.clip(stops, -MAX_STOPS, MAX_STOPS)))

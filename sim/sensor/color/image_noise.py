@@ -6,7 +6,7 @@ In linear light (1 is white) the variance of a pixel is
 
 where x is the signal and W the number of electrons that a white pixel holds. x / W is shot noise (photon
 counts are Poisson distributed), r is read noise, which shows in the dark. A rig states W and the standard
-deviation at middle grey in 8-bit sRGB steps, which can be read off recorded images; r is the remainder.
+deviation at middle gray in 8-bit sRGB steps, which can be read off recorded images; r is the remainder.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.noise_field import white_normal
 
-# 8-bit sRGB steps per unit of linear light at middle grey: the derivative of the sRGB curve there.
+# 8-bit sRGB steps per unit of linear light at middle gray: the derivative of the sRGB curve there.
 STEPS_PER_LINEAR = 255 * 1.055 / 2.4 * MIDDLE_GREY ** (1 / 2.4 - 1)
 
 
 def shot_factor(rig: StereoRig) -> float:
     """Return the standard deviation of shot noise at white; it grows with the square root of the signal.
 
-    It never exceeds the noise that the rig states at middle grey.
+    It never exceeds the noise that the rig states at middle gray.
     """
     stated = rig.image_noise / STEPS_PER_LINEAR / np.sqrt(MIDDLE_GREY)
     return float(min(1 / np.sqrt(rig.full_well), stated))

@@ -17,7 +17,7 @@ from digs_warp.sim.sensor.facts import SceneFacts
 # A skew below half a pixel from the first to the last row cannot be measured.
 VISIBLE_SKEW_PX = 0.5
 
-# Jump between neighbouring bands: too small to be seen.
+# Jump between neighboring bands: too small to be seen.
 STEP_PX = 0.5
 MIN_BANDS, MAX_BANDS = 2, 32
 

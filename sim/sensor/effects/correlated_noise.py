@@ -21,7 +21,7 @@ from digs_warp.sim.sensor.filters import (
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.noise_field import smooth_normal
 
-# The part that belongs to the texture follows the grey values in a band of scales: details finer than the
+# The part that belongs to the texture follows the gray values in a band of scales: details finer than the
 # noise's correlation length and shading coarser than twice that length do not count.
 BAND_RATIO = 2.0
 

@@ -42,7 +42,7 @@ class Exposure:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Make holes; ``strength`` moves both limits toward the middle of the grey values."""
+        """Make holes; ``strength`` moves both limits toward the middle of the gray values."""
         bright = 255 - (255 - SATURATED) * strength
         window = truth.rig.window
         clipped = erode(truth.gray > bright, window) | erode(truth.gray < DARK * strength, window)

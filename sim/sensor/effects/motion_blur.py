@@ -25,7 +25,7 @@ SHARP_RMS = 0.13
 # Share of matches that are wrong by more than a pixel: measured 0 at 25 px and 0.11 at 41 px.
 WRONG_SHARES = (0.0, 0.0, 0.0, 0.11)
 
-# A wrong match lands on a neighbouring structure of the smeared texture [px] [tuned].
+# A wrong match lands on a neighboring structure of the smeared texture [px] [tuned].
 WRONG_ERROR = (1.5, 6.0)
 
 

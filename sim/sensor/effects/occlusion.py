@@ -111,7 +111,7 @@ def hole_share(run_length: np.ndarray, distance: np.ndarray, snr: np.ndarray) ->
 
     Args:
         run_length: of the hidden pixels in its row [px], whole numbers.
-        distance: to the occluder, 1 for its neighbour [px].
+        distance: to the occluder, 1 for its neighbor [px].
         snr: gradient over image noise in the matching window.
     """
     length = np.minimum(run_length, RUN_LENGTHS[-1]).astype(np.intp)

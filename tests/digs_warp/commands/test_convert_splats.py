@@ -19,7 +19,7 @@ DEGREE = 1
 
 @pytest.fixture
 def gaussians() -> Gaussians:
-    """What every format holds: colours within 0..1, no view dependence."""
+    """What every format holds: colors within 0..1, no view dependence."""
     g = random_gaussians(20, DEGREE)
     g.sh[:, 0] = g.sh[:, 0].clip(-1.5, 1.5)
     g.sh[:, 1:] = 0

@@ -31,7 +31,7 @@ def test_what_is_written_is_read(tmp_path: Path, dtype: str, shape: tuple[int, .
     pixels = random_pixels(dtype, shape)
     path = tmp_path / "new_folder" / ("x.exr" if dtype == "float32" else "x.png")
     if dtype != "float32" and len(shape) == 3 and shape[2] == 4:
-        pixels[..., 3] = np.iinfo(dtype).max  # PNG readers may multiply colour by alpha
+        pixels[..., 3] = np.iinfo(dtype).max  # PNG readers may multiply color by alpha
     write_image(path, pixels)
     found = read_image(path)
     assert found.dtype == pixels.dtype
@@ -61,7 +61,7 @@ def test_exr_keeps_nan_infinity_and_tiny_values(tmp_path: Path) -> None:
 
 
 def test_16_bit_files_carry_no_gamma(tmp_path: Path) -> None:
-    """They hold depth; readers that honour the PNG's colour space would bend it."""
+    """They hold depth; readers that honor the PNG's color space would bend it."""
     write_image(tmp_path / "depth.png", random_pixels("uint16", (6, 8)))
     data = (tmp_path / "depth.png").read_bytes()
     assert b"IHDR" in data and b"gAMA" not in data and b"sRGB" not in data
@@ -140,7 +140,7 @@ def test_srgb_curves_undo_each_other_and_meet_known_values() -> None:
     values = np.linspace(0, 1, 1001)
     np.testing.assert_allclose(linear_from_srgb(srgb_from_linear(values)), values, atol=1e-7)
     np.testing.assert_allclose(srgb_from_linear(np.array([0.0, 1.0])), [0, 1], atol=1e-12)
-    # 18 % grey is 117.6 of 255 (IEC 61966-2-1).
+    # 18 % gray is 117.6 of 255 (IEC 61966-2-1).
     assert 255 * srgb_from_linear(np.array(0.18)) == pytest.approx(117.6, abs=0.05)
 
 

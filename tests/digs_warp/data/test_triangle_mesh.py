@@ -1,4 +1,4 @@
-"""The coloured mesh that surface extraction hands on."""
+"""The colored mesh that surface extraction hands on."""
 
 import numpy as np
 import pytest

@@ -72,7 +72,7 @@ def test_a_gif_shows_the_frames_and_repeats(tmp_path: Path, frames) -> None:
         for number, frame in enumerate(frames):
             film.seek(number)
             difference = np.array(film.convert("RGB")).astype(float) - frame
-            assert np.abs(difference).mean() < 6  # 256 colours for a ball of all colours
+            assert np.abs(difference).mean() < 6  # 256 colors for a ball of all colors
             with pytest.raises(EOFError):
                 film.seek(6)
 

@@ -35,7 +35,7 @@ def test_points_lie_on_the_ball_with_its_colours_and_cover_its_sides(
     # (diagonal / 2)^2 / (2 radius) = 0.75 mm.
     assert radii.max() < RADIUS * (1 + 1e-5)
     assert radii.min() > RADIUS - 0.00075
-    # 8 bits round the colour by 1/255; inside a voxel the normals differ by less than 5 degrees.
+    # 8 bits round the color by 1/255; inside a voxel the normals differ by less than 5 degrees.
     np.testing.assert_allclose(points.colors, points.points_world / RADIUS / 2 + 0.5, atol=0.006)
     azimuth = np.degrees(np.arctan2(points.points_world[:, 1], points.points_world[:, 0]))
     assert np.histogram(azimuth, bins=12, range=(-180, 180))[0].min() > 20

@@ -168,7 +168,7 @@ def test_the_metric_model_fits_the_depth_points(recording: Recording) -> None:
     assert np.median(KDTree(points).query(inside)[0]) < 0.004
 
 
-# Depth at sub-pixel places: pixel centres lie at +0.5.
+# Depth at sub-pixel places: pixel centers lie at +0.5.
 PLANE = (1.0 + 0.001 * np.arange(8) + 0.002 * np.arange(6)[:, None]).astype(np.float32)
 
 

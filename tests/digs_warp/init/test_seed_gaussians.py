@@ -20,7 +20,7 @@ def grid(side: int, spacing: float) -> np.ndarray:
 
 
 def test_on_a_grid_the_scale_is_the_spacing() -> None:
-    # Even a corner of a cubic grid has three neighbours at one spacing.
+    # Even a corner of a cubic grid has three neighbors at one spacing.
     np.testing.assert_allclose(neighbour_scales(grid(4, 0.02)), 0.02, rtol=1e-12)
 
 

@@ -249,7 +249,7 @@ def test_depth_with_holes(capture: Capture, tmp_path: Path, holes: float) -> Non
     for depth in depths:
         depth[rng.random(depth.shape) < holes] = np.nan
     frames = spoiled(tmp_path, capture.frames, Layer.DEPTH, depths)
-    # Half of the pixels missing leave hardly a full neighbourhood: the edge filter cannot judge.
+    # Half of the pixels missing leave hardly a full neighborhood: the edge filter cannot judge.
     config = InitConfig(edge_filter=holes == 0)
     points = initialize(frames, config).points.points_world
     assert len(points) > 1000

@@ -88,7 +88,7 @@ def test_nothing_to_compare_is_an_error(
 
 
 def test_even_points_have_the_spacing_of_their_random_process_and_clusters_a_wider_one() -> None:
-    """In a planar Poisson process the squared distance to the k-th neighbour is Gamma(k) distributed."""
+    """In a planar Poisson process the squared distance to the k-th neighbor is Gamma(k) distributed."""
     from scipy.stats import gamma
 
     random = np.random.default_rng(2)

@@ -165,7 +165,7 @@ def test_six_views_are_shown_from_worst_to_best_beside_the_truth(
     assert names[::3] == ["0000", "0004", "0008", "0010", "0014", "0018"]
     truth, rendered, difference = (decoded(image, tmp_path) for image in shown[:3])
     np.testing.assert_array_equal(truth, rendered)
-    assert difference.max() <= 8  # nothing differs: the dark end of the colour map
+    assert difference.max() <= 8  # nothing differs: the dark end of the color map
     for frame in run[0].split(TEST_EVERY)[1]:
         assert frame.name in page.text
 

@@ -1,4 +1,4 @@
-"""The pictures of the report: colour scales, small images, and the object on white."""
+"""The pictures of the report: color scales, small images, and the object on white."""
 
 import numpy as np
 import pytest

@@ -90,7 +90,7 @@ class Walk:
         )
 
     def center_errors(self, model: RollingModel) -> np.ndarray:
-        """How far the centres [m] are from the true ones after the best alignment."""
+        """How far the centers [m] are from the true ones after the best alignment."""
         centers = -np.einsum("nji,nj->ni", model.rotations, model.translations)
         true = np.array([invert_rigid(self.pose(n, 0.0))[:3, 3] for n in range(COUNT)])
         return np.linalg.norm(umeyama(centers, true).apply(centers) - true, axis=1)
@@ -110,7 +110,7 @@ def test_poses_and_spins_of_a_shaking_camera_come_back(walk: Walk, views: Rollin
     start = walk.disturbed(2)
     found = adjust(views, start)
     rolling = walk.center_errors(found)
-    # 4 mm of travel in a read-out; what its neighbours tell of a walk that curves is not quite that.
+    # 4 mm of travel in a read-out; what its neighbors tell of a walk that curves is not quite that.
     assert np.median(rolling) < 3e-4
     assert np.linalg.norm(residuals(views, found), axis=1).mean() < 0.03
     shake = found.spins / READOUT - walking_spins(views, found) / READOUT

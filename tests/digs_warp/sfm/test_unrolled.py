@@ -37,7 +37,7 @@ def project(points: np.ndarray) -> np.ndarray:
 def pixels(
     points: np.ndarray, before: np.ndarray, now: np.ndarray, after: np.ndarray, spin: np.ndarray
 ) -> np.ndarray:
-    """Where a shaking camera (cam_from_world now, and at its neighbours) sees points row by row."""
+    """Where a shaking camera (cam_from_world now, and at its neighbors) sees points row by row."""
     centers = [-pose[:3, :3].T @ pose[:3, 3] for pose in (before, after)]
     walk = now[:3, :3] @ (centers[1] - centers[0]) / (2 * SPACING) * READOUT
     still = points @ now[:3, :3].T + now[:3, 3]

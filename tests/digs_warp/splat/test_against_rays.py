@@ -1,6 +1,6 @@
 """Discs against rays: every pixel's ray is cut with the planes of the discs, with no projection of any splat.
 
-The image of a flat Gaussian is linearized at its centre, the ray is not: small discs before a long lens keep
+The image of a flat Gaussian is linearized at its center, the ray is not: small discs before a long lens keep
 the difference below one percent. What this checks independently of every twin: where the camera puts things,
 which way quaternions turn, what a standard deviation is, and who covers whom.
 """
@@ -44,7 +44,7 @@ def discs() -> Gaussians:
 
 
 def cast_rays(gaussians: Gaussians) -> tuple[np.ndarray, np.ndarray]:
-    """Colours and coverage where the rays of all pixels cut the planes of the discs, nearest first."""
+    """Colors and coverage where the rays of all pixels cut the planes of the discs, nearest first."""
     k = VIEW.intrinsics
     px = pixel_centers(k.width, k.height)
     points = VIEW.unproject(px, np.ones(px.shape[:2]))

@@ -57,7 +57,7 @@ def discs(count: int = 4000) -> Gaussians:
 
 
 def exact_views(noise: float = 0.0) -> list[DepthView]:
-    """A grey sphere in closed form: what the fusion alone has to get right."""
+    """A gray sphere in closed form: what the fusion alone has to get right."""
     rng = np.random.default_rng(0)
     views = []
     for camera in cameras(96):

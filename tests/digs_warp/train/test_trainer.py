@@ -88,7 +88,7 @@ def test_a_truncated_checkpoint_is_refused(capture: Capture, tmp_path: Path) -> 
 
 
 def test_the_background_supervises_the_outside(capture: Capture) -> None:
-    """Stray Gaussians of the training background's own colour vanish only if that colour changes."""
+    """Stray Gaussians of the training background's own color vanish only if that color changes."""
     stray = ball(count=60)
     stray = replace(stray, means=stray.means * 1.7, sh=np.full_like(stray.sh, 1.7724))  # white
     both = [np.concatenate([getattr(ball(), n), getattr(stray, n)]) for n in FIELDS]

@@ -99,6 +99,6 @@ def test_a_halved_camera_sees_the_same_rays() -> None:
     k = Intrinsics(71, 53, 60.0, 61.0, 30.0, 27.5)
     half = halved(k)
     assert (half.width, half.height) == (35, 26)
-    # The centre of block (3, 2) lies at (7, 5) of the whole image.
+    # The center of block (3, 2) lies at (7, 5) of the whole image.
     assert (3.5 - half.cx) / half.fx == pytest.approx((7.0 - k.cx) / k.fx)
     assert (2.5 - half.cy) / half.fy == pytest.approx((5.0 - k.cy) / k.fy)

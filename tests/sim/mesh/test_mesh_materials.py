@@ -1,4 +1,4 @@
-"""Textures, factors, colours, transparency and emission of every format."""
+"""Textures, factors, colors, transparency and emission of every format."""
 
 from pathlib import Path
 from typing import Any
@@ -136,7 +136,7 @@ def test_an_obj_takes_its_texture_from_the_mtl_file(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "s.obj").write_text(OBJ)
-    # A black diffuse colour beside a texture is common, and must not blacken it.
+    # A black diffuse color beside a texture is common, and must not blacken it.
     (tmp_path / "s.mtl").write_text("newmtl paint\nKd 0 0 0\nNs 200\nmap_Kd s.png\n")
     checker().save(tmp_path / "s.png")
     (material,) = load_scene(tmp_path / "s.obj").materials

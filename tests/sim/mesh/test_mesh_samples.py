@@ -8,7 +8,7 @@ import pytest
 from digs_warp.sim.load import load_scene
 from reference.mesh_files import check_scene
 
-# Size of the base-colour texture after SOURCES.md of the sample data; None: it says there is none.
+# Size of the base-color texture after SOURCES.md of the sample data; None: it says there is none.
 SAMPLE_TEXTURES: dict[str, int | None] = {
     "armchair": 2048,
     "avocado": 2048,

@@ -1,4 +1,4 @@
-"""Effects on the colour path against their laws, and exact bytes without them."""
+"""Effects on the color path against their laws, and exact bytes without them."""
 
 from dataclasses import replace
 

@@ -52,7 +52,7 @@ def test_noise_of_the_images_becomes_noise_of_disparity() -> None:
 
 def test_luma_has_the_noise_that_textures_are_compared_with() -> None:
     rig = make_rig(image_noise=4.0)
-    grey = make_frame(20.0, rig, flat((240, 320), 118))  # middle grey, for which rigs state noise
+    grey = make_frame(20.0, rig, flat((240, 320), 118))  # middle gray, for which rigs state noise
     left, right = recorded_images(grey, (ShotNoise(), ReadNoise()), seed=3)
     for image in (left, right):
         assert gray_of(image).std() == pytest.approx(noise_of(4.0), rel=0.03)

@@ -39,7 +39,7 @@ def test_reading_and_writing_again_changes_no_byte(tmp_path: Path) -> None:
 
 
 def test_bytes_of_one_gaussian(tmp_path: Path) -> None:
-    """By hand: 1, 2, 3; e^0; dc 0 is grey 128; opacity 1/2; half a turn around x, wxyz."""
+    """By hand: 1, 2, 3; e^0; dc 0 is gray 128; opacity 1/2; half a turn around x, wxyz."""
     g = random_gaussians(1, 0)
     g.means[:], g.log_scales[:], g.sh[:], g.opacity_logits[:] = (1, 2, 3), 0, 0, 0
     g.quats[:] = (2, 0, 0, 0)

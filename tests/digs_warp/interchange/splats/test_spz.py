@@ -50,7 +50,7 @@ def test_values_come_back_to_the_precision_of_the_format(
     read = read_spz(tmp_path / "a.spz")
     assert (len(read), read.sh_degree) == (count, degree)
     assert_within_precision(read, g, version)
-    # Colours as seen from a few sides: the coefficients themselves are rounded in the file's frame.
+    # Colors as seen from a few sides: the coefficients themselves are rounded in the file's frame.
     rng = np.random.default_rng(1)
     for direction in rng.normal(size=(5, 3)):
         directions = np.tile(direction / np.linalg.norm(direction), (count, 1))

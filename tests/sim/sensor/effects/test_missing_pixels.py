@@ -20,7 +20,7 @@ def holes(truth: FrameTruth, name: str, strength: float = 1.0, seed: int = 0) ->
 
 
 def disc(radius: float, shape: tuple[int, int]) -> np.ndarray:
-    """A mask of a centred disc."""
+    """A mask of a centered disc."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     return np.hypot(x - shape[1] / 2, y - shape[0] / 2) < radius
 

@@ -76,7 +76,7 @@ def test_the_curvature_of_a_ball_is_one_over_its_radius() -> None:
     curvature = curvature_along_rows(truth, rows, columns)
     middle = np.hypot(rows - 120, columns - 160) < 60
     np.testing.assert_allclose(curvature[middle], 5.0, rtol=0.02)
-    # Also at the rim, where one neighbour shows something else.
+    # Also at the rim, where one neighbor shows something else.
     np.testing.assert_allclose(curvature[curvature > 0], 5.0, rtol=0.1)
     assert (curvature == 0).mean() < 0.005
 

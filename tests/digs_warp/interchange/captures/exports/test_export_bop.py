@@ -18,7 +18,7 @@ from reference.recorded import CAMERA, HEIGHT, WIDTH
 def test_bop_puts_every_pixel_and_the_object_where_they_were(
     capture: Capture, tmp_path: Path
 ) -> None:
-    """Read as the BOP toolkit reads: millimetres, row-wise matrices, integer pixel centres."""
+    """Read as the BOP toolkit reads: millimetres, row-wise matrices, integer pixel centers."""
     scene = exported(capture, "bop", tmp_path) / "train/000000"
     cameras = json.loads((scene / "scene_camera.json").read_text())
     objects = json.loads((scene / "scene_gt.json").read_text())

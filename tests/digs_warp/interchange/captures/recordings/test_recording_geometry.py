@@ -23,7 +23,7 @@ def test_distortion_is_taken_out() -> None:
     k1, k2, p1, p2 = lens
     distorted = x * (1 + k1 * r2 + k2 * r2**2) + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
     expected = distorted * k.fx + k.cx
-    side = np.s_[15:-15, 8:45]  # where half a pixel in the lens's centre would show
+    side = np.s_[15:-15, 8:45]  # where half a pixel in the lens's center would show
     difference = found[side][..., 0] / 4 - expected[side]
     assert np.abs(difference).max() < 0.4 and abs(difference.mean()) < 0.02
     assert depth is not None and mask is not None
