@@ -147,7 +147,7 @@ def test_the_point_that_cameras_look_at() -> None:
 
 def test_cameras_in_one_direction_have_no_target() -> None:
     cameras = [Camera(INTRINSICS, np.eye(4)), Camera(INTRINSICS, np.eye(4))]
-    with pytest.raises(DigsError, match="one direction"):
+    with pytest.raises(DigsError, match="the same direction"):
         random_points(cameras, 10)
 
 
@@ -305,7 +305,7 @@ def test_masks_that_disagree_with_the_depth_are_told(
         mask[:, 70:] = 255  # more than a third of the mask is wall
     frames = spoiled(tmp_path, capture.frames, Layer.MASK, masks)
     initialize(frames, InitConfig(edge_filter=False))
-    assert "of its mask background" in caplog.text
+    assert "of its mask in the background" in caplog.text
 
 
 def test_duplicated_frames_change_nothing(capture: Capture) -> None:
