@@ -92,7 +92,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Another project, with packages of its own named sim and usd."""
+    """Another project, which has packages named sim and usd."""
     for name, content in {
         "sim/__init__.py": "def step():\n    return 'theirs'\n",
         "usd/__init__.py": "STAGE = 'theirs'\n",

@@ -57,5 +57,5 @@ def test_the_smaller_of_cap_and_memory_counts() -> None:
 
 def test_a_start_beyond_the_cap_is_refused() -> None:
     check_start(1000, 1000)
-    with pytest.raises(DigsError, match="starts with 1,001 Gaussians, but .* allow only 1,000"):
+    with pytest.raises(DigsError, match=r"starts with 1,001 Gaussians, but .* allow only 1,000"):
         check_start(1001, 1000)
