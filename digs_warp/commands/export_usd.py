@@ -9,7 +9,7 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
-from digs_warp.usd.writer import WriteOptions
+from digs_warp.usd.convert import WriteOptions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.usd.writer import WriteOptions
+from digs_warp.usd.convert import WriteOptions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from digs_warp.data.layers import Layer
-from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.pipeline.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
     from digs_warp.camera import Camera
+    from digs_warp.data.posed_frames import PosedFrames
     from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.pipeline.reconstruction import Reconstruction
     from digs_warp.surface.extract import Mask, Scene
 
 Item = TypeVar("Item")
@@ -44,7 +44,7 @@ class ExtractedMesh:
 
 
 def extract_mesh(
-    result: Reconstruction, voxel: float | None = None, views: int = MOST_VIEWS
+    result: "Reconstruction", voxel: float | None = None, views: int = MOST_VIEWS
 ) -> ExtractedMesh:
     """Return the surface of Gaussians as seen by the cameras of their capture, or by rings of cameras.
 
@@ -73,7 +73,7 @@ def extract_mesh(
 
 
 def _look_from(
-    frames: PosedFrames | None, scene: "Scene", views: int
+    frames: "PosedFrames | None", scene: "Scene", views: int
 ) -> "tuple[list[Camera], list[Mask] | None]":
     if frames is None:
         return _evenly(_rings(scene), views), None

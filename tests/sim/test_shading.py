@@ -282,7 +282,7 @@ def test_a_white_surround_is_even() -> None:
 
 
 def test_a_sun_of_70000_leaves_no_speckles_on_matte_surfaces() -> None:
-    """No sample by chance meets the sun: neighbors on a plane look alike."""
+    """Random samples never hit the sun directly, so neighbors on a plane get the same light."""
     environment, _ = sunny(sun=70000.0, sky=20.0)
     renderer = RaycastRenderer(floor(MATTE), environment)
     image, mask = renderer.render_image(ABOVE)
