@@ -18,7 +18,7 @@ pytest.importorskip("setuptools", minversion="77", reason="install it with: pip 
 pytestmark = pytest.mark.slow
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-PACKED = ("pyproject.toml", "README.md", "LICENSE", "digs_warp", "sim", "usd")
+PACKED = ("pyproject.toml", "README.md", "LICENSE", "digs_warp", "sim", "usd", "docs/study")
 
 # Neither this checkout nor the environment of the suite may lend modules to what runs here.
 ENVIRONMENT = {
@@ -166,9 +166,7 @@ def test_the_command_answers(installed: Path, tmp_path: Path) -> None:
     assert "usage: digs-warp run" in run(installed / "digs-warp", "run", "--help", cwd=tmp_path)
 
 
-def test_without_the_published_study_recommend_says_how_to_get_one(
-    installed: Path, tmp_path: Path
-) -> None:
-    output = run(installed / "digs-warp", "recommend", "--time-budget", "60s", cwd=tmp_path, code=1)
-    assert "digs-warp study run tradeoff" in output
-    assert "--study" in output and "docs/study/tradeoff" in output
+def test_recommend_knows_the_published_study(installed: Path, tmp_path: Path) -> None:
+    output = run(installed / "digs-warp", "recommend", "--time-budget", "60s", cwd=tmp_path)
+    assert "digs-warp run --out" in output
+    assert f"({installed.parent}" in output

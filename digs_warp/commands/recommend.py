@@ -10,8 +10,8 @@ from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
 
-# The results behind docs/study: in a clone of the repository, not in an installed package.
-PUBLISHED = Path(__file__).resolve().parents[2] / "docs" / "study" / "tradeoff"
+# Its results are those of docs/study: a link in the repository, a copy in an installed package.
+PUBLISHED = Path(__file__).parents[1] / "study" / "published" / "tradeoff"
 
 # Settings whose flag is not the last part of their name.
 FLAGS = {"train.density.strategy": "density"}
@@ -25,22 +25,20 @@ class Recommend(Command):
     """Time for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
 
     study: Path | None = None
-    """Folder of the study. Default: out/study/tradeoff; without it, in a clone of the repository, the
-    published results in docs/study/tradeoff, whose seconds are those of another machine."""
+    """Folder of the study. Default: out/study/tradeoff; without it, the published results, whose seconds
+    are those of another machine."""
 
     def execute(self) -> str:
         """Return the settings as flags, with their measured time and quality."""
         from digs_warp.study.engine.store import RESULTS, Store
         from digs_warp.study.studies.tradeoff import best_within
 
-        folder = self.study or _default_study()
+        own = Path("out/study/tradeoff")
+        folder = self.study or (own if (own / RESULTS).is_file() else PUBLISHED)
         if not (folder / RESULTS).is_file():
-            published = (
-                "; or pass the results of a clone of the repository: --study docs/study/tradeoff"
-            )
             raise DigsError(
                 f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
-                f"{folder}{'' if self.study else published}"
+                f"{folder}"
             )
         records = [r for r in Store(folder).records.values() if "error" not in r]
         best = best_within(records, self.time_budget)
@@ -62,11 +60,6 @@ class Recommend(Command):
                 "left over": f"{self.time_budget - best.seconds.mean:.0f} s",
             }
         )
-
-
-def _default_study() -> Path:
-    own = Path("out/study/tradeoff")
-    return PUBLISHED if not own.is_dir() and PUBLISHED.is_dir() else own
 
 
 def flags(settings: dict[str, Any]) -> list[str]:
