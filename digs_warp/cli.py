@@ -16,13 +16,14 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.common_flags import CommonFlags, take_common_flags
 from digs_warp.commands.parse import PROGRAM, read_command, write_completion
+from digs_warp.record.interruption import Stopped, stopped_by_signals
 from digs_warp.record.progress import show_progress
 from digs_warp.record.run_log import source_commit, versions
 
 EXIT_OK = 0
 EXIT_BAD_INPUT = 1
 EXIT_WRONG_USAGE = 2  # tyro's own code
-EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+EXIT_INTERRUPTED = 130  # 128 + SIGINT, as shells report it; 143 for SIGTERM, 129 for SIGHUP
 EXIT_NO_READER = 141  # 128 + SIGPIPE
 
 # Loggers whose news are always worth a line: the first run compiles kernels for minutes, and a log file
@@ -33,8 +34,8 @@ TALKATIVE = ("digs_warp.kernels", "digs_warp.record.progress")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line (default: this process's) and return the exit code.
 
-    0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C; 141: nobody
-    reads the output any more (``digs-warp bench --help | head``).
+    0: done; 1: bad input, explained on stderr; 2: wrong usage; 130: interrupted with Ctrl-C; 143 and 129:
+    with SIGTERM and SIGHUP; 141: nobody reads the output any more (``digs-warp bench --help | head``).
     """
     try:
         code = _run(argv)
@@ -58,13 +59,15 @@ def _run(argv: Sequence[str] | None) -> int:
     _log_to_stderr(common)
     show_progress(not common.quiet)
     try:
-        result = command.execute()
+        with stopped_by_signals():
+            result = command.execute()
     except (DigsError, OSError) as error:
         _complain(str(error))
         return EXIT_BAD_INPUT
-    except KeyboardInterrupt:
-        _complain("interrupted. " + _how_to_go_on(arguments, command))
-        return EXIT_INTERRUPTED
+    except KeyboardInterrupt as interrupt:
+        by = f" by {interrupt}" if isinstance(interrupt, Stopped) else ""
+        _complain(f"interrupted{by}. {_how_to_go_on(arguments, command)}")
+        return 128 + interrupt.number if isinstance(interrupt, Stopped) else EXIT_INTERRUPTED
     print(result)
     return EXIT_OK
 

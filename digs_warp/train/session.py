@@ -7,6 +7,7 @@ from pathlib import Path
 
 from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.interruption import deferred_interrupt
 from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
@@ -14,7 +15,6 @@ from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_ch
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import CourseRow
 from digs_warp.train.evaluate import TestView
-from digs_warp.train.interruption import deferred_interrupt
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -66,7 +66,8 @@ def train_gaussians(
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
-        KeyboardInterrupt: after Ctrl-C, once the current step is finished and a checkpoint is saved.
+        KeyboardInterrupt: after Ctrl-C, or a signal that a command handles in the same way, once the current
+            step is finished and a checkpoint is saved.
     """
     checkpoint = folder / CHECKPOINT
     with log.stage("load views"):
@@ -107,9 +108,9 @@ def _run_steps(trainer: Trainer, course: CourseRecorder, checkpoint: Path) -> st
             measure = _measures(trainer)
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
-            if interruption.asked:
+            if interruption.asked is not None:
                 save_checkpoint(checkpoint, trainer)
-                raise KeyboardInterrupt
+                interruption.end()
             if time.monotonic() - saved > CHECKPOINT_SECONDS:
                 save_checkpoint(checkpoint, trainer)
                 saved = time.monotonic()

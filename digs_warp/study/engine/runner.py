@@ -9,11 +9,11 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import default_threads
+from digs_warp.record.interruption import deferred_interrupt
 from digs_warp.record.progress import progress
 from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.store import Store
 from digs_warp.study.engine.worker import Measure, Worker
-from digs_warp.train.interruption import deferred_interrupt
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,8 @@ class _Run:
         """Start a worker. Ctrl-C is deferred until the worker is in the list of those to stop."""
         with deferred_interrupt() as interruption:
             running.append(Worker(case, self._measure, self._folder, self._threads_of(case)))
-        if interruption.asked:
-            raise KeyboardInterrupt
+        if interruption.asked is not None:
+            interruption.end()
 
     def _has_time(self, case: Case) -> bool:
         """Whether the case would end in time, at the speed of the cases so far."""

@@ -54,8 +54,9 @@ class Worker:
 
 
 def _work(sender: Connection, case: Case, measure: Measure, folder: Path, threads: int) -> None:
-    # Ctrl-C reaches the whole process group; the parent stops the workers.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Ctrl-C and a closed terminal reach the whole process group; the parent stops the workers.
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_parent, daemon=True).start()
     os.environ["DIGS_WARP_THREADS"] = str(threads)
     start = time.monotonic()

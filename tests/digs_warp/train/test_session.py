@@ -78,12 +78,35 @@ def test_the_course_is_kept_where_views_are_measured(capture: Capture, tmp_path:
     assert load_snapshots(tmp_path) == ()
 
 
-def test_ctrl_c_saves_and_says_how_to_go_on(capture: Capture, tmp_path: Path) -> None:
-    """A real SIGINT to a real process; the resumed run equals one that was never interrupted."""
-    options = "--iterations 300 --sh-degree 0 --voxel-size 0.02 --evaluate-at 300".split()
-    whole, stopped = tmp_path / "whole", tmp_path / "stopped"
-    assert main(["reconstruct", str(capture.folder), "--out", str(whole), *options]) == 0
-    again = ["reconstruct", str(capture.folder), "--out", str(stopped), *options]
+OPTIONS = "--iterations 300 --sh-degree 0 --voxel-size 0.02 --evaluate-at 300".split()
+
+
+@pytest.fixture(scope="module")
+def undisturbed(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Gaussians:
+    folder = tmp_path_factory.mktemp("undisturbed") / "whole"
+    assert main(["reconstruct", str(capture.folder), "--out", str(folder), *OPTIONS]) == 0
+    return Gaussians.load(folder / GAUSSIANS)
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "says"),
+    [
+        (signal.SIGINT, 130, "interrupted"),
+        (signal.SIGTERM, 143, "interrupted by SIGTERM"),
+        (signal.SIGHUP, 129, "interrupted by SIGHUP"),
+    ],
+)
+def test_a_signal_saves_and_says_how_to_go_on(
+    number: signal.Signals,
+    code: int,
+    says: str,
+    capture: Capture,
+    undisturbed: Gaussians,
+    tmp_path: Path,
+) -> None:
+    """A real signal to a real process; the resumed run equals one that was never interrupted."""
+    stopped = tmp_path / "stopped"
+    again = ["reconstruct", str(capture.folder), "--out", str(stopped), *OPTIONS]
     script = "import sys; from digs_warp.cli import main; sys.exit(main(sys.argv[1:]))"
     process = subprocess.Popen(
         [sys.executable, "-c", script, *again], stderr=subprocess.PIPE, text=True
@@ -93,20 +116,22 @@ def test_ctrl_c_saves_and_says_how_to_go_on(capture: Capture, tmp_path: Path) ->
         while not (stopped / TRAINING).is_file() or len(course(stopped)) < 4:
             assert process.poll() is None and time.monotonic() < deadline
             time.sleep(0.01)
-        os.kill(process.pid, signal.SIGINT)
+        os.kill(process.pid, number)
         _, errors = process.communicate(timeout=60)
     finally:
         process.kill()
-    assert process.returncode == 130
+    assert process.returncode == code
     assert re.search(
-        r"interrupted\. To go on where it stopped: digs-warp reconstruct .*--resume", errors
+        rf"{says}\. To go on where it stopped: digs-warp reconstruct .*--resume", errors
     )
     with np.load(stopped / CHECKPOINT) as state:
         assert 30 <= int(state["step"]) < 300
     assert main([*again, "--resume"]) == 0
-    one, other = (Gaussians.load(folder / GAUSSIANS) for folder in (whole, stopped))
+    resumed = Gaussians.load(stopped / GAUSSIANS)
     for name in FIELDS:
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+        np.testing.assert_array_equal(
+            getattr(undisturbed, name), getattr(resumed, name), err_msg=name
+        )
 
 
 def test_a_diverging_run_leaves_its_last_good_state(

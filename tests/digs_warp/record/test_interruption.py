@@ -1,0 +1,129 @@
+"""Signals: a command ends in order; a library leaves them alone; ignored ones stay ignored."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from digs_warp.record.interruption import (
+    STOP_SIGNALS,
+    Stopped,
+    deferred_interrupt,
+    stopped_by_signals,
+)
+
+# A command that waits, and says on stderr and in a file that it could still save something.
+WAITING = """
+import sys, time
+from pathlib import Path
+from digs_warp import cli
+from digs_warp.commands.info import Info
+
+def wait(command):
+    command.path.write_text("waiting")
+    try:
+        time.sleep(60)
+    finally:
+        print("saving", file=sys.stderr, flush=True)
+        command.path.write_text("saved")
+
+Info.execute = wait
+sys.exit(cli.main(["info", sys.argv[1]]))
+"""
+
+
+def wait_for(note: Path, process: "subprocess.Popen[bytes]") -> None:
+    deadline = time.monotonic() + 30
+    while not (note.is_file() and note.read_text() == "waiting"):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_a_signal_interrupts_a_command_like_ctrl_c(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(Stopped, match=number.name) as stopped, stopped_by_signals():
+        signal.raise_signal(number)
+    assert stopped.value.number == number
+    assert isinstance(stopped.value, KeyboardInterrupt)
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_work_goes_on_to_the_end_of_the_block_and_a_second_signal_does_not_wait(
+    number: signal.Signals,
+) -> None:
+    with pytest.raises(Stopped), stopped_by_signals():
+        with deferred_interrupt() as interruption:
+            signal.raise_signal(number)
+            assert interruption.asked == number
+            with pytest.raises(Stopped):
+                signal.raise_signal(number)
+        interruption.end()
+
+
+def test_a_library_call_leaves_the_signals_of_its_process_alone() -> None:
+    before = [signal.getsignal(number) for number in STOP_SIGNALS]
+    with deferred_interrupt():
+        assert [signal.getsignal(number) for number in STOP_SIGNALS] == before
+
+
+def test_an_ignored_signal_stays_ignored() -> None:
+    """What `nohup` promises."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stopped_by_signals(), deferred_interrupt() as interruption:
+            signal.raise_signal(signal.SIGHUP)
+        assert interruption.asked is None
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_other_threads_change_no_handler() -> None:
+    seen = []
+
+    def look() -> None:
+        with stopped_by_signals(), deferred_interrupt():
+            seen.extend(signal.getsignal(number) for number in STOP_SIGNALS)
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    thread.join()
+    assert seen == [signal.getsignal(number) for number in STOP_SIGNALS]
+
+
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+def test_the_exit_code_names_the_signal(number: signal.Signals, tmp_path: Path) -> None:
+    note = tmp_path / "note"
+    process = subprocess.Popen([sys.executable, "-c", WAITING, str(note)], stderr=subprocess.PIPE)
+    wait_for(note, process)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 128 + number
+    assert f"interrupted by {number.name}. Nothing was written.".encode() in errors
+    assert note.read_text() == "saved"
+
+
+def test_a_closed_terminal_does_not_keep_a_command_from_saving(tmp_path: Path) -> None:
+    """Writing to a terminal that is gone fails; the command has something to save after that."""
+    note = tmp_path / "note"
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        # setsid --ctty: the kernel sends SIGHUP when the terminal closes.
+        ["setsid", "--ctty", "--wait", sys.executable, "-c", WAITING, str(note)],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+    )
+    os.close(slave)
+    wait_for(note, process)
+    os.close(master)
+    process.wait(timeout=30)
+    assert note.read_text() == "saved"
+    assert process.returncode == 129
