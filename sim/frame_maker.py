@@ -69,7 +69,7 @@ class FrameMaker:
             sensed = sense(
                 truth, config.tier, self.plan.depth, config.seed, config.strength, (image, right)
             )
-            depth = truth.depth if config.tier == "truth" else depth_of(sensed, truth)
+            depth = depth_of(sensed, truth)
         tells = config.plans_effects
         return FrameImages(
             image=image,

@@ -25,13 +25,14 @@ def sense_depth(
 
     Args:
         depth_true: planar depth [m], shape (height, width), NaN where there is nothing.
-        rig: focal length, baseline, noise, step and range.
+        rig: focal length, baseline, noise and step.
         seed: of the recording, >= 0.
         frame: number of the frame, >= 0; frames may be sensed in any order.
         strength: factor on noise and step, >= 0.
 
     Returns:
-        Planar depth [m], float32, NaN outside the rig's range.
+        Planar depth [m], float32, at any distance; infinite or negative where noise makes the disparity
+        zero or negative.
     """
     check_shape("depth_true", depth_true, (rig.intrinsics.height, rig.intrinsics.width))
     focal_baseline = rig.intrinsics.fx * rig.baseline
@@ -45,7 +46,4 @@ def sense_depth(
     if step > 0:
         disparity = np.round(disparity / step) * step
     with np.errstate(divide="ignore"):
-        depth = (focal_baseline / disparity).astype(np.float32)
-    # A disparity of zero or below gives an infinite or negative depth.
-    depth[~((depth >= rig.min_depth) & (depth <= rig.max_depth))] = np.nan
-    return depth
+        return (focal_baseline / disparity).astype(np.float32)

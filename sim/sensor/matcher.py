@@ -40,9 +40,6 @@ def sense_by_matching(
     rig = truth.rig
     left, right = map(gray_of, recorded or (truth.image, truth.right))
     disparity = match(left, right, search_range(rig), rig.window)
-    with np.errstate(divide="ignore"):
-        depth = np.float32(rig.focal_baseline) / disparity
-    disparity[~((depth >= rig.min_depth) & (depth <= rig.max_depth))] = np.nan
     confidence = np.where(np.isnan(disparity), np.float32(0), np.float32(1))
     return Sensed(disparity, blame(disparity, truth), confidence)
 

@@ -15,6 +15,7 @@ from digs_warp.sim.sensor.effects.occlusion import Occlusion
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.law import sense_depth
+from digs_warp.sim.sensor.limit import round_into_range, within_range
 
 Tier = Literal["truth", "law", "planned", "matcher"]
 
@@ -27,7 +28,7 @@ def sense(
     strength: float = 1.0,
     recorded: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Sensed:
-    """Return the sensor's measurement of a frame.
+    """Return the sensor's measurement of a frame, within the range of the camera in every tier.
 
     The same arguments give the same bytes, whatever was sensed before.
 
@@ -37,13 +38,24 @@ def sense(
             plan switches on; "matcher": semi-global matching of the two recorded images.
         plan: for the planned tier.
         seed: of the recording, >= 0.
-        strength: factor on all effects, >= 0; 0 is the truth.
+        strength: factor on all effects, >= 0; 0 is the truth within the range.
         recorded: left and right image as the camera records them, for the matcher; None: the images of the
             truth, without noise.
 
     Raises:
         DigsError: an unknown tier.
     """
+    return within_range(_measured(truth, tier, plan, seed, strength, recorded), truth.rig)
+
+
+def _measured(
+    truth: FrameTruth,
+    tier: Tier,
+    plan: Sequence[Choice],
+    seed: int,
+    strength: float,
+    recorded: tuple[np.ndarray, np.ndarray] | None,
+) -> Sensed:
     if tier == "truth" or (strength == 0 and tier != "matcher"):
         return Sensed.of(truth)
     if tier == "law":
@@ -87,11 +99,12 @@ def depth_of(sensed: Sensed, truth: FrameTruth) -> np.ndarray:
     """Return planar depth [m], (height, width), float32, coded as a ZED does.
 
     NaN: nothing was matched; -inf: too near; +inf: too far. Where disparity equals
-    the truth to the bit, so does depth.
+    the truth to the bit, so does depth. No rounding leaves the range of the camera.
     """
     with np.errstate(divide="ignore"):
         depth = np.float32(truth.rig.focal_baseline) / sensed.disparity
     np.copyto(depth, truth.depth, where=sensed.disparity == truth.disparity)
+    round_into_range(depth, truth.rig)
     missing = np.isnan(depth)
     np.copyto(depth, np.float32(-np.inf), where=missing & (sensed.cause == Cause.NEAR))
     np.copyto(depth, np.float32(np.inf), where=missing & (sensed.cause == Cause.FAR))
@@ -99,12 +112,5 @@ def depth_of(sensed: Sensed, truth: FrameTruth) -> np.ndarray:
 
 
 def _sense_law(truth: FrameTruth, seed: int, strength: float) -> Sensed:
-    rig = truth.rig
-    depth = sense_depth(truth.depth, rig, seed, truth.number, strength)
-    missing = np.isnan(depth) & np.isfinite(truth.depth)
-    # Depth outside the range counts as missing on the side it is closer to.
-    is_near = truth.depth < np.sqrt(rig.min_depth * rig.max_depth)
-    sensed = Sensed.of(truth)
-    sensed = sensed.with_holes(missing & is_near, Cause.NEAR)
-    sensed = sensed.with_holes(missing & ~is_near, Cause.FAR)
-    return replace(sensed, disparity=np.float32(rig.focal_baseline) / depth)
+    depth = sense_depth(truth.depth, truth.rig, seed, truth.number, strength)
+    return replace(Sensed.of(truth), disparity=np.float32(truth.rig.focal_baseline) / depth)

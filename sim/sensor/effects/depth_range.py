@@ -6,10 +6,10 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.limit import within_range
 
 # Room for noise at the ends of the range [px].
 MARGIN = 2.0
@@ -40,10 +40,9 @@ class DepthRange:
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
-        """Drop values out of range; ``strength`` does not change the range: it is a limit, not an error."""
-        rig = truth.rig
-        smallest = rig.focal_baseline / rig.max_depth
-        sensed = sensed.with_holes(sensed.disparity > np.float32(rig.largest_disparity), Cause.NEAR)
-        # Tolerance of half a millionth: a depth right at the end is in range, however it is rounded.
-        too_far = sensed.disparity < np.float32(smallest * (1 - 5e-7))
-        return sensed.with_holes(too_far, Cause.FAR)
+        """Drop values out of range; ``strength`` does not change the range: it is a limit, not an error.
+
+        The sensor drops them at the end in any case. Here, before random pixels drop out, every lost pixel
+        still gets its label.
+        """
+        return within_range(sensed, truth.rig)

@@ -9,7 +9,6 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.matcher import sense_by_matching
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
@@ -28,7 +27,7 @@ def pair(sample_data: Path) -> FrameTruth:
 
 @pytest.fixture(scope="module")
 def matched(pair: FrameTruth) -> np.ndarray:
-    return sense_by_matching(pair).disparity  # the images have real noise already
+    return sense(pair, "matcher").disparity  # the images have real noise already
 
 
 @pytest.fixture(scope="module")

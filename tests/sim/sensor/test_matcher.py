@@ -15,6 +15,7 @@ from digs_warp.sim.sensor.matcher import match, search_range, sense_by_matching
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.steps import near_steps
 from digs_warp.sim.sensor.texture import noise_of
+from digs_warp.sim.sensor.tiers import sense
 from reference.stereo_frames import broadband, flat, make_frame, make_rig
 from reference.stereo_pairs import (
     HiddenRays,
@@ -29,7 +30,7 @@ from reference.stereo_pairs import (
 def test_planes_are_matched_up_to_the_band_whatever_their_depth(disparity: float) -> None:
     """OpenCV alone gives up as many columns as it searches; here only those without a partner are lost."""
     truth = plane_pair(disparity)
-    found = sense_by_matching(truth).disparity
+    found = sense(truth, "matcher").disparity
     inside = found[:, int(np.ceil(disparity)) + 8 :]
     assert np.isfinite(inside).mean() > 0.98
     error = inside - disparity
@@ -61,7 +62,7 @@ def test_luma_has_the_noise_that_textures_are_compared_with() -> None:
 
 def test_depth_out_of_range_is_not_reported() -> None:
     truth = plane_pair(20.0, make_rig(min_depth=0.2, max_depth=2.0))  # at 2.5 m
-    sensed = sense_by_matching(truth)
+    sensed = sense(truth, "matcher")
     assert np.isnan(sensed.disparity[:, 40:]).mean() > 0.99
     assert (sensed.cause[:, 40:] == Cause.FAR).mean() > 0.99
     assert (sensed.confidence[np.isnan(sensed.disparity)] == 0).all()
