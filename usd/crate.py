@@ -10,6 +10,8 @@ import struct
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 CRATE_MAGIC = b"PXR-USDC"
 HEADER = struct.Struct("<8s8Bq")
 HEADER_SIZE = 88  # with the reserved words
@@ -70,6 +72,13 @@ def read_sections(data: Bytes, what: str, start: int, size: int) -> list[Section
     return sections
 
 
+def section_bodies(data: Bytes, start: int, sections: list[Section]) -> dict[str, bytes]:
+    """Return the bytes of each section of the crate that begins at ``start``, by name."""
+    return {
+        each.name: data[start + each.start : start + each.start + each.length] for each in sections
+    }
+
+
 def read_count(data: bytes, at: int, what: str) -> int:
     """Return the 64 bits at a place of a table.
 
@@ -79,6 +88,24 @@ def read_count(data: bytes, at: int, what: str) -> int:
     if at + COUNT.size > len(data):
         raise ValueError(f"a table of {what} is cut off")
     return COUNT.unpack_from(data, at)[0]
+
+
+def read_values(fields: bytes, what: str) -> tuple[bytes, np.ndarray]:
+    """Return the section FIELDS up to the values, unchanged, and the values, uint64 (n,).
+
+    Raises:
+        ValueError: the section is cut off or broken; names ``what``.
+    """
+    number = read_count(fields, 0, what)
+    end = 2 * COUNT.size + read_count(fields, COUNT.size, what)
+    size = read_count(fields, end, what)
+    begin = end + COUNT.size
+    values = decompressed(fields[begin : begin + size], number * 8)
+    if len(values) != number * 8:
+        raise ValueError(
+            f"the table of values of {what} holds {len(values)} bytes for {number} values"
+        )
+    return fields[:end], np.frombuffer(values, dtype="<u8").copy()
 
 
 def decompressed(block: bytes, size: int) -> bytes:

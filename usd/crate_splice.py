@@ -21,9 +21,9 @@ from digs_warp.usd.crate import (
     HEADER,
     SECTION,
     Section,
-    decompressed,
-    read_count,
     read_sections,
+    read_values,
+    section_bodies,
     stored,
 )
 
@@ -96,8 +96,8 @@ def splice(
         raise ValueError(f"version {'.'.join(map(str, version[:3]))} of the format")
     first = min(section.start for section in sections)
     head = bytearray(crate[:first])
-    bodies = {each.name: crate[each.start : each.start + each.length] for each in sections}
-    indices, places = _read_values(bodies.get("FIELDS", b""))
+    bodies = section_bodies(crate, 0, sections)
+    indices, places = read_values(bodies.get("FIELDS", b""), "the scene")
     starts, lengths = {}, {}
     at = first
     for name, array in placeholders.items():
@@ -125,18 +125,6 @@ def _place_in(head: bytes | bytearray, array: np.ndarray) -> int:
     if place < 0 or head.find(content, place + 1) >= 0:
         raise ValueError("the scene does not hold an array exactly once")
     return place + COUNT.size
-
-
-def _read_values(fields: bytes) -> tuple[bytes, np.ndarray]:
-    """Return the section FIELDS up to the values, unchanged, and the values, uint64 (n,)."""
-    number = read_count(fields, 0, "the scene")
-    end = 2 * COUNT.size + read_count(fields, COUNT.size, "the scene")
-    size = read_count(fields, end, "the scene")
-    begin = end + COUNT.size
-    values = decompressed(fields[begin : begin + size], number * 8)
-    if len(values) != number * 8:
-        raise ValueError(f"the table of values holds {len(values)} bytes for {number} values")
-    return fields[:end], np.frombuffer(values, dtype="<u8").copy()
 
 
 def _with_table(sections: list[Section], bodies: dict[str, bytes], at: int) -> tuple[bytes, int]:

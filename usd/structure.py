@@ -1,11 +1,12 @@
-"""Checks the frame of a USD file before the USD library maps it: sizes and offsets that are impossible.
+"""Checks the frame of a USD file before the USD library maps it: impossible sizes, offsets and nesting.
 
 A crate (``.usdc``) begins with a header that points to a table of sections; a package (``.usdz``) ends with a
-directory of its members. Both are a few hundred bytes, however large the file is.
+directory of its members. Both are a few hundred bytes, however large the file is. Text is read once.
 """
 
 import mmap
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,13 @@ from digs_warp.checks import UsdError
 from digs_warp.usd.crate import (
     COUNT,
     CRATE_MAGIC,
-    Bytes,
-    Section,
     decompressed,
     read_count,
     read_sections,
+    section_bodies,
 )
+from digs_warp.usd.crate_nesting import check_crate_nesting, check_tree_depth
+from digs_warp.usd.nesting import NestingError, check_text
 from digs_warp.usd.package import LAYER_SUFFIXES, Member, leaves_package, mapped, read_members
 
 if TYPE_CHECKING:
@@ -32,18 +34,21 @@ _MAX_INDEX = 2**31
 
 
 def check_structure(path: Path) -> None:
-    """Raise a `UsdError` when the header or the directory of a ``.usdc`` or ``.usdz`` file is broken.
+    """Raise a `UsdError` when the frame of a file is broken, or when it is nested too deeply.
 
-    Text files have no frame. The USD library checks what is inside the sections.
+    The USD library checks what is inside the sections.
     """
-    suffix = path.suffix.lower()
     try:
         with mapped(path) as data:
-            if suffix == ".usdz":
+            if path.suffix.lower() == ".usdz":
                 for member in read_members(data):
                     _check_member(data, member)
-            elif suffix == ".usdc" or (suffix == ".usd" and data[:8] == CRATE_MAGIC):
-                _check_crate(data, "the file", 0, len(data))
+            else:
+                _check_layer(data, path.name, "the file", 0, len(data))
+    except NestingError as error:
+        raise UsdError(
+            f"USD scene '{path}': {error}; no real scene does this, export it again"
+        ) from error
     except ValueError as error:
         raise UsdError(
             f"USD scene '{path}': truncated or not a USD file ({error}). Copy or export it again."
@@ -51,27 +56,50 @@ def check_structure(path: Path) -> None:
 
 
 def open_layers(path: Path) -> "list[Sdf.Layer]":
-    """Open the layers of a scene before they are composed, and check that each is complete.
+    """Open the layers of a scene, and those it refers to, before they are composed; check each.
 
     A broken crate may list prims or variants that it does not hold. Composing such a layer, or walking
     through it as validators do, can end the process. Keep the layers while the stage is opened.
 
     Raises:
-        UsdError: a layer lists a child that it does not hold.
+        UsdError: a layer lists a child that it does not hold, or one beside ``path`` has a broken frame.
     """
     from pxr import Sdf
 
     name = os.path.abspath(path)
-    names = [name]
+    waiting = [name]
     if path.suffix.lower() == ".usdz":
         with mapped(path) as data:
             members = [member.name for member in read_members(data)]
-        names += [f"{name}[{each}]" for each in members if each.lower().endswith(LAYER_SUFFIXES)]
-    layers = [Sdf.Layer.FindOrOpen(each) for each in names]
-    for layer in layers:
+        waiting += [f"{name}[{each}]" for each in members if each.lower().endswith(LAYER_SUFFIXES)]
+    layers: dict[str, Sdf.Layer | None] = {}
+    checked = {name}
+    while waiting:
+        identifier = waiting.pop()
+        if identifier in layers:
+            continue
+        file = _file_of(identifier)
+        if file not in checked and os.path.isfile(file):
+            check_structure(Path(file))
+        checked.add(file)
+        layer = layers[identifier] = Sdf.Layer.FindOrOpen(identifier)
         if layer:
             _check_specs(layer, path)
-    return layers
+            waiting += [
+                Sdf.ComputeAssetPathRelativeToLayer(layer, each)
+                for each in layer.GetCompositionAssetDependencies()
+            ]
+    return [layer for layer in layers.values() if layer]
+
+
+def _file_of(identifier: str) -> str:
+    """Return the file of a layer, which may be in a package, and may have arguments."""
+    from pxr import Ar, Sdf
+
+    asset, _ = Sdf.Layer.SplitIdentifier(identifier)
+    if Ar.IsPackageRelativePath(asset):
+        asset, _ = Ar.SplitPackageRelativePathOuter(asset)
+    return str(Ar.GetResolver().Resolve(asset)) or asset
 
 
 def _check_specs(layer: "Sdf.Layer", path: Path) -> None:
@@ -105,17 +133,25 @@ def _check_member(data: mmap.mmap, member: Member) -> None:
         raise ValueError(f"member '{member.name}' leads out of the package")
     if member.encrypted or member.compressed:
         raise ValueError(f"member '{member.name}' is compressed or encrypted")
-    is_crate = data[member.start : member.start + 8] == CRATE_MAGIC
-    if is_crate or member.name.lower().endswith(".usdc"):
-        _check_crate(data, member.name, member.start, member.size)
+    if member.name.lower().endswith(".usdz"):
+        raise ValueError(f"member '{member.name}' is a package in a package")
+    _check_layer(data, member.name, member.name, member.start, member.size)
 
 
-def _check_crate(data: mmap.mmap, what: str, start: int, size: int) -> None:
-    check_paths(data, what, start, read_sections(data, what, start, size))
+def _check_layer(data: mmap.mmap, name: str, what: str, start: int, size: int) -> None:
+    """Check the layer ``name`` in ``data[start : start + size]``; nothing for textures and the like."""
+    is_crate = data[start : start + 8] == CRATE_MAGIC
+    if is_crate or name.lower().endswith(".usdc"):
+        sections = read_sections(data, what, start, size)
+        bodies = section_bodies(data, start, sections)
+        check_paths(bodies, what)
+        check_crate_nesting(data, what, start, size, bodies)
+    elif name.lower().endswith(LAYER_SUFFIXES):
+        check_text(data[start : start + size], what)
 
 
-def check_paths(data: Bytes, what: str, start: int, sections: list[Section]) -> None:
-    """Check that the paths of a crate, which begins at ``start``, form one tree of tokens it holds.
+def check_paths(bodies: Mapping[str, bytes], what: str) -> None:
+    """Check that the paths of a crate, given by its sections, form one tree of tokens it holds.
 
     The tree is stored in depth-first order, three integers for each path: its number, the token of its last
     part (negative for properties), and where its next sibling is: a number of places ahead, 0 for the next
@@ -125,7 +161,6 @@ def check_paths(data: Bytes, what: str, start: int, sections: list[Section]) -> 
     Raises:
         ValueError: they do not; says how, of ``what``.
     """
-    bodies = {each.name: data[start + each.start :][: each.length] for each in sections}
     if "PATHS" not in bodies or "TOKENS" not in bodies:
         raise ValueError(f"{what} has no table of paths or tokens")
     paths = bodies["PATHS"]
@@ -146,6 +181,7 @@ def check_paths(data: Bytes, what: str, start: int, sections: list[Section]) -> 
         raise ValueError(f"the table of paths of {what} names a path twice")
     _within(np.abs(names[1:]), tokens, what)  # the root has no name
     _check_tree(jumps, what)
+    check_tree_depth(jumps, what)
 
 
 def _within(values: np.ndarray, count: int, what: str) -> np.ndarray:
