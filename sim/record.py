@@ -10,9 +10,10 @@ from typing import Any
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
-from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter, file_hashes
+from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
+from digs_warp.record.manifest import Manifest, recorded_files
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
@@ -59,7 +60,8 @@ def simulate(
         else:
             prepare = partial(replace, session, config=config)
     log.save(record)  # from here on the folder belongs to these settings
-    try:
+    with recorded_files(folder, resume) as manifest, log.saved(record):
+        manifest.drop_damaged()
         with log.stage("prepare"):
             session = prepare()
         with log.stage("plan"):
@@ -73,10 +75,7 @@ def simulate(
             "frames": len(capture),
             "seed": config.seed,
             "profile": _profile_record(session.profile),
-            "sha256": file_hashes(folder),
         }
-    finally:
-        log.save(record)  # an interrupted run keeps its times, too
     return capture
 
 
@@ -99,8 +98,7 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     record = folder / RUN_RECORD
     if record.exists() and resume:
         log.continue_from(record)
-        # Frame files that a process was writing when it was killed: .NUMBER.PROCESS.SUFFIX.
-        for leftover in folder.glob("*/.[0-9]*.[0-9]*.*"):
+        for leftover in folder.glob("*/.*.tmp"):  # of a process that was killed while it wrote
             leftover.unlink()
     elif record.exists() or (folder / INDEX_NAME).exists():
         raise DigsError(
@@ -113,7 +111,7 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
 def _is_finished(folder: Path, config: SimulateConfig) -> bool:
     """Whether nothing is left to do."""
     record = RunRecord.find(folder)
-    if record is None or not record.results:
+    if record is None or not record.results or not Manifest.read(folder).all_whole():
         return False
     try:
         frames = read_capture(folder).frames

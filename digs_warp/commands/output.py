@@ -10,7 +10,7 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.record.files import read_json
-from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.layout import MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunRecord
 
 OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
@@ -87,7 +87,7 @@ def _is_used(folder: Path) -> bool:
     if not folder.is_dir():
         return False
     names = {path.name for path in folder.iterdir()}
-    return bool(names) and not (names == {RUN_RECORD} and is_ours(folder))
+    return bool(names) and not (names <= {RUN_RECORD, MANIFEST} and is_ours(folder))
 
 
 def _check_may_delete(folder: Path, inputs: Sequence[Path]) -> None:

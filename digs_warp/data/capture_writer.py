@@ -16,8 +16,7 @@ from digs_warp.data.images import write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
-from digs_warp.record.layout import RUN_RECORD
-from digs_warp.record.run_log import RunRecord
+from digs_warp.record.manifest import Manifest, is_kept
 
 FORMAT_VERSION = 1
 
@@ -59,8 +58,8 @@ class CaptureWriter:
     _entries: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def has_frame(self, number: int, layers: Sequence[Layer] = BASIC_LAYERS) -> bool:
-        """Whether the files of these layers of frame ``number`` already exist."""
-        return all((self.folder / layer.pattern.format(number)).is_file() for layer in layers)
+        """Whether the files of these layers of frame ``number`` are there, written by a run of ours."""
+        return all(is_kept(self.folder / layer.pattern.format(number)) for layer in layers)
 
     def write_frame(self, number: int, images: FrameImages) -> None:
         """Write the files of frame ``number``."""
@@ -144,18 +143,8 @@ def _camera_keys(k: Intrinsics) -> dict[str, float]:
     return {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
 
 
-def file_hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file below ``folder`` except run.json, by relative path."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != RUN_RECORD
-    }
-
-
 def recorded_hash(folder: Path) -> str | None:
-    """Return one hash over the files that a simulated capture lists in its run.json; None without a list."""
-    record = RunRecord.find(folder)
-    hashes: dict[str, str] = (record.results.get("sha256") if record else None) or {}
-    lines = "".join(f"{hashes[name]}  {name}\n" for name in sorted(hashes))
-    return hashlib.sha256(lines.encode()).hexdigest() if hashes else None
+    """Return one hash over the files of a capture as its manifest lists them; None without a manifest."""
+    files = Manifest.read(folder).files
+    lines = "".join(f"{files[name][-1].sha256}  {name}\n" for name in sorted(files))
+    return hashlib.sha256(lines.encode()).hexdigest() if files else None

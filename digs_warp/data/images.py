@@ -1,13 +1,14 @@
 """All image file access: OpenImageIO reads and writes PNG, EXR and HDR. Rows go top to bottom."""
 
-import os
-import tempfile
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape, require_file
+from digs_warp.data.image_bytes import encode
+from digs_warp.record.files import write_atomically
 
 # Used where a format requires a date.
 NO_DATE = "1970:01:01 00:00:00"
@@ -79,19 +80,11 @@ def write_image(path: Path, pixels: np.ndarray) -> None:
     spec.attribute("DateTime", NO_DATE)
     if path.suffix == ".png":
         _choose_png_coding(spec, image)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        target = oiio.ImageOutput.create(str(temporary))
-        if target is None or not target.open(str(temporary), spec):
-            raise DigsError(f"image '{path}': cannot be written ({oiio.geterror()})")
-        written = target.write_image(image)
-        closed = target.close()
-        if not (written and closed):
-            raise DigsError(f"image '{path}': cannot be written ({target.geterror()}); disk full?")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        data = encode(path.suffix[1:], spec, image)
+    except DigsError as error:
+        raise DigsError(f"image '{path}': {error}") from None
+    write_atomically(path, data)
 
 
 def _choose_png_coding(spec: Any, image: np.ndarray) -> None:
@@ -110,22 +103,16 @@ def _choose_png_coding(spec: Any, image: np.ndarray) -> None:
 
 
 def encode_jpeg(pixels: np.ndarray, quality: int = 88) -> bytes:
-    """Return a JPEG file of sRGB pixels, shape (height, width, 3), uint8, without chroma subsampling."""
-    import OpenImageIO as oiio
+    """Return a JPEG file of sRGB pixels, shape (height, width, 3), uint8, without chroma subsampling.
 
-    height, width = check_shape("JPEG pixels", pixels, (None, None, 3)).shape[:2]
-    spec = oiio.ImageSpec(width, height, 3, oiio.UINT8)
-    spec.attribute("compression", f"jpeg:{quality}")
-    spec.attribute("jpeg:subsampling", "4:4:4")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "image.jpg"
-        target = oiio.ImageOutput.create(str(path))
-        if target is None or not target.open(str(path), spec):
-            raise DigsError(f"JPEG: cannot be written ({oiio.geterror()})")
-        written = target.write_image(np.ascontiguousarray(pixels))
-        if not (target.close() and written):
-            raise DigsError(f"JPEG: cannot be written ({target.geterror()})")
-        return path.read_bytes()
+    Pillow writes it: OpenImageIO cannot write to memory, and where it cannot write, it ends the process.
+    """
+    from PIL import Image
+
+    check_shape("JPEG pixels", pixels, (None, None, 3))
+    data = BytesIO()
+    Image.fromarray(pixels).save(data, "JPEG", quality=quality, subsampling=0)
+    return data.getvalue()
 
 
 def to_uint8(values: np.ndarray) -> np.ndarray:

@@ -1,10 +1,9 @@
-"""Atomic file writes, arrays and JSON."""
+"""The one way to write a file, and arrays and JSON as files."""
 
 import json
-import os
 import shutil
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from io import BytesIO
@@ -15,33 +14,95 @@ from zipfile import BadZipFile
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
+from digs_warp.record.disk import put, rename, reported, sync, temporary_beside
+from digs_warp.record.manifest import Content, manifest_of, recorded_files
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write ``data`` to a temporary file next to ``path``, then rename it: never a half-written file."""
+    """Write ``data``: complete, synced to the disk and under its name, or not at all.
+
+    Every write of the package ends here or in `new_file`. Where the manifest of a folder is being written
+    (`digs_warp.record.manifest.recorded_files`), it lists the file.
+
+    Raises:
+        DigsError: the disk is full, or the file cannot be written; names the path, the space needed and the
+            space free. A file that was there before is unchanged.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    with reported(path, len(data)), _listed(path, lambda: Content.of(data)):
+        put(path, data)
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary name for a library that writes by name; after the block the file is at ``path``.
+
+    The name is the same as that of ``path``, in a temporary folder beside it; other files in that folder are
+    deleted. Libraries report success for truncated files: a block has to check what it wrote, and raise
+    `digs_warp.record.disk.out_of_space` if the file is not complete.
+
+    Raises:
+        DigsError: as `write_atomically` does.
+    """
+    path = Path(path)
+    folder = temporary_beside(path)
+    unfinished = folder / path.name
     try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
+        with reported(path):
+            folder.mkdir(parents=True, exist_ok=True)
+            yield unfinished
+            sync(unfinished)
+            with _listed(path, lambda: Content.of_file(unfinished)):
+                rename(unfinished, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def copy_file(source: Path, path: Path) -> None:
+    """Copy a file; see `write_atomically`."""
+    write_atomically(path, Path(source).read_bytes())
+
+
+def copy_folder(source: Path, folder: Path) -> None:
+    """Copy all files below ``source``; see `write_atomically`."""
+    for path in sorted(source.rglob("*")):
+        if path.is_file():
+            copy_file(path, folder / path.relative_to(source))
+
+
+def remove(path: Path) -> None:
+    """Delete a file of ours, if it is there, and take it off the manifest that lists it."""
+    manifest = manifest_of(path)
+    if manifest is not None:
+        manifest.forget(path)
+    path.unlink(missing_ok=True)
 
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder to write into, then rename it to ``folder``: complete or absent.
 
-    ``folder`` must be new or empty.
+    It gets a manifest. ``folder`` must be new or empty.
     """
     folder = Path(folder).resolve()
-    unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+    unfinished = temporary_beside(folder)
     try:
-        yield unfinished
-        os.replace(unfinished, folder)
+        with recorded_files(unfinished):
+            yield unfinished
+        with reported(folder):
+            rename(unfinished, folder)
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
+
+
+@contextmanager
+def _listed(path: Path, content: Callable[[], Content]) -> Iterator[None]:
+    manifest = manifest_of(path)
+    if manifest is None:
+        yield
+        return
+    with manifest.replacing(path, content()):
+        yield
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:

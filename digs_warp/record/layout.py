@@ -11,6 +11,7 @@ SCENE = "scene.usdz"
 REPORT = "report.html"
 # In every folder that a command wrote:
 RUN_RECORD = "run.json"
+MANIFEST = "files.jsonl"
 # In a capture folder of the simulator (its index: `digs_warp.data.capture`):
 SENSOR_PLAN = "sensor_plan.json"
 # In the folder of `digs-warp simulate` with many scenes:

@@ -5,7 +5,7 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -151,8 +151,11 @@ class RunLog:
         """Save the record after a block, even if the block is interrupted."""
         try:
             yield
-        finally:
-            self.save(path)
+        except BaseException:
+            with suppress(DigsError):  # a full disk, say: the first error says more
+                self.save(path)
+            raise
+        self.save(path)
 
     def continue_from(self, path: Path) -> RunRecord | None:
         """Take over the stage times of an interrupted run; return its record, or None without one.

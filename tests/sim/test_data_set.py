@@ -9,10 +9,10 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.capture import read_capture
-from digs_warp.data.capture_writer import file_hashes
 from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.data_set import SceneResult, judge_depth, plan_jobs, simulate_many
+from reference.file_hashes import file_hashes
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 TINY = SimulateConfig(frames=2, width=48, samples_per_pixel=1)

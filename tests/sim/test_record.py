@@ -10,10 +10,10 @@ import pytest
 from digs_warp.camera import pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
-from digs_warp.data.capture_writer import file_hashes
 from digs_warp.data.images import write_image
 from digs_warp.record.files import read_json
 from digs_warp.sim.record import SimulateConfig, simulate
+from reference.file_hashes import file_hashes, listed_hashes
 
 BOX = """v -1 -1 -1
 v 1 -1 -1
@@ -103,8 +103,8 @@ def test_the_run_record_tells_settings_times_and_hashes(
     record = read_json(recording / "run.json", "record")
     assert record["settings"]["frames"] == 4 and record["settings"]["mesh"] == str(config.mesh)
     assert {"load", "prepare", "render", "sense", "write"} <= record["seconds"].keys()
-    assert record["results"]["sha256"] == file_hashes(recording)
-    assert len(record["results"]["sha256"]) == 4 * 5 + 1
+    assert listed_hashes(recording) == file_hashes(recording)
+    assert len(listed_hashes(recording)) == 4 * 5 + 1
 
 
 def test_a_run_that_was_cut_off_resumes_to_the_same_bytes(
@@ -117,6 +117,25 @@ def test_a_run_that_was_cut_off_resumes_to_the_same_bytes(
     kept = (folder / "images/0000.png").stat().st_mtime_ns
     simulate(config, folder, resume=True)
     assert file_hashes(folder) == file_hashes(recording)
+    assert (folder / "images/0000.png").stat().st_mtime_ns == kept
+
+
+def test_a_resumed_run_makes_damaged_frames_again(
+    recording: Path, config: SimulateConfig, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "capture"
+    shutil.copytree(recording, folder)
+    (folder / "masks/0001.png").write_bytes(b"")
+    depth = bytearray((folder / "depth/0002.exr").read_bytes())
+    depth[-1] ^= 1
+    (folder / "depth/0002.exr").write_bytes(depth)
+    kept = (folder / "images/0000.png").stat().st_mtime_ns
+    simulate(config, folder, resume=True)
+    assert (
+        "2 files are damaged or missing and are made again: depth/0002.exr, masks/0001"
+        in caplog.text
+    )
+    assert file_hashes(folder) == listed_hashes(folder) == file_hashes(recording)
     assert (folder / "images/0000.png").stat().st_mtime_ns == kept
 
 

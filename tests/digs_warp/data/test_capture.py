@@ -10,9 +10,10 @@ import pytest
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Rig, read_capture
-from digs_warp.data.capture_writer import CaptureWriter, file_hashes
+from digs_warp.data.capture_writer import CaptureWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
+from reference.file_hashes import file_hashes
 from reference.noise_capture import INTRINSICS, frame_images, view, write_capture
 
 

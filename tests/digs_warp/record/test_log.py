@@ -1,4 +1,4 @@
-"""run.json and atomic writing."""
+"""run.json."""
 
 import json
 import math
@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.record import files
-from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.files import read_json, to_json
 from digs_warp.record.run_log import RunLog, source_commit
 
 
@@ -21,41 +20,6 @@ class Settings:
     size: int
     folder: Path
     weights: np.ndarray
-
-
-def test_a_write_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "x.bin"
-    for data in (b"a long first version", b"short"):
-        write_atomically(path, data)
-        assert path.read_bytes() == data
-    assert list(path.parent.iterdir()) == [path]
-
-
-def test_a_folder_is_complete_or_not_there(tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    with pytest.raises(ZeroDivisionError), files.whole_folder(folder) as unfinished:
-        write_atomically(unfinished / "half.bin", b"half")
-        raise ZeroDivisionError
-    assert list(tmp_path.iterdir()) == []
-    with files.whole_folder(folder) as unfinished:
-        write_atomically(unfinished / "x.bin", b"all")
-        assert not folder.exists()
-    assert [path.name for path in folder.iterdir()] == ["x.bin"]
-    assert list(tmp_path.iterdir()) == [folder]
-
-
-def test_a_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "x.bin"
-    write_atomically(path, b"old")
-
-    def disk_full(*_: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr(files.os, "replace", disk_full)
-    with pytest.raises(OSError, match="disk full"):
-        write_atomically(path, b"new")
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_json_of_everything_a_run_holds_round_trips(tmp_path: Path) -> None:

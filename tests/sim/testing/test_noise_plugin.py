@@ -11,7 +11,6 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.capture_writer import file_hashes
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
@@ -20,6 +19,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.testing.curve import DegradationCurve
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
+from reference.file_hashes import file_hashes
 
 BOX = Path(__file__).parent / "box.obj"
 

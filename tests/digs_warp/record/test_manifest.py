@@ -1,0 +1,119 @@
+"""The manifest lists what was written, also after a kill, and tells what is damaged."""
+
+import json
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.record.files import copy_file, new_file, remove, write_atomically
+from digs_warp.record.manifest import Manifest, is_kept, recorded_files
+from reference.file_hashes import file_hashes, listed_hashes
+from reference.full_disk import small_disk
+
+
+def test_it_lists_what_is_written_below_its_folder_by_any_thread(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with recorded_files(folder), ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda n: write_atomically(folder / f"a/{n}.bin", bytes([n])), range(50)))
+        with new_file(folder / "named.bin") as unfinished:
+            unfinished.write_bytes(b"named")
+        copy_file(folder / "named.bin", folder / "copy.bin")
+        write_atomically(folder / "gone.bin", b"")
+        remove(folder / "gone.bin")
+        write_atomically(tmp_path / "outside.bin", b"")
+        write_atomically(folder / "run.json", b"{}")
+    assert listed_hashes(folder) == file_hashes(folder)
+    assert len(listed_hashes(folder)) == 52
+    lines = (folder / "files.jsonl").read_text().splitlines()
+    assert [json.loads(line)["path"] for line in lines] == sorted(file_hashes(folder))
+
+
+def test_a_folder_within_a_recorded_one_has_its_own(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path)
+    with recorded_files(tmp_path / "link"), recorded_files(tmp_path / "inner"):
+        write_atomically(tmp_path / "link/a.bin", b"a")
+        write_atomically(tmp_path / "inner/b.bin", b"b")
+    assert list(Manifest.read(tmp_path).files) == ["a.bin"]
+    assert list(Manifest.read(tmp_path / "inner").files) == ["b.bin"]
+
+
+def test_damaged_and_missing_files_are_dropped_and_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with recorded_files(tmp_path):
+        for name in ("good", "flipped", "short", "gone"):
+            write_atomically(tmp_path / name, name.encode())
+    (tmp_path / "flipped").write_bytes(b"flopped")
+    (tmp_path / "short").write_bytes(b"")
+    (tmp_path / "gone").unlink()
+    (tmp_path / "users").write_bytes(b"not ours")
+    assert not Manifest.read(tmp_path).all_whole()
+    with recorded_files(tmp_path, resume=True) as manifest:
+        assert manifest.drop_damaged() == ["flipped", "gone", "short"]
+        assert is_kept(tmp_path / "good")
+        assert not is_kept(tmp_path / "flipped") and not is_kept(tmp_path / "users")
+    assert "3 files are damaged or missing and are made again: flipped, gone, sh" in caplog.text
+    assert {path.name for path in tmp_path.iterdir()} == {"good", "users", "files.jsonl"}
+    assert Manifest.read(tmp_path).all_whole()
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from digs_warp.record import disk, files, manifest
+folder = Path(sys.argv[1])
+rename = disk.rename
+with manifest.recorded_files(folder):
+    files.write_atomically(folder / "a", b"first")
+    files.write_atomically(folder / "b", b"whole")
+    def killed(*paths):
+        if sys.argv[2] == "after":
+            rename(*paths)
+        os._exit(9)
+    disk.rename = killed
+    files.write_atomically(folder / "a", b"second")
+"""
+
+
+@pytest.mark.parametrize(("when", "content"), [("before", b"first"), ("after", b"second")])
+def test_a_kill_in_the_middle_of_a_write_leaves_a_whole_file_that_is_listed(
+    tmp_path: Path, when: str, content: bytes
+) -> None:
+    done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), when], check=False)
+    assert done.returncode == 9 and (tmp_path / "a").read_bytes() == content
+    with (tmp_path / "files.jsonl").open("a") as file:
+        file.write('{"path": "torn", "byt')
+    assert Manifest.read(tmp_path).all_whole()
+    with recorded_files(tmp_path, resume=True) as manifest:
+        assert manifest.drop_damaged() == []
+        write_atomically(tmp_path / "c", b"")
+    assert set(Manifest.read(tmp_path).files) == {"a", "b", "c"}
+
+
+def test_lines_of_others_lead_nowhere(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"not ours")
+    lines = ["[]", "7", "\x00", '{"path": 3}', '{"path": "../victim", "bytes": 1, "sha256": "x"}']
+    lines.append(json.dumps({"path": os.fspath(victim), "bytes": 1, "sha256": "x"}))
+    (inner / "files.jsonl").write_text("\n".join(lines))
+    with recorded_files(inner, resume=True) as manifest:
+        assert manifest.files == {} and manifest.drop_damaged() == []
+    assert victim.read_bytes() == b"not ours"
+
+
+def test_a_full_disk_leaves_whole_lines(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", 16 * 4096) as folder:
+        with pytest.raises(DigsError, match="cannot be written"), recorded_files(folder):
+            for number in range(1000):
+                write_atomically(folder / f"{number}.bin", bytes(1))
+        assert Manifest.read(folder).files.keys() >= file_hashes(folder).keys()
+        for name in file_hashes(folder):
+            assert Manifest.read(folder).is_whole(folder / name)
+        assert (folder / "files.jsonl").read_bytes().endswith(b"\n")
