@@ -17,6 +17,11 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, check_positive, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.images import read_image
+from digs_warp.data.index_rules import (
+    check_section,
+    require_metres,
+    require_pinhole,
+)
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import read_json
@@ -235,6 +240,7 @@ def read_capture(folder: Path) -> Capture:
     where = f"capture '{folder}', digs_warp in {INDEX_NAME}"
     if not isinstance(ours, dict):
         raise CaptureError(f"{where}: expected a JSON object, found {type(ours).__name__}")
+    check_section(ours, where)
     rig = _read_rig(ours, where)
     about = read_about(ours, where)
     frames = tuple(_read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
@@ -257,6 +263,9 @@ def _read_rig(ours: dict[str, Any], where: str) -> Rig | None:
 
 def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], number: int) -> Frame:
     where = f"capture '{folder}', frame {number}"
+    if isinstance(entry, dict):
+        require_pinhole(index, entry, f"{where} in {INDEX_NAME}")
+        require_metres(index, entry, f"{where} in {INDEX_NAME}")
     try:
         # nerfstudio lets a frame override the shared intrinsics.
         value = partial(_lookup, entry, index)

@@ -13,12 +13,11 @@ from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, Frame, Rig, read_capture
 from digs_warp.data.images import write_image
+from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept
-
-FORMAT_VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +95,7 @@ class CaptureWriter:
         if not self._entries:
             raise DigsError(f"capture '{self.folder}': no frame was added")
         k = self.intrinsics
-        ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": "metre"}
+        ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": DEPTH_UNIT}
         if self.rig is not None:
             ours["rig"] = {"baseline": self.rig.baseline}
         index = {

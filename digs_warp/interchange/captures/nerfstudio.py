@@ -12,42 +12,48 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.index_rules import (
+    METRES_PER_FLOAT,
+    check_depth_unit,
+    check_section,
+    is_number,
+    metres_per_unit,
+    read_lens,
+)
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, image_size
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.record.files import read_json
 
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
-PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 
 
 def read_nerfstudio(folder: Path) -> Recording:
     """Read a folder with transforms.json.
 
     Raises:
-        CaptureError: no usable index, a fisheye lens, a missing image, or distortion that differs between
-            frames.
+        CaptureError: no usable index, a fisheye lens, a missing image, another unit of depth than its images
+            have, or distortion that differs between frames.
     """
     index = read_json(folder / INDEX_NAME, "nerfstudio index")
     entries = index.get("frames")
     if not isinstance(entries, list) or not entries:
         raise CaptureError(f"recording '{folder}': {INDEX_NAME} lists no frames")
-    model = str(index.get("camera_model", "OPENCV")).upper()
-    if model not in PINHOLES:
-        raise CaptureError(
-            f"recording '{folder}': camera model {model}, expected one of {', '.join(PINHOLES)}; "
-            "undistort the images first"
-        )
+    ours = index.get("digs_warp")
+    if isinstance(ours, dict):
+        check_section(ours, f"recording '{folder}', digs_warp in {INDEX_NAME}")
     scale = float(index.get("applied_scale", 1.0))
     frames = tuple(_frame(folder, index, entry, i, scale) for i, entry in enumerate(entries))
-    lenses = {tuple(float(_value(index, e, key, 0.0)) for key in DISTORTION_KEYS) for e in entries}
+    lenses = {
+        _distortion(index, entry, f"recording '{folder}', frame {i} of {INDEX_NAME}")
+        for i, entry in enumerate(entries)
+    }
     if len(lenses) > 1:
         raise CaptureError(
             f"recording '{folder}': {len(lenses)} different lens distortions, expected one; undistort "
             "the images"
         )
     lens = lenses.pop()
-    ours = index.get("digs_warp")
     rig = ours.get("rig", {}) if isinstance(ours, dict) else {}
     return Recording(
         folder, frames, distortion=lens if any(lens) else (), baseline=rig.get("baseline")
@@ -74,9 +80,35 @@ def _frame(
         time=time,
         world_from_cam=matrix @ OPENCV_FROM_OPENGL,
         depth=_optional(folder, entry, "depth_file_path", where),
+        depth_units_per_metre=_units_per_metre(index, entry, where),
         mask=_optional(folder, entry, "mask_path", where),
         right=_optional(folder, entry, "right_file_path", where),
     )
+
+
+def _distortion(index: dict[str, Any], entry: dict[str, Any], where: str) -> tuple[float, ...]:
+    """Return the coefficients in the order of DISTORTION_KEYS; refuse lenses that need more."""
+    lens = read_lens(index, entry, where)
+    if more := sorted(lens.coefficients.keys() - set(DISTORTION_KEYS)):
+        raise CaptureError(
+            f"{where}: {lens.model} with {', '.join(more)}, expected only {', '.join(DISTORTION_KEYS)}; "
+            "undistort the images first, for example with 'colmap image_undistorter'"
+        )
+    return tuple(lens.coefficients.get(key, 0.0) for key in DISTORTION_KEYS)
+
+
+def _units_per_metre(index: dict[str, Any], entry: dict[str, Any], where: str) -> float:
+    """Return how many units of the depth image make a metre: ``depth_unit_scale_factor`` may say it."""
+    check_depth_unit(index | entry, where)
+    depth = str(entry.get("depth_file_path"))
+    usual = metres_per_unit(depth)
+    given = _value(index, entry, "depth_unit_scale_factor", usual)
+    if not is_number(given) or given <= 0 or (usual == METRES_PER_FLOAT and given != usual):
+        raise CaptureError(
+            f"{where}: depth_unit_scale_factor is {given!r} for '{depth}', expected metres per unit: 1 for "
+            "float images, 0.001 or another number above 0 for 16-bit images; correct it"
+        )
+    return 1 / given
 
 
 def _intrinsics(index: dict[str, Any], entry: dict[str, Any], image: Path) -> Intrinsics:

@@ -89,6 +89,10 @@ def test_synthetic_scenes_have_a_field_of_view_and_no_suffixes(
     ("changes", "message"),
     [
         ({"camera_model": "OPENCV_FISHEYE"}, "OPENCV_FISHEYE"),
+        ({"is_fisheye": True}, "is_fisheye is true"),
+        ({"k1": 0.1, "k4": 0.01}, "OPENCV with k4, expected only k1, k2"),
+        ({"k1": "much"}, "frame 0 .*k1 is 'much', expected a finite number"),
+        ({"depth_unit_scale_factor": -1}, "depth_unit_scale_factor is -1"),
         ({"frames": []}, "lists no frames"),
         ({"w": 640, "h": 480}, r"21x14 pixels, expected 640x480"),
         ({"fl_x": -3.0}, "focal lengths above 0"),

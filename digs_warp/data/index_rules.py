@@ -1,0 +1,150 @@
+"""What transforms.json may say about cameras, units and versions: honored or refused, never skipped.
+
+docs/capture-format.md lists the allowed keys and values.
+"""
+
+import difflib
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.about import About
+
+logger = logging.getLogger(__name__)
+
+FORMAT_VERSION = 1
+DEPTH_UNIT = "metre"
+UNDISTORT = "'digs-warp convert FOLDER --from nerfstudio --out CAPTURE'"
+
+# Camera models whose rays are those of a pinhole camera when all coefficients are zero.
+CAMERA_MODELS = (
+    *("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"),
+    *("SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV"),
+)
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+
+# The depth of images of integers is in millimetres, that of images of floats in metres.
+METRES_PER_INTEGER, METRES_PER_FLOAT = 1e-3, 1.0
+FLOAT_SUFFIXES = (".exr", ".npy")
+
+
+@dataclass(frozen=True)
+class Lens:
+    """The camera model of a frame: its name, and its coefficients by name, zeros left out."""
+
+    model: str
+    coefficients: Mapping[str, float]
+
+
+def read_lens(index: dict[str, Any], entry: dict[str, Any], where: str) -> Lens:
+    """Return the lens of a frame, whose keys override those of the index.
+
+    Args:
+        index: the content of transforms.json.
+        entry: the frame's part of it.
+        where: prefix of messages, which names the file.
+
+    Raises:
+        CaptureError: a fisheye lens, an unknown model, or a coefficient that is no number.
+    """
+    model = _value(index, entry, "camera_model", "PINHOLE")
+    fisheye = _value(index, entry, "is_fisheye", False)
+    if not isinstance(fisheye, bool):
+        raise CaptureError(f"{where}: is_fisheye is {fisheye!r}, expected true or false")
+    if fisheye or str(model).upper() not in CAMERA_MODELS:
+        found = "is_fisheye is true" if fisheye else f"camera_model is {model!r}"
+        raise CaptureError(
+            f"{where}: {found}, expected one of {', '.join(CAMERA_MODELS)}; make pinhole images first, "
+            "for example with 'colmap image_undistorter'"
+        )
+    coefficients = {key: _value(index, entry, key, 0.0) for key in COEFFICIENTS}
+    for key, value in coefficients.items():
+        if not is_number(value):
+            raise CaptureError(f"{where}: {key} is {value!r}, expected a finite number")
+    return Lens(str(model).upper(), {key: float(v) for key, v in coefficients.items() if v})
+
+
+def require_pinhole(index: dict[str, Any], entry: dict[str, Any], where: str) -> None:
+    """Raise a `CaptureError` unless the frame's images are free of distortion."""
+    lens = read_lens(index, entry, where)
+    if lens.coefficients:
+        found = ", ".join(f"{key}={value:g}" for key, value in lens.coefficients.items())
+        raise CaptureError(
+            f"{where}: {lens.model} with {found}, expected images without lens distortion; "
+            f"{UNDISTORT} removes it"
+        )
+
+
+def require_metres(index: dict[str, Any], entry: dict[str, Any], where: str) -> None:
+    """Raise a `CaptureError` unless poses are in metres, and depth in the unit of its kind of file."""
+    check_depth_unit(index | entry, where)
+    scale = _value(index, entry, "applied_scale", 1.0)
+    if scale != 1.0:
+        raise CaptureError(
+            f"{where}: applied_scale is {scale!r}, expected 1: poses in metres; {UNDISTORT} removes it"
+        )
+    given = _value(index, entry, "depth_unit_scale_factor", None)
+    depth = entry.get("depth_file_path")
+    expected = metres_per_unit(depth) if isinstance(depth, str) else given
+    if given is not None and not (is_number(given) and math.isclose(given, expected)):
+        raise CaptureError(
+            f"{where}: depth_unit_scale_factor is {given!r}, expected {expected:g} for '{depth}' (float "
+            f"images in metres, 16-bit images in millimetres); {UNDISTORT} converts 16-bit images"
+        )
+
+
+def metres_per_unit(depth_file: str) -> float:
+    """Return the unit [m] of a depth image by the kind of its file."""
+    is_float = depth_file.lower().endswith(FLOAT_SUFFIXES)
+    return METRES_PER_FLOAT if is_float else METRES_PER_INTEGER
+
+
+def check_section(ours: dict[str, Any], where: str) -> None:
+    """Refuse another version or unit in the part under ``digs_warp``; warn of keys that mean nothing.
+
+    Raises:
+        CaptureError: a newer or broken ``format_version``, or a ``depth_unit`` that is not "metre".
+    """
+    version = ours.get("format_version", FORMAT_VERSION)
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise CaptureError(f"{where}: format_version is {version!r}, expected {FORMAT_VERSION}")
+    if version > FORMAT_VERSION:
+        raise CaptureError(
+            f"{where}: format_version is {version}, written by a newer digs-warp; this one reads up to "
+            f"{FORMAT_VERSION}. Update it."
+        )
+    check_depth_unit(ours, where)
+    known = ["format_version", "depth_unit", "rig", *(each.name for each in fields(About))]
+    for key in sorted(map(str, ours.keys() - set(known))):
+        similar = difflib.get_close_matches(key, known, 1)
+        logger.warning(
+            "%s: unknown key '%s' has no effect%s",
+            *(where, key, f"; did you mean '{similar[0]}'?" if similar else ""),
+        )
+
+
+def check_depth_unit(section: dict[str, Any], where: str) -> None:
+    """Raise a `CaptureError` if an object of the index names another unit of depth than metres."""
+    unit = section.get("depth_unit", DEPTH_UNIT)
+    if unit != DEPTH_UNIT:
+        raise CaptureError(
+            f"{where}: depth_unit is {unit!r}, expected '{DEPTH_UNIT}': float images in metres, or 16-bit "
+            "images, which are always in millimetres. Write the depth again."
+        )
+
+
+def _value(index: dict[str, Any], entry: dict[str, Any], key: str, default: Any) -> Any:
+    return entry.get(key, index.get(key, default))
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
