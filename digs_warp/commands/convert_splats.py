@@ -17,6 +17,11 @@ class SplatConversion(SplatOptions):
     """Version of SPZ files to write. 3: read by nearly all programs; 4: the same content in the newest
     container; 2: for the oldest programs, with coarser orientations."""
 
+    vertex_colors: bool = True
+    """Also write red, green and blue to PLY files, so that Open3D, trimesh and MeshLab show the splats as
+    colored points. Leave them out for programs that expect rows of floats only: the SIBR viewer of 3D
+    Gaussian splatting, and old versions of UnityGaussianSplatting."""
+
 
 def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatConversion) -> str:
     """Read ``source``, write ``target``, and return a line for the user.
@@ -31,7 +36,7 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     if target.exists() and source.exists() and target.samefile(source):
         raise DigsError(f"'{target}': is the source itself; name another file")
     result = options.read(source)
-    write_scene_file(target, result, source, options.up, options.spz_version)
+    write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
     gaussians = result.gaussians
     size = target.stat().st_size / 1e6
     return f"{target}: {len(gaussians):,} Gaussians of degree {gaussians.sh_degree}, {size:.2f} MB"

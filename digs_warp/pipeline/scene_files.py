@@ -54,16 +54,18 @@ def write_scene_file(
     source: Path,
     up: UpAxis = "z",
     spz_version: SpzVersion = 3,
+    vertex_colors: bool = False,
 ) -> None:
     """Write Gaussians in the format that the suffix of ``target`` names.
 
     A USD scene says how a reconstruction was made; for other Gaussians, it has the name of their ``source``.
+    ``vertex_colors`` adds red, green and blue to a PLY, for programs that know only points.
     """
     suffix = target.suffix.lower()
     if suffix in SPLAT_SUFFIXES:
         from digs_warp.interchange.splats.files import write_splat_file
 
-        write_splat_file(target, result.gaussians, up, spz_version)
+        write_splat_file(target, result.gaussians, up, spz_version, vertex_colors)
     elif suffix not in USD_SUFFIXES:
         result.gaussians.save(target)
     elif result.folder is not None:

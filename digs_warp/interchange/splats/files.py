@@ -44,7 +44,11 @@ def read_splat_file(path: Path, up: UpAxis = "z", drop_broken: bool = False) -> 
 
 
 def write_splat_file(
-    path: Path, gaussians: Gaussians, up: UpAxis = "z", spz_version: int = DEFAULT_VERSION
+    path: Path,
+    gaussians: Gaussians,
+    up: UpAxis = "z",
+    spz_version: int = DEFAULT_VERSION,
+    vertex_colors: bool = False,
 ) -> None:
     """Write a PLY, SPZ or .splat file; it appears only when complete, and replaces an older one only then.
 
@@ -53,6 +57,7 @@ def write_splat_file(
         gaussians: in our world (z up).
         up: the axis that is to point up in a PLY or .splat file; "z" keeps the values as they are.
         spz_version: 2, 3 or 4, see `digs_warp.interchange.splats.spz.write_spz`.
+        vertex_colors: for PLY, see `digs_warp.interchange.splats.ply.write_ply`.
 
     Raises:
         DigsError: another suffix, values that are not finite or that the format cannot hold, or the file
@@ -67,7 +72,7 @@ def write_splat_file(
         if suffix == ".spz":
             write_spz(path, gaussians, spz_version)
         elif suffix == ".ply":
-            write_ply(path, gaussians)
+            write_ply(path, gaussians, vertex_colors)
         else:
             write_dot_splat(path, gaussians)
     except OSError as error:

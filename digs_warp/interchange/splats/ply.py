@@ -1,9 +1,9 @@
 """Gaussians as PLY, in the layout of the 3D Gaussian splatting reference implementation (graphdeco).
 
 One ``vertex`` element, a row per Gaussian, float32: x y z, nx ny nz (zeros), f_dc_0..2, f_rest_0..,
-opacity, scale_0..2, rot_0..3. Scales are logarithms, opacities logits, quaternions wxyz and not
-normalized: the raw parameters, so that nothing is lost. ``f_rest`` is channel-major: all coefficients of
-red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3.
+opacity, scale_0..2, rot_0..3; then, on request, red green blue in 8 bits. Scales are logarithms, opacities
+logits, quaternions wxyz and not normalized: the raw parameters, so that nothing is lost. ``f_rest`` is
+channel-major: all of red, then of green, then of blue; 0, 9, 24 or 45 of them for degrees 0 to 3.
 """
 
 import logging
@@ -13,10 +13,14 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.interchange.splats.ply_table import read_ply_header, read_table
+from digs_warp.data.images import to_uint8
+from digs_warp.interchange.splats.ply_table import (
+    read_ply_header,
+    read_table,
+    write_vertices,
+)
 from digs_warp.interchange.splats.rows import LARGEST_LOGIT
-from digs_warp.record.files import write_atomically
-from digs_warp.sh import MAX_DEGREE, coefficient_count
+from digs_warp.sh import C0, MAX_DEGREE, coefficient_count
 
 logger = logging.getLogger(__name__)
 
@@ -25,6 +29,7 @@ NORMAL = ("nx", "ny", "nz")
 COLOR = ("f_dc_0", "f_dc_1", "f_dc_2")
 OPACITY = ("opacity",)
 SCALES = ("scale_0", "scale_1", "scale_2")
+VERTEX_COLOR = ("red", "green", "blue")
 QUATERNION = ("rot_0", "rot_1", "rot_2", "rot_3")  # wxyz
 REST = "f_rest_{}"
 
@@ -83,13 +88,19 @@ def holds_gaussians(path: Path) -> bool:
     return any(set(COLOR) <= element.columns.keys() for element in elements)
 
 
-def write_ply(path: Path, gaussians: Gaussians) -> None:
-    """Write Gaussians, binary little-endian: float32 exactly as in memory."""
+def write_ply(path: Path, gaussians: Gaussians, vertex_colors: bool = False) -> None:
+    """Write Gaussians, binary little-endian: float32 exactly as in memory.
+
+    Args:
+        path: the file.
+        gaussians: of any degree.
+        vertex_colors: also write the color without view dependence as red, green and blue. Programs for
+            point clouds and meshes (Open3D, trimesh, MeshLab) show it; those for Gaussians that find
+            properties by name do not care, but a few expect rows of floats only.
+    """
     rest = gaussians.sh.shape[1] - 1
     names = [*POSITION, *NORMAL, *COLOR, *(REST.format(i) for i in range(3 * rest))]
     names += [*OPACITY, *SCALES, *QUATERNION]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(gaussians)}"]
-    header += [f"property float {name}" for name in names] + ["end_header", ""]
     columns = [
         gaussians.means,
         np.zeros_like(gaussians.means),
@@ -99,8 +110,13 @@ def write_ply(path: Path, gaussians: Gaussians) -> None:
         gaussians.log_scales,
         gaussians.quats[:, _WXYZ_FROM_XYZW],
     ]
-    rows = np.concatenate(columns, axis=1, dtype="<f4")
-    write_atomically(path, b"".join(["\n".join(header).encode(), rows.tobytes()]))
+    colors = VERTEX_COLOR if vertex_colors else ()
+    kinds = [(name, "<f4") for name in names] + [(name, "u1") for name in colors]
+    blocks = np.empty(len(gaussians), [("f4", "<f4", len(names)), ("u1", "u1", len(colors))])
+    blocks["f4"] = np.concatenate(columns, axis=1)
+    if vertex_colors:
+        blocks["u1"] = to_uint8(0.5 + C0 * gaussians.sh[:, 0])
+    write_vertices(path, blocks.view(kinds))
 
 
 def _columns(table: np.ndarray, names: tuple[str, ...], what: str) -> np.ndarray:

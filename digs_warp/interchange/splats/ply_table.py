@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
+from digs_warp.record.files import write_atomically
 
 # A Gaussian has about 62 properties of 30 characters; mesh headers with comments stay far below this.
 MAX_HEADER_BYTES = 1 << 16
@@ -26,6 +27,8 @@ _TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
+# And back; the old names, which every program knows.
+_NAMES = {"u1": "uchar", "f4": "float"}
 
 # Lines of a text file parsed at a time: the words of 62 columns take some ten megabytes.
 LINES_AT_A_TIME = 4096
@@ -118,6 +121,20 @@ def _add_column(element: PlyElement, name: str, kind: str, where: str) -> None:
     if name in element.columns:
         raise DigsError(f"{where}: the property '{name}' occurs twice")
     element.columns[name] = kind
+
+
+def write_vertices(path: Path, table: np.ndarray) -> None:
+    """Write a structured array, shape (n,), as the only element of a binary file; see `write_atomically`.
+
+    Args:
+        path: the file.
+        table: fields of little-endian float32 and uint8, without gaps; their names become those of the
+            properties.
+    """
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    for name in table.dtype.names or ():
+        header.append(f"property {_NAMES[table.dtype[name].str[1:]]} {name}")
+    write_atomically(path, "\n".join([*header, "end_header", ""]).encode() + table.tobytes())
 
 
 def read_table(path: Path, header: PlyHeader, name: str) -> np.ndarray:

@@ -10,6 +10,7 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.pipeline import scene_files
 from digs_warp.record.run_log import RunLog
+from digs_warp.sh import C0
 from digs_warp.usd.reader import read_scene
 from reference.splat_files import random_gaussians, shapes
 from reference.tiny_capture import write_tiny_capture
@@ -56,6 +57,20 @@ def test_a_reconstruction_folder_is_a_source(tmp_path: Path, gaussians: Gaussian
     assert run(capsys, tmp_path / "reconstruction", tmp_path / "a.ply")[0] == EXIT_OK
     read = scene_files.read_scene(tmp_path / "a.ply").gaussians
     np.testing.assert_array_equal(read.quats, gaussians.quats)
+
+
+def test_converted_ply_files_show_colors_in_other_programs(
+    tmp_path: Path, gaussians: Gaussians, capsys
+) -> None:
+    gaussians.save(tmp_path / "a.npz")
+    for name, flags in (("b.ply", ()), ("c.ply", ("--no-vertex-colors",))):
+        assert run(capsys, tmp_path / "a.npz", tmp_path / name, *flags)[0] == EXIT_OK
+    with_colors, without = (trimesh.load(tmp_path / name) for name in ("b.ply", "c.ply"))
+    assert isinstance(with_colors, trimesh.PointCloud) and isinstance(without, trimesh.PointCloud)
+    expected = 255 * (0.5 + C0 * gaussians.sh[:, 0]).clip(0, 1)
+    np.testing.assert_allclose(with_colors.colors[:, :3], expected, atol=0.5001)
+    assert not len(without.colors)
+    assert (tmp_path / "c.ply").stat().st_size < (tmp_path / "b.ply").stat().st_size
 
 
 def test_up_turns_what_formats_without_axes_hold(

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.interchange.splats.files import read_splat_file
 from digs_warp.interchange.splats.ply import read_ply, write_ply
 from digs_warp.interchange.splats.ply_table import read_ply_header
+from digs_warp.sh import C0
 from reference.optional import open3d_or_skip
 from reference.splat_files import random_gaussians
 
@@ -186,3 +188,36 @@ def test_open3d_reads_the_same_values(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read["f_dc"], g.sh[:, 0])
     rest = read["f_rest"].reshape(20, 8, 3)
     np.testing.assert_array_equal(rest, g.sh[:, 1:])
+
+
+@pytest.fixture
+def colored(tmp_path: Path) -> tuple[Path, np.ndarray]:
+    """A PLY with vertex colors, and the colors without view dependence, 0 to 255."""
+    gaussians = random_gaussians(40, 2)
+    gaussians.sh[:2, 0] = [-9.0, 0.0, 9.0]  # beyond what 8 bits hold
+    write_ply(tmp_path / "plain.ply", gaussians)
+    write_ply(tmp_path / "colored.ply", gaussians, vertex_colors=True)
+    return tmp_path / "colored.ply", (0.5 + C0 * gaussians.sh[:, 0]).clip(0.0, 1.0) * 255.0
+
+
+def test_vertex_colors_change_nothing_for_gaussians(colored: tuple[Path, np.ndarray]) -> None:
+    assert_equal(read_ply(colored[0]), read_ply(colored[0].with_name("plain.ply")))
+
+
+def test_open3d_shows_vertex_colors(colored: tuple[Path, np.ndarray]) -> None:
+    cloud = open3d_or_skip().io.read_point_cloud(str(colored[0]))
+    np.testing.assert_allclose(np.asarray(cloud.points), read_ply(colored[0]).means)
+    np.testing.assert_allclose(np.asarray(cloud.colors) * 255.0, colored[1], atol=0.5001)
+
+
+def test_trimesh_shows_vertex_colors(colored: tuple[Path, np.ndarray]) -> None:
+    cloud = trimesh.load(colored[0])
+    assert isinstance(cloud, trimesh.PointCloud)
+    np.testing.assert_allclose(cloud.vertices, read_ply(colored[0]).means)
+    np.testing.assert_allclose(cloud.colors[:, :3], colored[1], atol=0.5001)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_vertex_colors_of_few_gaussians(tmp_path: Path, count: int) -> None:
+    write_ply(tmp_path / "a.ply", random_gaussians(count, 0), vertex_colors=True)
+    assert_equal(read_ply(tmp_path / "a.ply"), random_gaussians(count, 0))
