@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from digs_warp.checks import DigsError, check_positive, check_within
+from digs_warp.sim.mesh.placement import Unit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +53,11 @@ class SimulateConfig:
     """'raycast' needs no graphics driver; 'gl' uses OpenGL: a cross-check, without reflections."""
 
     object_size: float | None = None
-    """Longest side of the object [m]. Default: 0.5."""
+    """Scale the object: its longest side [m]. Default: the size that the file gives it."""
+
+    unit: Unit = "auto"
+    """Unit of the mesh file. auto: metres for GLB and glTF; the other formats have none, so it is guessed
+    from the size and printed."""
 
     up: Literal["auto", "y", "z"] = "auto"
     """Which axis of the mesh file points up."""
@@ -69,10 +74,10 @@ class SimulateConfig:
         check_within("--strength", self.strength, 0)
         if self.object_size is not None:
             check_positive("--object-size", self.object_size)
-        if self.mesh is None and (self.object_size is not None or self.up != "auto"):
+        if self.object_size is not None and self.unit != "auto":
             raise DigsError(
-                "--object-size and --up tell how to read a mesh file; the built-in object has none. Leave "
-                "them out, or name a mesh with --mesh"
+                f"--object-size {self.object_size:g} and --unit {self.unit} both set the size of the object; "
+                "give one of them"
             )
         if self.effects != "auto" and not self.plans_effects:
             raise DigsError(

@@ -1,4 +1,4 @@
-"""Any mesh file as a `Scene`: z up, half a metre in size, centered on the origin."""
+"""Any mesh file as a `Scene`: z up, in its real size, centered on the origin."""
 
 import logging
 import re
@@ -18,15 +18,17 @@ from digs_warp.sim.mesh.gltf import (
     unmodelled_features,
 )
 from digs_warp.sim.mesh.materials import materials_of_parts
-from digs_warp.sim.mesh.normalize import (
-    ROTATION_BY_UP_AXIS,
-    STANDARD_SIZE,
-    drop_bad_faces,
-    drop_unused_vertices,
-    place_upright,
-)
+from digs_warp.sim.mesh.normalize import box_of, drop_bad_faces, drop_unused_vertices, in_world
 from digs_warp.sim.mesh.normals import fill_normals
 from digs_warp.sim.mesh.parts import Triangles, join_parts, parts_of_scene
+from digs_warp.sim.mesh.placement import (
+    METRES_PER_UNIT,
+    ROTATION_BY_UP_AXIS,
+    Placement,
+    guessed_scale,
+    place,
+    stated_scale,
+)
 from digs_warp.sim.scene import Material, Scene
 
 logger = logging.getLogger(__name__)
@@ -37,7 +39,9 @@ UP_AXIS_BY_SUFFIX = {".glb": "y", ".gltf": "y", ".obj": "y", ".ply": "z", ".stl"
 GLTF_SUFFIXES = (".glb", ".gltf")
 
 
-def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene:
+def load_scene(
+    path: Path, size: float | None = None, up: str = "auto", unit: str = "auto"
+) -> Scene:
     """Load a GLB, glTF, OBJ, PLY or STL file.
 
     A logged warning names parts that the renderer cannot show as intended (glass that bends light), and
@@ -46,14 +50,34 @@ def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene
 
     Args:
         path: the file; its textures and buffers are read relative to its folder.
-        size: longest edge of the bounding box in the world [m]; None: `STANDARD_SIZE`.
+        size: longest edge of the bounding box in the world [m]; None: that of the file.
         up: axis of the file that points up: "x", "y", "z", or "auto" for the convention of the format.
+        unit: of the file: "m", "cm", "mm", "in", or "auto": metres for glTF, else a guess by the size.
 
     Raises:
         MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
     """
-    path = Path(path)
-    _check_settings(size, up)
+    _check_settings(size, up, unit)
+    triangles, materials = _read_mesh(Path(path))
+    placement = _placement(Path(path), triangles, size, up, unit)
+    return _scene(triangles, materials, placement.world_from_mesh, placement)
+
+
+def load_scene_at(path: Path, world_from_mesh: np.ndarray) -> Scene:
+    """Load a mesh file to where it stands in a recording.
+
+    Args:
+        path: the file.
+        world_from_mesh: of the recording: `digs_warp.data.about.About.world_from_mesh`, shape (4, 4).
+
+    Raises:
+        MeshError: as `load_scene`.
+    """
+    return _scene(*_read_mesh(Path(path)), world_from_mesh)
+
+
+def _read_mesh(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
+    """Return the usable triangles in the frame of the file, and their materials."""
     suffix = _checked_suffix(path)
     header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
     check_gltf(path, header)
@@ -78,14 +102,16 @@ def load_scene(path: Path, size: float | None = None, up: str = "auto") -> Scene
         raise MeshError(
             f"mesh '{path}': 0 faces, expected triangles; turn a point cloud into a mesh first"
         )
-    return _scene(path, join_parts(parts, part_materials), materials, size, up)
+    return _usable(path, join_parts(parts, part_materials)), materials
 
 
-def _check_settings(size: float | None, up: str) -> None:
+def _check_settings(size: float | None, up: str, unit: str) -> None:
     if size is not None:
         check_positive("size of the object [m]", size)
     if up != "auto" and up not in ROTATION_BY_UP_AXIS:
         raise MeshError(f"up axis '{up}': expected 'auto', 'x', 'y' or 'z'")
+    if unit != "auto" and unit not in METRES_PER_UNIT:
+        raise MeshError(f"unit '{unit}': expected 'auto', {', '.join(METRES_PER_UNIT)}")
 
 
 def _checked_suffix(path: Path) -> str:
@@ -133,14 +159,7 @@ def _missing_obj_files(path: Path) -> Iterator[str]:
                 yield texture
 
 
-def _scene(
-    path: Path,
-    triangles: Triangles,
-    materials: tuple[Material, ...],
-    size: float | None,
-    up: str,
-) -> Scene:
-    """Clean the triangles and place them in the world."""
+def _usable(path: Path, triangles: Triangles) -> Triangles:
     total = len(triangles.faces)
     triangles = drop_bad_faces(triangles, path.name)
     if not len(triangles.faces):
@@ -148,9 +167,35 @@ def _scene(
             f"mesh '{path}': none of its {total} faces is usable (no area, or vertices that are not "
             "finite); repair or export it again"
         )
-    axis = UP_AXIS_BY_SUFFIX[path.suffix.lower()] if up == "auto" else up
-    triangles, scale = place_upright(triangles, axis, STANDARD_SIZE if size is None else size)
-    triangles = drop_unused_vertices(fill_normals(triangles))
+    return triangles
+
+
+def _placement(
+    path: Path, triangles: Triangles, size: float | None, up: str, unit: str
+) -> Placement:
+    """Return where the mesh goes; a guessed unit other than metres is worth a warning."""
+    suffix = path.suffix.lower()
+    low, high = box_of(triangles.vertices, triangles.faces)
+    scale = stated_scale(size, unit, high - low, suffix in GLTF_SUFFIXES)
+    axis = UP_AXIS_BY_SUFFIX[suffix] if up == "auto" else up
+    if scale is not None:
+        return place(low, high, axis, scale)
+    guess = guessed_scale(high - low, suffix[1:].upper())
+    placement = place(low, high, axis, guess)
+    in_metres = " x ".join(f"{side * guess.metres_per_unit:.3g}" for side in high - low)
+    level = logging.INFO if guess.metres_per_unit == 1.0 else logging.WARNING
+    logger.log(level, "mesh '%s': %s m; %s", path.name, in_metres, guess.origin)
+    return placement
+
+
+def _scene(
+    triangles: Triangles,
+    materials: tuple[Material, ...],
+    world_from_mesh: np.ndarray,
+    placement: Placement | None = None,
+) -> Scene:
+    """Return the triangles in the world."""
+    triangles = drop_unused_vertices(fill_normals(in_world(triangles, world_from_mesh)))
     return Scene(
         vertices=triangles.vertices.astype(np.float32),
         faces=triangles.faces.astype(np.int32),
@@ -159,5 +204,5 @@ def _scene(
         uvs=triangles.uvs.astype(np.float32),
         vertex_colors=triangles.colors.astype(np.float32),
         materials=materials,
-        scale_applied=scale,
+        placement=placement,
     )

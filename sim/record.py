@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.about import About
+from digs_warp.data.about import About, matrix_rows
 from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.record.files import to_json, write_atomically
@@ -19,6 +19,7 @@ from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame, layers_of
 from digs_warp.sim.profiles import Profile
+from digs_warp.sim.scene import Scene
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
 from digs_warp.sim.session import Session, load_inputs, prepare_session
@@ -74,6 +75,7 @@ def simulate(
         log.results = {
             "frames": len(capture),
             "seed": config.seed,
+            "object": _object_record(session.scene),
             "profile": _profile_record(session.profile),
         }
     return capture
@@ -170,10 +172,12 @@ def _finish(
 def _about(session: Session, plan: SensorPlan) -> About:
     """Return the facts about the recording for its index."""
     config = session.config
+    placement = session.scene.placement
     about = About(
         tier=config.tier,
         seed=config.seed,
         object_radius=session.scene.radius,
+        world_from_mesh=None if placement is None else matrix_rows(placement.world_from_mesh),
         surround_radius=session.environment.radius,
         exposure=session.renderer.exposure,
         sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
@@ -186,6 +190,13 @@ def _about(session: Session, plan: SensorPlan) -> About:
         effects=plan.effects_on,
         cause_labels={cause.value: cause.name.lower() for cause in Cause},
     )
+
+
+def _object_record(scene: Scene) -> dict[str, Any]:
+    """Return the size of the object [m] along x, y and z, and what was assumed about its file."""
+    placement = scene.placement
+    assumed = {} if placement is None else {"up": placement.up, "scale": placement.scale.origin}
+    return {"size": scene.size.tolist(), **assumed}
 
 
 def _profile_record(profile: Profile) -> dict[str, Any]:

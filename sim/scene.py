@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from digs_warp.sim.mesh.placement import Placement
+
 # A surface that hides less than this share of the background counts as transparent.
 OPAQUE_SHARE = 0.5
 
@@ -67,7 +69,7 @@ class Scene:
             outside 0..1 repeat.
         vertex_colors: linear RGB in 0..1, shape (n, 3), float32; 1 where the mesh has none.
         materials: at least one.
-        scale_applied: metres in this scene per unit of the source file.
+        placement: where the mesh file stands; None: made by code, or placed as in an earlier recording.
     """
 
     vertices: np.ndarray
@@ -77,9 +79,14 @@ class Scene:
     uvs: np.ndarray
     vertex_colors: np.ndarray
     materials: tuple[Material, ...]
-    scale_applied: float = 1.0
+    placement: Placement | None = None
 
     @property
     def radius(self) -> float:
         """Radius of the smallest sphere around the origin that holds every vertex [m]."""
         return float(np.linalg.norm(self.vertices, axis=1).max())
+
+    @property
+    def size(self) -> np.ndarray:
+        """Sides of the bounding box along x, y and z [m], shape (3,), float64."""
+        return np.ptp(self.vertices, axis=0).astype(np.float64)

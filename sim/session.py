@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera
+from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment, load_environment, procedural_environment
 from digs_warp.sim.profiles import Profile, load_profile
@@ -129,19 +130,27 @@ def load_inputs(config: SimulateConfig) -> Inputs:
         check_opengl()
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = _make_rig(config, profile)
-    if config.mesh is None:
-        from digs_warp.sim.procedural import procedural_scene
-
-        scene = procedural_scene()
-    else:
-        from digs_warp.sim.load import load_scene
-
-        scene = load_scene(config.mesh, config.object_size, config.up)
+    scene = _load_object(config)
     if config.environment is None:
         environment = procedural_environment()
     else:
         environment = load_environment(config.environment)
     return Inputs(scene, environment, profile, rig)
+
+
+def _load_object(config: SimulateConfig) -> Scene:
+    if config.mesh is not None:
+        from digs_warp.sim.load import load_scene
+
+        return load_scene(config.mesh, config.object_size, config.up, config.unit)
+    if config.object_size is not None or (config.up, config.unit) != ("auto", "auto"):
+        raise DigsError(
+            "--object-size, --unit and --up tell how to read a mesh file; the built-in object has none. "
+            "Leave them out, or name a mesh with --mesh"
+        )
+    from digs_warp.sim.procedural import procedural_scene
+
+    return procedural_scene()
 
 
 def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:

@@ -63,6 +63,7 @@ def test_a_real_mesh_ends_as_a_usd_scene(
         tmp_path / "out",
         "--mesh",
         str(sample_data / f"meshes/{mesh}/{mesh}.glb"),
+        *("--object-size", "0.5"),
         "--environment",
         str(sample_data / "envs/forest_slope/forest_slope_1k.hdr"),
     )

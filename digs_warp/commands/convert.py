@@ -1,8 +1,9 @@
 """`digs-warp convert`: captures and Gaussians -> other programs' formats, recordings -> captures."""
 
+import logging
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -14,6 +15,11 @@ from digs_warp.data.capture import INDEX_NAME
 from digs_warp.record.files import whole_folder
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
+
+if TYPE_CHECKING:
+    from digs_warp.data.capture import Capture
+
+logger = logging.getLogger(__name__)
 
 CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
 RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "redwood", "bop"]
@@ -99,8 +105,24 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
     with whole_folder(folder) as unfinished:
         with log.stage("export"):
             export_capture(capture, form, unfinished)
+            if form == "bop":
+                _add_bop_model(capture, unfinished)
         log.save(unfinished / RUN_RECORD)
     return f"{out}: {len(capture)} frames as {form}, {log.seconds['export']:.1f} s"
+
+
+def _add_bop_model(capture: "Capture", folder: Path) -> None:
+    """Write the recorded object as the model that the poses are of, where it is known."""
+    from digs_warp.interchange.captures.bop_models import write_bop_model
+    from digs_warp.surface.true_surface import read_true_surface
+
+    try:
+        surface = read_true_surface(capture.folder)
+    except DigsError as error:
+        logger.warning("%s; the data set gets no models", error)
+        return
+    if surface is not None:
+        write_bop_model(capture, surface, folder)
 
 
 def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: bool) -> str:

@@ -85,6 +85,8 @@ class Run(ReconstructionOptions, SettingsCommand):
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:
+    from digs_warp.report.summaries import recorded_object
+
     places = {
         "capture": layout.CAPTURE,
         "reconstruction": layout.RECONSTRUCTION,
@@ -92,6 +94,7 @@ def _summary(folder: Path, log: RunLog, what: str) -> str:
         "report": layout.REPORT,
     }
     facts = {name: str(folder / place) for name, place in places.items()}
+    facts["object"] = recorded_object(folder / layout.CAPTURE) or "unknown"
     facts["seconds"] = ", ".join(f"{name} {value:.1f}" for name, value in log.seconds.items())
     facts["done"] = f"{what}, {sum(log.seconds.values()):.0f} s"
     return format_facts(facts)

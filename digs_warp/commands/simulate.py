@@ -69,6 +69,7 @@ class Simulate(SettingsCommand):
         return self._record_many() if self.many.asked_for else self._record_one()
 
     def _record_one(self) -> str:
+        from digs_warp.report.summaries import recorded_object
         from digs_warp.sim.record import simulate
 
         start = time.perf_counter()
@@ -76,7 +77,10 @@ class Simulate(SettingsCommand):
         capture = simulate(self.recording, folder, resume=self.output.resume)
         k = capture.frames[0].camera.intrinsics
         seconds = time.perf_counter() - start
-        return f"{folder}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s"
+        return (
+            f"{folder}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s\n"
+            f"object: {recorded_object(folder)}"
+        )
 
     def _record_many(self) -> str:
         from digs_warp.sim.data_set import plan_jobs, simulate_many

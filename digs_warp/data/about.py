@@ -8,6 +8,12 @@ import numpy as np
 
 from digs_warp.checks import CaptureError
 
+# Rows of numbers; a tuple, so that facts can be compared.
+Matrix = tuple[tuple[float, ...], ...]
+
+# By how much the axes of a placement may miss equal lengths and right angles.
+SIMILARITY_TOLERANCE = 1e-6
+
 
 @dataclass(frozen=True, kw_only=True)
 class About:
@@ -19,6 +25,8 @@ class About:
         tier: kind of simulated sensor.
         seed: seed of the simulation.
         object_radius: radius of the simulated object [m].
+        world_from_mesh: rotation, scale and translation from the coordinates of the simulated mesh file to
+            the world [m], rows of a (4, 4) matrix; None: the built-in object, which is made in the world.
         surround_radius: radius of its surround [m].
         exposure: factor from radiance to pixel values in the simulation.
         sensor: parameters of the simulated stereo camera; None for infinite ones.
@@ -32,6 +40,7 @@ class About:
     tier: str | None = None
     seed: int | None = None
     object_radius: float | None = None
+    world_from_mesh: Matrix | None = None
     surround_radius: float | None = None
     exposure: float | None = None
     sensor: dict[str, Any] | None = None
@@ -69,7 +78,14 @@ def read_about(facts: dict[str, Any], where: str) -> About:
         known["effects"] = tuple(known["effects"])
     if "cause_labels" in known:
         known["cause_labels"] = {int(code): name for code, name in known["cause_labels"].items()}
+    if "world_from_mesh" in known:
+        known["world_from_mesh"] = matrix_rows(np.array(known["world_from_mesh"], np.float64))
     return About(**known)
+
+
+def matrix_rows(matrix: np.ndarray) -> Matrix:
+    """Return a matrix as `About` holds it."""
+    return tuple(map(tuple, matrix.tolist()))
 
 
 def _is_text(value: Any) -> bool:
@@ -91,6 +107,22 @@ def _are_labels(value: Any) -> bool:
     )
 
 
+def _is_placement(value: Any) -> bool:
+    """Whether it is a rotation, a scale and a translation, (4, 4)."""
+    is_4x4 = (
+        isinstance(value, list)
+        and [len(row) if isinstance(row, list) else 0 for row in value] == [4] * 4
+    )
+    if not is_4x4 or not all(isinstance(x, int | float) for row in value for x in row):
+        return False
+    matrix = np.array(value, np.float64)
+    if not np.isfinite(matrix).all() or matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        return False
+    volume = np.linalg.det(matrix[:3, :3])
+    axes = matrix[:3, :3] / np.cbrt(volume) if volume > 0 else np.zeros((3, 3))
+    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < SIMILARITY_TOLERANCE)
+
+
 # Key -> whether a value fits, and what is expected.
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "recorded_as": (_is_text, "a name"),
@@ -98,6 +130,10 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "tier": (_is_text, "a name"),
     "seed": (lambda value: isinstance(value, int) and value >= 0, "an integer, 0 or more"),
     "object_radius": (_is_number, "metres"),
+    "world_from_mesh": (
+        _is_placement,
+        "4 rows of 4 numbers: a rotation, a scale and a translation",
+    ),
     "surround_radius": (_is_number, "metres"),
     "exposure": (_is_number, "a number, 0 or more"),
     "sensor": (lambda value: isinstance(value, dict), "an object of figures"),

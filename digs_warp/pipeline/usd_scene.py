@@ -54,14 +54,13 @@ def write_capture_package(
 
     shown = results[0]
     posed = shown.frames or PosedFrames.as_recorded(capture)
-    capture_hash = recorded_hash(capture.stored_in) if capture.stored_in else None
     scene = CaptureScene(
         variants=tuple(map(_variant, results, variant_labels(results))),
         cameras=_camera_path(capture, posed),
         source_mesh=_source_mesh(capture),
         surface=extract_mesh(replace(shown, frames=posed)).mesh if surface else None,
         course=shown.load_snapshots(),
-        metadata=scene_metadata(shown) | ({"capture_sha256": capture_hash} if capture_hash else {}),
+        metadata=scene_metadata(shown) | _origin(capture),
     )
     write_capture_scene(path, scene, options)
 
@@ -85,6 +84,17 @@ def scene_metadata(result: Reconstruction) -> dict[str, Any]:
     if result.scores.views:
         metadata["held_out"] = result.scores.mean.to_json()
     return metadata
+
+
+def _origin(capture: Capture) -> dict[str, Any]:
+    """Return which recording it was, and where the mesh file that it shows stands in the world."""
+    capture_hash = recorded_hash(capture.stored_in) if capture.stored_in else None
+    world_from_mesh = capture.about.world_from_mesh
+    origin: dict[str, Any] = {"capture_sha256": capture_hash} if capture_hash else {}
+    if world_from_mesh is not None:
+        # Flat: USD dictionaries hold no nested lists.
+        origin["world_from_mesh"] = [value for row in world_from_mesh for value in row]
+    return origin
 
 
 def variant_labels(results: Sequence[Reconstruction]) -> list[str]:

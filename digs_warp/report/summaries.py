@@ -1,6 +1,6 @@
 """The facts that `digs-warp info` prints about each kind of file or folder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +75,25 @@ def of_capture(folder: Path) -> Facts:
         if capture.knows_poses
         else "unknown; reconstruct with --poses sfm",
     }
-    return facts | _of_frame(first) | _of_record(folder)
+    return facts | _of_object(folder) | _of_frame(first) | _of_record(folder)
+
+
+def _of_object(folder: Path) -> Facts:
+    """The size of a simulated object."""
+    words = recorded_object(folder)
+    return {"object size": words} if words else {}
+
+
+def recorded_object(folder: Path) -> str | None:
+    """Return the size of the object of a simulated capture, and what was assumed about its file, in words."""
+    record = RunRecord.find(folder)
+    found = record.results.get("object") if record else None
+    if not isinstance(found, dict):
+        return None
+    words = _sides(found["size"])
+    return (
+        words if "up" not in found else f"{words}, {found['up']} up in the file; {found['scale']}"
+    )
 
 
 def _of_frame(frame: Frame) -> Facts:
@@ -192,18 +210,20 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
 
 
 def of_mesh(path: Path) -> Facts:
-    """The mesh as the simulator uses it: scaled to a standard size, upright, at the origin."""
+    """The mesh as the simulator uses it: in metres, upright, at the origin."""
     from digs_warp.sim.load import load_scene
 
     scene = load_scene(path)
+    assert scene.placement is not None
     textured = sum(material.texture is not None for material in scene.materials)
     return {
         "kind": "mesh",
         "triangles": f"{len(scene.faces):,}",
         "vertices": f"{len(scene.vertices):,}",
         "materials": f"{len(scene.materials)}, {textured} with a texture",
-        "scale": f"1 unit of the file = {scene.scale_applied:.4g} m in the capture",
-        "extent": _extent(scene.vertices) + " in the capture",
+        "size": f"{_sides(scene.size)} in a capture, z up",
+        "unit": scene.placement.scale.origin,
+        "up axis": f"{scene.placement.up} of the file",
         "file size": _megabytes(path),
     }
 
@@ -220,7 +240,10 @@ def _of_seconds(record: RunRecord) -> Facts:
 
 
 def _extent(points: np.ndarray) -> str:
-    size = points.max(axis=0) - points.min(axis=0)
+    return _sides(points.max(axis=0) - points.min(axis=0))
+
+
+def _sides(size: Iterable[float]) -> str:
     return " x ".join(f"{value:.3f}" for value in size) + " m"
 
 

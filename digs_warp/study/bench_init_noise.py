@@ -25,7 +25,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import sample_data
+from digs_warp.study.scenes import OBJECT_SIZE, sample_data
 from digs_warp.study.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,
@@ -103,6 +103,7 @@ def sample_recording(data: Path, mesh: str, frames: int) -> SimulateConfig:
     return SimulateConfig(
         mesh=data / "meshes" / mesh / f"{mesh}.glb",
         environment=data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
+        object_size=OBJECT_SIZE,
         frames=frames,
         width=WIDTH,
         samples_per_pixel=1,

@@ -24,7 +24,7 @@ from digs_warp.init.strategies import STRATEGIES
 from digs_warp.record.progress import progress
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import sample_data
+from digs_warp.study.scenes import OBJECT_SIZE, sample_data
 from digs_warp.train.config import REFERENCE_RATES, Density, Rates, Stop, TrainConfig
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
 from digs_warp.train.trainer import Trainer
@@ -234,7 +234,12 @@ def _recorded(size: SceneSize, mesh: Path | None = None) -> Iterator[_Scene]:
     from digs_warp.sim.record import SimulateConfig, simulate
 
     config = SimulateConfig(
-        mesh=mesh, frames=size.frames, width=size.width, height=size.height, tier="law"
+        mesh=mesh,
+        object_size=OBJECT_SIZE if mesh else None,
+        frames=size.frames,
+        width=size.width,
+        height=size.height,
+        tier="law",
     )
     with tempfile.TemporaryDirectory() as folder:
         capture = simulate(config, Path(folder) / "capture")

@@ -34,7 +34,7 @@ from digs_warp.sim.shutter import Shutter
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import sample_data
+from digs_warp.study.scenes import OBJECT_SIZE, sample_data
 
 MESHES = ("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box")
 ENVIRONMENT = "st_fagans_interior"
@@ -113,6 +113,7 @@ def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
     config = SimulateConfig(
         mesh=None if mesh is None else data / "meshes" / mesh / f"{mesh}.glb",
         environment=None if mesh is None else data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
+        object_size=None if mesh is None else OBJECT_SIZE,
         width=width,
         frames=FRAMES,
     )

@@ -12,6 +12,9 @@ SAMPLE_OBJECTS = (
     *("ycb_mustard_bottle", "avocado", "spot"),
     *("ycb_cracker_box", "armchair", "flight_helmet"),
 )
+# All objects have the built-in one's longest side [m]: results compare, and the camera is about a metre away,
+# where it measures well.
+OBJECT_SIZE = 0.5
 # Rich in texture: structure from motion needs the surround.
 ENVIRONMENT = "forest_slope"
 
@@ -37,6 +40,6 @@ def objects(count: int, first: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
     for name in dict.fromkeys((*first, *SAMPLE_OBJECTS)):
         mesh = data / "meshes" / name / f"{name}.glb"
         if mesh.is_file():
-            found[name] = {"mesh": mesh} | surround
+            found[name] = {"mesh": mesh, "object_size": OBJECT_SIZE} | surround
     found[BUILT_IN] = {}
     return dict(list(found.items())[:count])

@@ -3,7 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from digs_warp.checks import DigsError
+from digs_warp.data.capture import read_capture
 from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:
@@ -13,11 +16,12 @@ if TYPE_CHECKING:
 def read_true_surface(capture: Path) -> "TriangleMesh | None":
     """Return the object of a capture that 'digs-warp simulate' wrote; None for any other recording.
 
-    The mesh file is loaded, scaled and placed as in the simulation. Its colors are those of its materials
-    and textures at the vertices.
+    The mesh file stands where the capture's ``world_from_mesh`` puts it. Its colors are those of its
+    materials and textures at the vertices.
 
     Raises:
-        DigsError: the mesh file in the record does not exist any more or cannot be read.
+        DigsError: the mesh file in the record does not exist any more or cannot be read, or the index does
+            not say where it stands.
     """
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.sim.vertex_colors import srgb_vertex_colors
@@ -31,10 +35,16 @@ def read_true_surface(capture: Path) -> "TriangleMesh | None":
 
         scene = procedural_scene()
     else:
-        from digs_warp.sim.load import load_scene
+        from digs_warp.sim.load import load_scene_at
 
         path = Path(settings["mesh"])
         if not path.is_file():
             raise DigsError(f"capture '{capture}': its mesh '{path}' is no longer there")
-        scene = load_scene(path, settings.get("object_size"), settings.get("up", "auto"))
+        placement = read_capture(capture).about.world_from_mesh
+        if placement is None:
+            raise DigsError(
+                f"capture '{capture}': its index has no world_from_mesh, so nobody knows where the mesh "
+                f"'{path.name}' stands; record it again"
+            )
+        scene = load_scene_at(path, np.array(placement))
     return TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))

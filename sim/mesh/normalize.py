@@ -1,4 +1,4 @@
-"""Cleaned faces, z up, one standard size: every object is captured from the same distances."""
+"""Cleaned faces, and vertices moved from the frame of the file to the world."""
 
 import logging
 from dataclasses import replace
@@ -10,19 +10,8 @@ from digs_warp.sim.mesh.parts import Triangles
 
 logger = logging.getLogger(__name__)
 
-# Longest edge of the bounding box [m]. The cameras of the default trajectory are about a metre away, where a
-# stereo camera measures well; all published figures of this project are for objects of this size.
-STANDARD_SIZE = 0.5
-
 # With float32 positions, the area of a face below this share of the squared box edge cannot be told from 0.
 MIN_FACE_AREA = 1e-14
-
-# world_from_source rotations by the axis that points up in the source.
-ROTATION_BY_UP_AXIS = {
-    "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
-    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "z": np.eye(3),
-}
 
 
 def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
@@ -36,9 +25,9 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
     finite = np.isfinite(triangles.vertices[faces]).all(axis=(1, 2))
     kept = finite.copy()
     if finite.any():
-        low, high = _box(triangles.vertices, faces[finite])
+        low, high = box_of(triangles.vertices, faces[finite])
         longest = max(float((high - low).max()), np.finfo(np.float64).tiny)
-        # As the renderer sees them: in float32, at the standard size.
+        # As the renderer sees them: in float32, around the origin.
         with np.errstate(invalid="ignore", over="ignore"):
             placed = ((triangles.vertices - low) / longest).astype(np.float32).astype(np.float64)
             areas = 0.5 * np.linalg.norm(face_normals(placed, faces), axis=1)
@@ -69,23 +58,22 @@ def drop_unused_vertices(triangles: Triangles) -> Triangles:
     )
 
 
-def place_upright(triangles: Triangles, up: str, size: float) -> tuple[Triangles, float]:
-    """Turn the axis ``up`` ("x", "y" or "z") to z, center the box, scale its longest edge to ``size`` [m].
+def in_world(triangles: Triangles, world_from_mesh: np.ndarray) -> Triangles:
+    """Return the triangles in the world.
 
-    Returns:
-        The triangles in the world, and the metres per unit of the source.
+    Args:
+        triangles: in the frame of their file.
+        world_from_mesh: rotation, scale and translation, shape (4, 4).
     """
-    rotation = ROTATION_BY_UP_AXIS[up]
-    low, high = _box(triangles.vertices, triangles.faces)
-    scale = size / float((high - low).max())
-    vertices = (triangles.vertices - (low + high) / 2) * scale
-    placed = replace(
-        triangles, vertices=vertices @ rotation.T, normals=triangles.normals @ rotation.T
+    linear = world_from_mesh[:3, :3]
+    return replace(
+        triangles,
+        vertices=triangles.vertices @ linear.T + world_from_mesh[:3, 3],
+        normals=triangles.normals @ (linear / np.cbrt(np.linalg.det(linear))).T,
     )
-    return placed, scale
 
 
-def _box(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def box_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest coordinates of the vertices that the faces use, shape (3,) each."""
     used = vertices[np.unique(faces)]
     return used.min(axis=0), used.max(axis=0)

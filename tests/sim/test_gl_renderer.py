@@ -76,7 +76,7 @@ def assert_same_geometry(gl: GlRenderer, rays: RaycastRenderer, camera: Camera) 
 
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 def test_depth_masks_and_ids_agree_on_every_mesh(path: Path) -> None:
-    scene = load_scene(path)
+    scene = load_scene(path, size=0.5)
     eye = np.array([0.8, -0.6, 0.35]) * scene.radius / 0.3
     camera = Camera(INTRINSICS, look_at(eye, np.zeros(3), UP))
     assert_same_geometry(gl_renderer(scene), RaycastRenderer(scene, SKY), camera)

@@ -13,6 +13,7 @@ from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
 from digs_warp.record.files import read_json
 from digs_warp.sim.record import SimulateConfig, simulate
+from digs_warp.sim.session import load_inputs
 from reference.file_hashes import file_hashes, listed_hashes
 
 BOX = """v -1 -1 -1
@@ -215,10 +216,18 @@ def test_impossible_object_sizes_are_refused(size: float) -> None:
 
 
 def test_settings_of_a_mesh_file_need_one() -> None:
-    with pytest.raises(DigsError, match="name a mesh"):
-        SimulateConfig(object_size=0.3)
-    with pytest.raises(DigsError, match="name a mesh"):
-        SimulateConfig(up="z")
+    for settings in (
+        SimulateConfig(object_size=0.3),
+        SimulateConfig(up="z"),
+        SimulateConfig(unit="mm"),
+    ):
+        with pytest.raises(DigsError, match="name a mesh"):
+            load_inputs(settings)
+
+
+def test_a_unit_and_a_size_contradict_each_other() -> None:
+    with pytest.raises(DigsError, match=r"--object-size 0\.3 and --unit mm"):
+        SimulateConfig(mesh=Path("a.obj"), object_size=0.3, unit="mm")
 
 
 def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.record.files import read_json, to_json
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.snapshots import save_snapshot
 from digs_warp.usd.reader import ReadOptions, read_scene
@@ -96,3 +97,23 @@ def test_the_course_of_the_training_becomes_time_samples(capture: Capture, tmp_p
     for time, (iteration, count) in enumerate(((0, 12), (100, 20), (1000, 30))):
         expected = splats(count, seed=iteration).means @ Y_UP.T
         assert_allclose(np.array(positions.Get(time)), expected, atol=1e-6)
+
+
+def test_the_scene_says_where_the_mesh_file_stands(tmp_path: Path):
+    placement = ((0.0, 2.0, 0.0, 1.0), (-2.0, 0.0, 0.0, 2.0), (0.0, 0.0, 2.0, 3.0), (0, 0, 0, 1.0))
+    capture = write_tiny_capture(tmp_path / "capture", frames=9)
+    index = read_json(capture.folder / "transforms.json", "index")
+    index["digs_warp"]["world_from_mesh"] = placement
+    (capture.folder / "transforms.json").write_text(to_json(index))
+    folder = reconstruction(capture, "f", "depth", 5)
+    arguments = [
+        "export-usd",
+        folder,
+        "--capture",
+        capture.folder,
+        "--out",
+        tmp_path / "scene.usdz",
+    ]
+    assert main([*map(str, arguments)]) == EXIT_OK
+    metadata = read_scene(tmp_path / "scene.usdz").metadata
+    assert_allclose(np.reshape(metadata["world_from_mesh"], (4, 4)), placement)

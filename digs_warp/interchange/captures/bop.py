@@ -2,14 +2,15 @@
 
     camera.json                               the sensor
     train/000000/rgb/000000.png               depth/000000.png, mask/000000_000000.png, mask_visib/...
+    models/obj_000001.ply, models_info.json   the object, if its mesh file is known
     train/000000/scene_camera.json            per image: cam_K, depth_scale, cam_R_w2c, cam_t_w2c
     train/000000/scene_gt.json                per image and object: obj_id, cam_R_m2c, cam_t_m2c
     train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
 
-What we write: the model's frame is the world's, with the object centered at the origin and z up. There are no
-models (a capture holds none). Nothing hides the object, so its silhouette is the mask; an object cut by the
-image border counts as complete. What we read may hold several objects; where an image has no pose of the
-camera in the world, the frame of the first object is the world. See
+What we write: the model's frame is that of the mesh file that was recorded, in millimetres, else the world's.
+`digs_warp.interchange.captures.bop_models` writes the model. Nothing hides the object, so its silhouette is
+the mask; an object cut by the image border counts as complete. What we read may hold several objects; where
+an image has no pose of the camera in the world, the frame of the first object is the world. See
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
 """
 
@@ -116,14 +117,8 @@ def write_bop(capture: Capture, folder: Path) -> None:
         *for_each_frame(capture.frames, "Writing BOP", write_frame), strict=True
     )
     warn_of_lost_depth(sum(lost), MM_PER_METRE / DEPTH_SCALES[-1], "BOP")
-    poses = [
-        {
-            "obj_id": OBJECT_ID,
-            "cam_R_m2c": camera["cam_R_w2c"],
-            "cam_t_m2c": camera["cam_t_w2c"],
-        }
-        for camera in cameras
-    ]
+    world_from_model = model_placement(capture)
+    poses = [_object_pose(frame, world_from_model) for frame in capture.frames]
     _write_json(folder / SCENE / CAMERAS, dict(enumerate(cameras)))
     _write_json(folder / SCENE / POSES, {i: [pose] for i, pose in enumerate(poses)})
     _write_json(folder / SCENE / "scene_gt_info.json", {i: [info] for i, info in enumerate(infos)})
@@ -131,6 +126,18 @@ def write_bop(capture: Capture, folder: Path) -> None:
     sensor = {"width": k.width, "height": k.height, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}
     largest = max(camera["depth_scale"] for camera in cameras)
     _write_json(folder / "camera.json", sensor | {"depth_scale": largest})
+
+
+def model_placement(capture: Capture) -> np.ndarray:
+    """Return rotation and translation [mm] from the model to the world [mm], shape (4, 4).
+
+    The model is the recorded mesh file in millimetres; without one, its frame is the world's.
+    """
+    if capture.about.world_from_mesh is None:
+        return np.eye(4)
+    world_from_mesh = np.array(capture.about.world_from_mesh)
+    rotation = world_from_mesh[:3, :3] / np.cbrt(np.linalg.det(world_from_mesh[:3, :3]))
+    return rigid(rotation, world_from_mesh[:3, 3] * MM_PER_METRE)
 
 
 def depth_scale(depth: np.ndarray) -> float:
@@ -147,6 +154,17 @@ def _camera(frame: Frame, scale: float) -> dict[str, Any]:
         "depth_scale": scale,
         "cam_R_w2c": cam_from_world[:3, :3].ravel().tolist(),
         "cam_t_w2c": (cam_from_world[:3, 3] * MM_PER_METRE).tolist(),
+    }
+
+
+def _object_pose(frame: Frame, world_from_model: np.ndarray) -> dict[str, Any]:
+    cam_from_world = frame.camera.cam_from_world
+    in_mm = rigid(cam_from_world[:3, :3], cam_from_world[:3, 3] * MM_PER_METRE)
+    cam_from_model = in_mm @ world_from_model
+    return {
+        "obj_id": OBJECT_ID,
+        "cam_R_m2c": cam_from_model[:3, :3].ravel().tolist(),
+        "cam_t_m2c": cam_from_model[:3, 3].tolist(),
     }
 
 

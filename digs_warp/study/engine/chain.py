@@ -36,7 +36,7 @@ WORK = "work"
 NOTE = "study.json"  # beside shared structure from motion: the seconds that it took
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
-SCENE_SETTINGS = ("mesh", "environment", "object_size", "up")
+SCENE_SETTINGS = ("mesh", "environment", "object_size", "unit", "up")
 
 # The unit of the model that the scale is recovered from; any number but 1 would do.
 SFM_PER_METRE = 1.37

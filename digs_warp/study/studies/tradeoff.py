@@ -47,6 +47,9 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
 # These only matter with estimated poses, and are compared with them.
 OF_SFM = ("features per image", "pairs of images", "mapper")
 
+# Settings that belong to the measured scene and walk.
+OF_THE_SCENE = ("mesh", "environment", "object_size", "seed", "train.seed")
+
 # Realism of the recording: shown, but not a setting to choose for its quality.
 REALISM = ("sensor tier",)
 
@@ -148,9 +151,7 @@ def best_within(records: Sequence[Record], budget: float) -> Best | None:
     key = max(within, key=lambda k: within[k][1].mean)
     record = group_by(records, "knob", "value")[key][0]
     settings = {**record["recording"], **record["reconstruction"]}
-    kept = {
-        n: v for n, v in settings.items() if n not in ("mesh", "environment", "seed", "train.seed")
-    }
+    kept = {n: v for n, v in settings.items() if n not in OF_THE_SCENE}
     return Best(_name(key), kept, *within[key])
 
 

@@ -157,6 +157,11 @@ def test_a_broken_rig_raises(tmp_path: Path, ours: Any) -> None:
         ({"readout_time": -1.0}, "readout_time is -1.0, expected seconds"),
         ({"seed": 0.5}, "seed is 0.5, expected an integer"),
         ({"object_radius": True}, "object_radius is True, expected metres"),
+        (
+            {"world_from_mesh": [[1, 0, 0, 0]] * 4},
+            "world_from_mesh is .*, expected 4 rows of 4 numbers",
+        ),
+        ({"world_from_mesh": "unit"}, "world_from_mesh is .*, expected 4 rows of 4 numbers"),
         ({"effects": "blur"}, "effects is 'blur', expected a list of names"),
         ({"cause_labels": {"dark": "occluded"}}, "cause_labels is .*expected names by number"),
         ({"sensor": 0.12}, "sensor is 0.12, expected an object"),

@@ -12,7 +12,6 @@ import trimesh
 
 from digs_warp.checks import DigsError, MeshError
 from digs_warp.sim.load import load_scene
-from digs_warp.sim.mesh.normalize import STANDARD_SIZE
 from reference.mesh_files import (
     OBJ,
     check_scene,
@@ -50,7 +49,7 @@ def test_bad_faces_are_dropped_and_counted(
     check_scene(scene)
     assert len(scene.faces) == 2
     # Vertices of dropped faces do not count for the size, either: the longest edge is 1.
-    assert scene.scale_applied == pytest.approx(STANDARD_SIZE)
+    assert scene.size.max() == pytest.approx(1.0)
     assert "dropped 4 of 6 faces (2 with vertices that are not finite, 2 without area)" in (
         caplog.text
     )
@@ -191,6 +190,8 @@ def test_a_wrong_size_or_axis_is_an_error(tmp_path: Path) -> None:
             load_scene(path, size=size)
     with pytest.raises(MeshError, match="'auto', 'x', 'y' or 'z'"):
         load_scene(path, up="w")
+    with pytest.raises(MeshError, match="unit 'ft': expected 'auto', m, cm, mm, in"):
+        load_scene(path, unit="ft")
 
 
 def test_suffixes_in_capitals_are_fine(tmp_path: Path) -> None:

@@ -1,30 +1,73 @@
 """Size, units, axes, normals and placement: what normalization must not change."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
-from digs_warp.sim.load import load_scene
-from digs_warp.sim.mesh.normalize import STANDARD_SIZE
+from digs_warp.sim.load import load_scene, load_scene_at
 from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
 
 
-@pytest.mark.parametrize("factor", [1000.0, 0.001, 1.0])
-@pytest.mark.parametrize("suffix", [".glb", ".obj", ".stl"])
-def test_the_units_of_the_file_change_nothing_but_the_scale(
-    tmp_path: Path, factor: float, suffix: str
+@pytest.mark.parametrize("longest", [0.06, 0.2, 2.0])
+def test_gltf_is_in_metres_whatever_the_size(tmp_path: Path, longest: float) -> None:
+    mesh = lopsided()
+    mesh.apply_scale(longest / mesh.extents.max())
+    scene = load_scene(save(tmp_path / "a.glb", mesh))
+    check_scene(scene, size=longest)
+    assert scene.placement is not None
+    assert scene.placement.scale.origin == "glTF is in metres"
+
+
+@pytest.mark.parametrize(
+    ("extents", "unit", "size"),
+    [
+        ((187, 240, 95), "auto", 0.24),
+        ((1.87, 2.4, 0.95), "auto", 2.4),
+        ((0.05, 0.06, 0.03), "auto", 0.06),
+        ((187, 240, 95), "m", 240.0),
+        ((187, 240, 95), "cm", 2.4),
+        ((1.87, 2.4, 0.95), "in", 2.4 * 0.0254),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".obj", ".stl", ".ply"])
+def test_the_unit_of_a_file_without_one_is_stated_or_guessed(
+    tmp_path: Path,
+    extents: tuple[float, float, float],
+    unit: str,
+    size: float,
+    suffix: str,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    path = save(tmp_path / f"box{suffix}", trimesh.creation.box(extents=extents))
+    check_scene(load_scene(path, unit=unit), size=size)
+    if unit == "auto" and max(extents) > 20:
+        kind = suffix[1:].upper()
+        assert "0.187 x 0.24 x 0.095 m" in caplog.text
+        assert f"{kind} has no unit: 187 x 240 x 95 taken as mm; --unit m|cm|mm|in" in caplog.text
+    else:
+        assert not caplog.records
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply"])
+@pytest.mark.parametrize("settings", [{}, {"size": 0.3}, {"unit": "cm"}, {"up": "x"}])
+def test_the_placement_takes_the_file_to_the_scene(
+    tmp_path: Path, suffix: str, settings: dict[str, Any]
 ) -> None:
     mesh = lopsided()
-    reference = load_scene(save(tmp_path / f"unit{suffix}", mesh))
-    mesh.apply_scale(factor)
-    scene = load_scene(save(tmp_path / f"scaled{suffix}", mesh))
-    check_scene(scene)
-    # OBJ files hold eight decimals.
-    tolerance = 1e-5 if suffix == ".obj" and factor < 1 else 1e-6
-    np.testing.assert_allclose(corners_of(scene), corners_of(reference), atol=tolerance)
-    assert scene.scale_applied * factor == pytest.approx(reference.scale_applied, rel=1e-5)
+    mesh.apply_translation((3.0, -2.0, 0.5))
+    path = save(tmp_path / f"a{suffix}", mesh)
+    scene = load_scene(path, **settings)
+    assert scene.placement is not None
+    placed = trimesh.transform_points(mesh.vertices, scene.placement.world_from_mesh)
+    distances, _ = KDTree(scene.vertices).query(placed)
+    assert distances.max() < 1e-6 * scene.size.max()
+    again = load_scene_at(path, scene.placement.world_from_mesh)
+    np.testing.assert_array_equal(again.vertices, scene.vertices)
+    np.testing.assert_array_equal(again.normals, scene.normals)
 
 
 def test_a_far_away_mesh_keeps_its_shape(tmp_path: Path) -> None:
@@ -35,12 +78,9 @@ def test_a_far_away_mesh_keeps_its_shape(tmp_path: Path) -> None:
     np.testing.assert_allclose(corners_of(scene), corners_of(reference), atol=1e-7)
 
 
-def test_scale_applied_is_metres_per_unit(tmp_path: Path) -> None:
+def test_a_size_that_is_asked_for_is_made(tmp_path: Path) -> None:
     path = save(tmp_path / "box.stl", trimesh.creation.box(extents=(10, 20, 40)))
-    assert load_scene(path).scale_applied == pytest.approx(STANDARD_SIZE / 40)
-    scene = load_scene(path, size=2.0)
-    assert scene.scale_applied == pytest.approx(2.0 / 40)
-    check_scene(scene, size=2.0)
+    check_scene(load_scene(path, size=2.0), size=2.0)
 
 
 def test_the_same_mesh_as_y_up_glb_and_z_up_ply_is_the_same_scene(tmp_path: Path) -> None:
@@ -74,8 +114,8 @@ def test_the_chosen_axis_points_up(tmp_path: Path, suffix: str, up: str, axis: i
     cone.apply_transform(turn)
     scene = load_scene(save(tmp_path / f"cone{suffix}", cone), up=up)
     check_scene(scene)
-    assert np.ptp(scene.vertices[:, 2]) == pytest.approx(STANDARD_SIZE)
-    top = scene.vertices[scene.vertices[:, 2] > 0.24]
+    assert np.ptp(scene.vertices[:, 2]) == pytest.approx(1.0)
+    top = scene.vertices[scene.vertices[:, 2] > 0.48]
     np.testing.assert_allclose(top[:, :2], 0, atol=1e-6)
     # Turned, not mirrored: the volume stays positive with outward windings.
     a, b, c = np.moveaxis(corners_of(scene).astype(np.float64), 1, 0)
@@ -137,10 +177,8 @@ def test_nodes_are_placed_by_their_transforms_also_mirrored(tmp_path: Path) -> N
     whole.add_geometry(part, node_name="two", transform=mirror)
     scene = load_scene(save(tmp_path / "two.glb", whole), up="y")
     check_scene(scene)
-    np.testing.assert_allclose(
-        np.ptp(scene.vertices, axis=0), 0.5 * np.array([3.4, 0.4, 0.4]) / 3.4, rtol=1e-5
-    )
-    half = np.where(scene.vertices[:, :1] > 0, 1, -1) * (0.5 * 1.5 / 3.4, 0, 0)
+    np.testing.assert_allclose(np.ptp(scene.vertices, axis=0), np.array([3.4, 0.4, 0.4]), rtol=1e-5)
+    half = np.where(scene.vertices[:, :1] > 0, 1, -1) * (1.5, 0, 0)
     outward = scene.vertices - half
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     assert np.einsum("ij,ij->i", scene.normals, outward).min() > 0.999

@@ -48,7 +48,7 @@ def initialization_error(capture: Capture) -> float:
     return float(KDTree(surface).query(points)[0].mean())
 
 
-@pytest.mark.sensor_noise(mesh=BOX, tier="law", strengths=(0, 1, 4), frames=3)
+@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 1, 4), frames=3)
 def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     curve = sensor_noise.measure(depth_error)
     assert curve.errors[0] == 0.0
@@ -57,14 +57,14 @@ def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
     curve.assert_no_cliff(largest_growth=1.1)
 
 
-@pytest.mark.sensor_noise(mesh=BOX, tier="law", strengths=(0, 1, 4), frames=3)
+@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 1, 4), frames=3)
 def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
     curve = sensor_noise.measure(initialization_error)
     curve.assert_at_most({0: 1e-6, 1: 0.01})
     curve.assert_no_cliff()
 
 
-@pytest.mark.sensor_noise(mesh=BOX, tier="law", strengths=(0, 4), frames=3)
+@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 4), frames=3)
 def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> None:
     (_, perfect), (_, noisy) = sensor_noise
     before, after = file_hashes(perfect.folder), file_hashes(noisy.folder)
@@ -74,7 +74,11 @@ def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> 
 
 
 @pytest.mark.sensor_noise(
-    mesh=BOX, effects=("correlated-noise", "random-invalid"), strengths=(0, 3), frames=2
+    mesh=BOX,
+    object_size=0.5,
+    effects=("correlated-noise", "random-invalid"),
+    strengths=(0, 3),
+    frames=2,
 )
 def test_named_effects_act_alone(sensor_noise: NoiseSeries) -> None:
     (_, perfect), (_, noisy) = sensor_noise

@@ -1,0 +1,108 @@
+"""Objects keep their size, and the capture says where their mesh file stands."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from digs_warp.camera import pixel_centers
+from digs_warp.commands.convert import export_capture_folder
+from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.geometry import rigid
+from digs_warp.measure.surface_metrics import distances_to_surface
+from digs_warp.report.summaries import recorded_object
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.mesh.placement import Unit
+from digs_warp.sim.record import simulate
+from digs_warp.surface.true_surface import read_true_surface
+from reference.mesh_files import lopsided, save
+
+
+def recorded(path: Path, folder: Path, unit: Unit = "auto") -> Capture:
+    config = SimulateConfig(
+        mesh=path, frames=3, width=160, samples_per_pixel=1, tier="law", unit=unit
+    )
+    return simulate(config, folder)
+
+
+def points_on_the_object(capture: Capture, layer: Layer) -> np.ndarray:
+    found = []
+    for frame in capture.frames:
+        k = frame.camera.intrinsics
+        depth = frame.load_depth() if layer is Layer.DEPTH else frame.load_depth_true()
+        points = frame.camera.unproject(pixel_centers(k.width, k.height), depth)
+        # At the border, the one ray that hits the object is not the one whose depth counts.
+        assert capture.about.object_radius is not None
+        far = np.linalg.norm(frame.camera.center_world) + capture.about.object_radius
+        found.append(points[(frame.load_mask() == 255) & (depth < far)])
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("longest", [0.06, 0.2, 2.0])
+def test_depth_shows_a_glb_in_its_real_size(tmp_path: Path, longest: float) -> None:
+    mesh = lopsided()
+    mesh.apply_scale(longest / mesh.extents.max())
+    path = save(tmp_path / "a.glb", mesh)
+    capture = recorded(path, tmp_path / "capture")
+    points = points_on_the_object(capture, Layer.DEPTH_TRUE)
+    # Sampled at pixels, seen from three sides: a little smaller, never larger.
+    assert 0.8 * longest < np.ptp(points, axis=0).max() < 1.001 * longest
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".glb"])
+def test_the_file_lies_on_the_surface_that_depth_shows(tmp_path: Path, suffix: str) -> None:
+    mesh = lopsided()
+    mesh.apply_scale(240 / mesh.extents.max())
+    mesh.apply_translation((500.0, -300.0, 40.0))
+    path = save(tmp_path / f"a{suffix}", mesh)
+    capture = recorded(path, tmp_path / "capture", "mm" if suffix == ".glb" else "auto")
+    assert capture.about.world_from_mesh is not None
+    world_from_mesh = np.array(capture.about.world_from_mesh)
+    placed = trimesh.transform_points(mesh.vertices, world_from_mesh)
+    surface = TriangleMesh(placed, mesh.faces, np.ones_like(placed))
+    exact = points_on_the_object(capture, Layer.DEPTH_TRUE)
+    assert distances_to_surface(exact, surface).max() < 1e-5
+    sensed = points_on_the_object(capture, Layer.DEPTH)
+    # The noise: 0.1 px of 20 px of disparity at half a metre.
+    assert np.median(distances_to_surface(sensed, surface)) < 0.005
+    found = read_true_surface(capture.folder)
+    assert found is not None
+    assert distances_to_surface(placed, found).max() < 1e-5
+
+
+def test_bop_poses_take_the_model_to_the_camera(tmp_path: Path) -> None:
+    mesh = lopsided()
+    mesh.apply_translation((3.0, -2.0, 1.0))
+    capture = recorded(save(tmp_path / "a.glb", mesh), tmp_path / "capture")
+    export_capture_folder(tmp_path / "capture", "bop", tmp_path / "bop", overwrite=False)
+    model = trimesh.load_mesh(tmp_path / "bop/models/obj_000001.ply", process=False)
+    # The axes and the origin of the file, in millimetres.
+    np.testing.assert_allclose(model.bounds, 1000 * mesh.bounds, rtol=1e-5)
+    poses = json.loads((tmp_path / "bop/train/000000/scene_gt.json").read_text())
+    for number, frame in enumerate(capture.frames):
+        (pose,) = poses[str(number)]
+        in_camera = rigid(np.reshape(pose["cam_R_m2c"], (3, 3)), np.array(pose["cam_t_m2c"]))
+        assert capture.about.world_from_mesh is not None
+        expected = frame.camera.cam_from_world @ np.array(capture.about.world_from_mesh)
+        np.testing.assert_allclose(
+            trimesh.transform_points(1000 * mesh.vertices, in_camera),
+            1000 * trimesh.transform_points(mesh.vertices, expected),
+            atol=1e-6,
+        )
+    info = json.loads((tmp_path / "bop/models/models_info.json").read_text())["1"]
+    apart = np.linalg.norm(model.vertices[:, None] - model.vertices[None], axis=-1)
+    assert info["diameter"] == pytest.approx(apart.max(), rel=1e-6)
+    assert info["size_x"] == pytest.approx(1000 * mesh.extents[0], rel=1e-5)
+
+
+def test_the_summary_names_size_and_axis_and_why(tmp_path: Path) -> None:
+    path = save(tmp_path / "box.obj", trimesh.creation.box(extents=(187, 240, 95)))
+    recorded(path, tmp_path / "capture")
+    assert recorded_object(tmp_path / "capture") == (
+        "0.187 x 0.095 x 0.240 m, y up in the file; OBJ has no unit: 187 x 240 x 95 taken as mm; "
+        "--unit m|cm|mm|in says otherwise"
+    )
