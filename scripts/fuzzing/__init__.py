@@ -1,0 +1,1 @@
+"""The parts of ``scripts/fuzz.py``: damaged inputs for every reader of the package."""

@@ -1,0 +1,189 @@
+"""The kinds of inputs: which files are damaged, and the command lines that read them."""
+
+from dataclasses import dataclass
+
+from fuzzing.originals import RECONSTRUCT, Originals
+
+Lines = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Input:
+    """One file to damage.
+
+    Attributes:
+        folder: of `Originals`, whose copy is the working folder of the commands.
+        damaged: the file, relative to the folder.
+        lines: what follows ``digs-warp`` on each command line; ``OUT`` is a new file or folder.
+        only: patterns of the files and folders that are copied; empty: all.
+    """
+
+    folder: str
+    damaged: str
+    lines: Lines
+    only: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Inputs that one row of the table counts."""
+
+    name: str
+    inputs: tuple[Input, ...]
+
+    def prepare(self, originals: Originals) -> None:
+        """Make the healthy files."""
+        for folder in dict.fromkeys(each.folder for each in self.inputs):
+            originals.make(folder)
+
+
+SIMULATE = "simulate --mesh {mesh} --environment {room} --frames 1 --width 32 --out OUT"
+TRAIN = " ".join(("--out OUT", *RECONSTRUCT))
+RESUME = " ".join(("reconstruct capture --out reconstruction --resume", *RECONSTRUCT))
+
+
+def _scene(name: str, *beside: str, damaged: str | None = None) -> Input:
+    lines = (f"info {name}", SIMULATE.format(mesh=name, room="room.png"))
+    return Input("scenes", damaged or name, lines, (name, "room.png", *beside))
+
+
+def _room(name: str) -> Input:
+    line = SIMULATE.format(mesh="ball.ply", room=name)
+    return Input("scenes", name, (line,), (name, "ball.ply"))
+
+
+def _capture(folder: str, damaged: str) -> Input:
+    lines = ("info .", f"reconstruct . {TRAIN}", "convert . --to bop --out OUT")
+    return Input(folder, damaged, lines)
+
+
+def _recording(form: str, *damaged: str) -> tuple[Input, ...]:
+    return tuple(Input(form, name, (f"convert . --from {form} --out OUT",)) for name in damaged)
+
+
+def _splats(*names: str) -> tuple[Input, ...]:
+    return tuple(
+        Input("splats", name, (f"info {name}", f"convert {name} OUT.npz"), (name,))
+        for name in names
+    )
+
+
+def _usd(*names: str) -> tuple[Input, ...]:
+    return tuple(
+        Input(
+            "splats",
+            name,
+            (f"info {name}", f"usd info {name}", f"usd validate {name}", f"convert {name} OUT.npz"),
+            (name,),
+        )
+        for name in names
+    )
+
+
+def _result(name: str) -> Input:
+    lines = (
+        *("info .", "info reconstruction"),
+        "export-usd reconstruction --capture capture --out OUT.usdz",
+        RESUME,
+    )
+    return Input("reconstruction", name, lines)
+
+
+def _settings(command: str, *words: str) -> tuple[Input, ...]:
+    """The settings are only read: extreme ones are legal, and would run for years."""
+    return tuple(
+        Input(
+            "settings",
+            f"{command}.{suffix}",
+            (" ".join((command, *words, "--config", f"{command}.{suffix}", "--help")),),
+        )
+        for suffix in ("yaml", "json")
+    )
+
+
+LAYERS = (
+    "images/0001.png",
+    "right/0001.png",
+    "masks/0001.png",
+    "confidence/0001.png",
+    "cause/0001.png",
+)
+
+KINDS = (
+    Kind("mesh: GLB, glTF", (
+        _scene("ball.glb"), _scene("box.glb"),
+        _scene("box.gltf", "gltf_buffer_*.bin"),
+    )),
+    Kind("mesh: OBJ, MTL", (
+        _scene("box.obj", "material.mtl", "material_0.png"),
+        _scene("box.obj", "material.mtl", "material_0.png", damaged="material.mtl"),
+        _scene("box.obj", "material.mtl", "material_0.png", damaged="material_0.png"),
+    )),
+    Kind("mesh: PLY, STL", tuple(map(_scene, ("ball.ply", "ball-text.ply", "ball.stl", "ball-text.stl")))),
+    Kind("environment: HDR, EXR, PNG", tuple(map(_room, ("room.hdr", "room.exr", "room.png", "room16.png")))),
+    Kind("capture: transforms.json", (
+        _capture("capture", "transforms.json"), _capture("millimetres", "transforms.json"),
+    )),
+    Kind("capture: images, depth, masks", (
+        *(_capture("capture", layer) for layer in (*LAYERS, "depth/0001.exr", "depth/0002.exr")),
+        _capture("millimetres", "depth/0001.png"),
+    )),
+    Kind("recording: JSON indices", (
+        *_recording("nerfstudio", "transforms.json"), *_recording("zed", "calibration.json"),
+        *_recording("record3d", "metadata.json"), *_recording("redwood", "camera_intrinsic.json"),
+        *_recording("bop", "train/000000/scene_camera.json", "train/000000/scene_gt.json"),
+    )),
+    Kind("recording: lists, poses, depth", (
+        *_recording("tum", "rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"),
+        *_recording("redwood", "trajectory.log"),
+        *_recording("scannet", "pose/1.txt", "intrinsic/intrinsic_color.txt"),
+        *_recording("scannet", "intrinsic/intrinsic_depth.txt"),
+        *_recording("zed", "depth000001.npy", "depth000001.exr"),
+    )),
+    Kind("COLMAP model", tuple(
+        Input("matched", f"reconstruction/sfm/{name}", (f"{RESUME} --poses sfm --strategy default",),
+              ("capture", "reconstruction/sfm"))
+        for name in ("model/cameras.bin", "model/images.bin", "model/points3D.bin", "model/rigs.bin",
+                     "model/frames.bin", "stages.json")
+    )),
+    Kind("splats: PLY", _splats("a.ply", "text.ply")),
+    Kind("splats: SPZ", _splats("v2.spz", "v3.spz", "v4.spz")),
+    Kind("splats: .splat, .npz", _splats("a.splat", "ours.npz")),
+    Kind("scene: usda", _usd("scene.usda")),
+    Kind("scene: usdc", _usd("scene.usdc")),
+    Kind("scene: usdz", _usd("scene.usdz", "capture.usdz")),
+    Kind("results: run, training, evaluation", tuple(
+        _result(f"reconstruction/{name}")
+        for name in ("run.json", "training.jsonl", "evaluation.json", "cameras.json")
+    )),
+    Kind("results: checkpoint, points", (
+        *(
+            Input("interrupted", f"reconstruction/{name}", (RESUME,))
+            for name in ("checkpoint.npz", "initial_points.npz")
+        ),
+        *map(_result, ("reconstruction/initial_points.npz", "reconstruction/gaussians.npz")),
+    )),
+    Kind("settings, profiles, studies", (
+        *_settings("simulate", "--out", "x"), *_settings("reconstruct", "x", "--out", "x"),
+        Input("settings", "camera.yaml", ("plan --profile camera.yaml --frames 1 --width 32",)),
+        Input("study", "results.jsonl", ("recommend --study . --time-budget 100s",)),
+        *(
+            Input("study", name, ("preference evaluate answers.csv --key key.json",))
+            for name in ("key.json", "answers.csv")
+        ),
+    )),
+)  # fmt: skip
+
+
+def find_kinds(names: list[str]) -> tuple[Kind, ...]:
+    """Return the kinds whose names contain one of ``names``; all without any.
+
+    Raises:
+        ValueError: a name that fits none.
+    """
+    for name in names:
+        if not any(name in kind.name for kind in KINDS):
+            raise ValueError(
+                f"--kind {name}: expected a part of one of: " + "; ".join(k.name for k in KINDS)
+            )
+    return tuple(kind for kind in KINDS if not names or any(name in kind.name for name in names))

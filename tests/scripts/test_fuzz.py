@@ -1,0 +1,55 @@
+"""The fuzzing command: damaged inputs of every kind are read or refused; defects are noticed."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fuzz import again
+from fuzzing.inputs import Inputs
+from fuzzing.kinds import find_kinds
+from fuzzing.originals import Originals
+from fuzzing.pool import Job, Worker
+
+from reference.planted_commands import planted
+
+
+@pytest.fixture(scope="module")
+def worker() -> Iterator[Worker]:
+    worker = Worker(lambda _: [], planted, seconds=1.0, megabytes=200.0)
+    yield worker
+    worker.stop()
+
+
+@pytest.mark.parametrize(
+    ("line", "end"),
+    [
+        ("read", "read"),
+        ("refused", "refused"),
+        ("stop", "refused"),
+        ("traceback", "traceback"),
+        ("crash", "crash"),
+        ("memory", "memory"),
+        ("time", "time"),
+        ("read", "read"),  # by the process that replaced the one before
+    ],
+)
+def test_planted_defects_are_noticed(worker: Worker, tmp_path: Path, line: str, end: str) -> None:
+    outcome = worker.run(Job("planted", tmp_path, (line,)))
+    assert outcome.end == end, outcome.detail
+    assert outcome.is_defect == (end not in ("read", "refused"))
+
+
+def test_a_kept_input_can_be_run_again(tmp_path: Path) -> None:
+    (kind,) = find_kinds(["mesh: PLY"])
+    originals = Originals(tmp_path / "originals")
+    originals.folder.mkdir()
+    inputs = Inputs(originals, tmp_path / "inputs", seed=0)
+    worker = Worker(lambda _: inputs.healthy(kind))
+    first = [worker.run(inputs.write(kind, number)) for number in range(4)]
+    worker.stop()
+    kept = [inputs.keep(kind, n, outcome, tmp_path / "kept") for n, outcome in enumerate(first)]
+    assert again(kept[3]).end == first[3].end
+    # The same faults in the same file; another number has other faults.
+    file = kind.inputs[0].damaged
+    assert (kept[0] / file).read_bytes() == (inputs.write(kind, 0).folder / file).read_bytes()
+    assert (kept[0] / file).read_bytes() != (kept[2] / file).read_bytes()
