@@ -13,6 +13,7 @@ from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
+from digs_warp.record.lock import sole_writer
 from digs_warp.record.manifest import Manifest, recorded_files
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog, RunRecord, timed
@@ -47,11 +48,18 @@ def simulate(
             at most; None: prepare one.
 
     Raises:
-        DigsError: bad input, a folder that holds another recording, or settings that differ on resume.
+        DigsError: bad input, a folder that holds another recording or that another process is writing, or
+            settings that differ on resume.
     """
-    folder = Path(folder)
-    record = folder / RUN_RECORD
     check_effects(config)
+    with sole_writer(folder):
+        return _simulate(config, Path(folder), resume, session)
+
+
+def _simulate(
+    config: SimulateConfig, folder: Path, resume: bool, session: Session | None
+) -> Capture:
+    record = folder / RUN_RECORD
     log = _claim_folder(folder, config, resume)
     if resume and _is_finished(folder, config):
         return read_capture(folder)
@@ -100,8 +108,6 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     record = folder / RUN_RECORD
     if record.exists() and resume:
         log.continue_from(record)
-        for leftover in folder.glob("*/.*.tmp"):  # of a process that was killed while it wrote
-            leftover.unlink()
     elif record.exists() or (folder / INDEX_NAME).exists():
         raise DigsError(
             f"capture '{folder}': the folder already holds a recording; resume it if it was cut off, "

@@ -15,6 +15,7 @@ from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
 from digs_warp.pipeline.reconstruction import Reconstruction, write_render, write_scores
 from digs_warp.pipeline.results import Results
 from digs_warp.record.layout import GAUSSIANS, RUN_RECORD, TRAINING
+from digs_warp.record.lock import sole_writer
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
@@ -42,9 +43,16 @@ def reconstruct(
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
 
     Raises:
-        DigsError: too few frames, nothing to initialize from, or settings that differ on resume.
+        DigsError: too few frames, nothing to initialize from, settings that differ on resume, or a folder
+            that another process is writing.
     """
-    folder = Path(folder)
+    with sole_writer(folder):
+        return _reconstruct(capture, config, Path(folder), resume)
+
+
+def _reconstruct(
+    capture: Capture, config: ReconstructConfig, folder: Path, resume: bool
+) -> Reconstruction:
     record = folder / RUN_RECORD
     log = RunLog("reconstruct", config)
     before = log.continue_from(record) if resume else None

@@ -12,6 +12,8 @@ REPORT = "report.html"
 # In every folder that a command wrote:
 RUN_RECORD = "run.json"
 MANIFEST = "files.jsonl"
+# In a folder that a run is writing:
+LOCK = ".digs-warp.lock"
 # In a capture folder of the simulator (its index: `digs_warp.data.capture`):
 SENSOR_PLAN = "sensor_plan.json"
 # In the folder of `digs-warp simulate` with many scenes:

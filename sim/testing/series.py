@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
@@ -12,6 +13,7 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.record.files import to_json
+from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import versions
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
@@ -19,6 +21,7 @@ from digs_warp.sim.session import Session, load_inputs, prepare_session
 from digs_warp.sim.testing.curve import DegradationCurve
 
 KEY_LENGTH = 20  # hexadecimal digits
+_KEY = re.compile(f"[0-9a-f]{{{KEY_LENGTH}}}")
 
 # Folders of this package and the files below it whose code decides the bytes of a capture.
 _SOURCES = ("*.py", "data/*.py", "device/*.py", "record/*.py", "sim/**/*.py")
@@ -46,28 +49,24 @@ class CaptureCache:
         """
         folder = self.folder / _code_key() / _key(config)
         if not folder.is_dir():
-            self._remove_others(folder.parent)
-            self._simulate(config, folder, session() if session else None)
+            with taking_turns(folder):  # test processes may run side by side: one simulates
+                if not folder.is_dir():
+                    self._remove_others(folder.parent)
+                    self._simulate(config, folder, session() if session else None)
         return read_capture(folder)
 
-    def _remove_others(self, current: Path) -> None:
-        if self.folder.is_dir():
-            for other in self.folder.iterdir():
-                if other != current:
-                    shutil.rmtree(other, ignore_errors=True)
-
     def _simulate(self, config: SimulateConfig, folder: Path, session: Session | None) -> None:
-        # Test processes may run side by side: each makes its own, the first one to finish wins.
-        unfinished = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
-        try:
-            simulate(config, unfinished, session=session)
-            try:
-                os.replace(unfinished, folder)
-            except OSError:
-                if not folder.is_dir():
-                    raise
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
+        unfinished = folder.with_name(
+            f".{folder.name}.unfinished"
+        )  # a killed run left a part there
+        simulate(config, unfinished, resume=True, session=session)
+        os.replace(unfinished, folder)
+
+    def _remove_others(self, current: Path) -> None:
+        """Delete the captures of other code; what is not named like them is none of ours."""
+        for other in self.folder.iterdir():
+            if other != current and _KEY.fullmatch(other.name) and not other.is_symlink():
+                shutil.rmtree(other, ignore_errors=True)
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from filelock import FileLock
 
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, digest, with_settings
@@ -132,7 +132,7 @@ def _one_matches(config: "ReconstructConfig", matched: Path) -> Iterator[None]:
     """Let one case do structure from motion, while the others that share it wait; later ones just take it."""
     with ExitStack() as held:
         if config.needs_sfm and not _is_shared(matched):
-            held.enter_context(_lock(matched))
+            held.enter_context(taking_turns(matched))
             if _is_shared(matched):
                 held.close()
         yield
@@ -151,14 +151,8 @@ def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
     from digs_warp.sim.record import simulate
 
     recording = folder / CAPTURES / key
-    with _lock(recording):
+    with taking_turns(recording):
         return simulate(config, recording, resume=True)
-
-
-def _lock(made: Path) -> FileLock:
-    """Return the lock of a folder that only one process may make; a killed one lets go of it."""
-    made.parent.mkdir(parents=True, exist_ok=True)
-    return FileLock(f"{made}.lock")
 
 
 def _measure(result: "Reconstruction") -> dict[str, Any]:

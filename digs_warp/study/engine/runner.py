@@ -10,6 +10,7 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import default_threads
 from digs_warp.record.interruption import deferred_interrupt
+from digs_warp.record.lock import sole_writer
 from digs_warp.record.progress import progress
 from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.store import Store
@@ -56,17 +57,18 @@ def run_cases(
         budget: seconds; no case is begun that would probably end later. None: no limit.
 
     Raises:
-        DigsError: two cases with the same key.
+        DigsError: two cases with the same key, or a folder that another run is measuring into.
     """
     if len({case.key for case in cases}) != len(cases):
         raise DigsError(
             "study: two cases have the same labels and settings; make the labels differ"
         )
-    run = _Run(Store(folder), Path(folder), measure, workers, budget)
-    waiting = [case for case in cases if not run.store.is_done(case.key)]
-    done_before = len(cases) - len(waiting)
-    with progress(len(cases), "Measuring", "case", initial=done_before) as bar:
-        run.all(waiting, bar.update)
+    with sole_writer(folder):
+        run = _Run(Store(folder), Path(folder), measure, workers, budget)
+        waiting = [case for case in cases if not run.store.is_done(case.key)]
+        done_before = len(cases) - len(waiting)
+        with progress(len(cases), "Measuring", "case", initial=done_before) as bar:
+            run.all(waiting, bar.update)
     return Outcome(done_before, run.done, run.failed, len(waiting) - run.done - run.failed)
 
 

@@ -1,0 +1,174 @@
+"""One process writes a folder at a time; a lock leaves nothing behind, not even that of a killed process."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.cli import main
+from digs_warp.record.layout import LOCK
+from digs_warp.record.lock import sole_writer, taking_turns
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from digs_warp.record.lock import sole_writer, taking_turns
+with {"sole_writer": sole_writer, "taking_turns": taking_turns}[sys.argv[1]](Path(sys.argv[2])):
+    print("held", flush=True)
+    time.sleep(float(sys.argv[3]))
+"""
+
+
+def hold(kind: str, folder: Path, seconds: float = 60.0) -> "subprocess.Popen[str]":
+    """Start a process that holds a lock; return when it does."""
+    arguments = [sys.executable, "-c", HOLD, kind, str(folder), str(seconds)]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stdout.readline() == "held\n"
+    return process
+
+
+def test_a_busy_folder_is_refused_by_name(tmp_path: Path) -> None:
+    process = hold("sole_writer", tmp_path / "out")
+    try:
+        with pytest.raises(DigsError, match=f"'{tmp_path / 'out'}': another run is writing"):
+            with sole_writer(tmp_path / "out"):
+                pass
+    finally:
+        process.kill()
+        process.wait()
+        assert process.stdout is not None
+        process.stdout.close()
+
+
+def test_the_lock_of_a_killed_process_blocks_nobody_and_goes(tmp_path: Path) -> None:
+    process = hold("sole_writer", tmp_path)
+    process.kill()
+    process.communicate()
+    assert [path.name for path in tmp_path.iterdir()] == [LOCK]
+    with sole_writer(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_nothing_was_written_to_is_not_left_behind(tmp_path: Path) -> None:
+    with sole_writer(tmp_path / "a" / "b"):
+        assert (tmp_path / "a" / "b").is_dir()
+    assert not (tmp_path / "a").exists()
+    with sole_writer(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "result").touch()
+    assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["result"]
+
+
+def test_a_thread_may_lock_twice_and_two_threads_may_not(tmp_path: Path) -> None:
+    found = []
+
+    def try_it() -> None:
+        try:
+            with sole_writer(tmp_path):
+                found.append("taken")
+        except DigsError:
+            found.append("refused")
+
+    with sole_writer(tmp_path):
+        with sole_writer(tmp_path):
+            pass
+        thread = threading.Thread(target=try_it)
+        thread.start()
+        thread.join()
+    try_it()
+    assert found == ["refused", "taken"]
+
+
+def test_a_turn_is_waited_for(tmp_path: Path) -> None:
+    process = hold("taking_turns", tmp_path / "made", seconds=0.5)
+    start = time.monotonic()
+    with taking_turns(tmp_path / "made"):
+        assert process.wait(timeout=5) == 0
+    process.communicate()
+    assert time.monotonic() - start > 0.2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_many_processes_take_turns(tmp_path: Path) -> None:
+    """The lock is deleted and made again all the time; nobody ever shares it."""
+    made = tmp_path / "made"
+    code = (
+        "import os, sys\nfrom pathlib import Path\n"
+        "from digs_warp.record.lock import taking_turns\n"
+        "for _ in range(50):\n"
+        "    with taking_turns(Path(sys.argv[1])):\n"
+        "        os.close(os.open(sys.argv[1], os.O_CREAT | os.O_EXCL))\n"
+        "        os.unlink(sys.argv[1])\n"
+    )
+    processes = [subprocess.Popen([sys.executable, "-c", code, str(made)]) for _ in range(3)]
+    assert [process.wait(timeout=60) for process in processes] == [0, 0, 0]
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(DigsError, match=r"file/out': cannot be written"):
+        with sole_writer(tmp_path / "file" / "out"):
+            pass
+
+
+def test_only_what_dead_processes_left_is_removed(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    folder = tmp_path / "sub"
+    folder.mkdir()
+    living = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    try:
+        gone = [f".a.png.{dead.pid}.tmp", f".b.{dead.pid}.tmp"]
+        kept = [
+            f".a.png.{living.pid}.tmp",
+            f"a.png.{dead.pid}.tmp",  # no dot
+            f".a.png.{dead.pid}.tmp.txt",
+            f".{dead.pid}.tmp",  # no name
+            ".a.png.x1.tmp",
+            ".a.png.0.tmp",
+            f".link.{dead.pid}.tmp",
+        ]
+        for name in (gone[0], *kept[:-1]):
+            (folder / name).write_text("precious")
+        (folder / gone[1]).mkdir()
+        (folder / gone[1] / "part").touch()
+        (folder / kept[-1]).symlink_to(tmp_path)
+        with sole_writer(tmp_path):
+            assert sorted(path.name for path in folder.iterdir()) == sorted(kept)
+    finally:
+        living.kill()
+        living.wait()
+
+
+def test_two_runs_on_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second one says so and stops; the first one goes on, and its folder is as if it were alone."""
+    folder = tmp_path / "capture"
+    small = ["--frames", "3", "--width", "32", "--height", "18", "--samples-per-pixel", "1"]
+    arguments = ["simulate", *small, "--tier", "truth", "--out"]
+    program = "import sys; from digs_warp.cli import main; sys.exit(main())"
+    first = subprocess.Popen([sys.executable, "-c", program, *arguments, str(folder)])
+    deadline = time.monotonic() + 60
+    while not (folder / LOCK).exists():
+        assert first.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    first.send_signal(signal.SIGSTOP)
+    for flags in (["--resume"],):
+        assert main([*arguments, str(folder), *flags]) == 1
+        assert f"'{folder}': another run is writing to this folder" in capsys.readouterr().err
+    first.send_signal(signal.SIGCONT)
+    assert first.wait(timeout=60) == 0
+    assert main([*arguments, str(tmp_path / "alone")]) == 0
+    both = [
+        {
+            path.relative_to(each): path.read_bytes()
+            for path in each.rglob("*")
+            if path.is_file() and path.name != "run.json"
+        }
+        for each in (folder, tmp_path / "alone")
+    ]
+    assert both[0] == both[1]
