@@ -11,20 +11,18 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment, load_environment, procedural_environment
 from digs_warp.sim.profiles import Profile, load_profile
+from digs_warp.sim.reach import check_reach, orbit_distance
 from digs_warp.sim.render.protocol import Renderer
 from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
 from digs_warp.sim.scene import Scene
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.sim.shutter import Shutter, ShutteredEye
-from digs_warp.sim.trajectory import Walk, fitting_distance
+from digs_warp.sim.trajectory import Walk
 
 # Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
 DEFAULT_PROFILE = "zed2-720"
 DEFAULT_WIDTH = 640
 DEFAULT_ASPECT = 16 / 9
-
-# Margin between the object and the nearest depth that the sensor reports, in radii of the object.
-NEAR_MARGIN = 1.2
 
 # The walls are at least this many orbit distances away.
 SURROUND_MARGIN = 2.0
@@ -122,7 +120,8 @@ def load_inputs(config: SimulateConfig) -> Inputs:
     """Return object, surround and camera.
 
     Raises:
-        DigsError: a wrong path or figure, or no OpenGL where the settings ask for it.
+        DigsError: a wrong path or figure, an object that is too large for the camera, or no OpenGL where the
+            settings ask for it.
     """
     if config.renderer == "gl":
         from digs_warp.sim.render.gl import check_opengl
@@ -131,6 +130,7 @@ def load_inputs(config: SimulateConfig) -> Inputs:
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = _make_rig(config, profile)
     scene = _load_object(config)
+    check_reach(scene, rig)
     if config.environment is None:
         environment = procedural_environment()
     else:
@@ -156,7 +156,7 @@ def _load_object(config: SimulateConfig) -> Scene:
 def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     """Place the camera at a distance where it sees the object, and the surround beyond its path."""
     scene, environment, rig = inputs.scene, inputs.environment, inputs.rig
-    distance = _orbit_distance(scene, rig)
+    distance = orbit_distance(scene, rig)
     radius = max(environment.radius, SURROUND_MARGIN * distance)
     surround = Environment(environment.radiance, radius)
     walk = Walk.around(distance, config.seed)
@@ -180,12 +180,6 @@ def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environmen
     from digs_warp.sim.render.raycast import RaycastRenderer
 
     return RaycastRenderer(scene, environment)
-
-
-def _orbit_distance(scene: Scene, rig: StereoRig) -> float:
-    """Return the distance at which the object fits the image and no part is too near for the sensor."""
-    fitting = fitting_distance(scene.radius, rig.intrinsics)
-    return max(fitting, rig.min_depth + NEAR_MARGIN * scene.radius)
 
 
 def _triple(vector: np.ndarray) -> Any:

@@ -1,0 +1,73 @@
+"""What a camera can record by its size: the nearest and the farthest depth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from digs_warp.checks import DigsError
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
+from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.trajectory import fitting_distance
+from reference.mesh_files import save
+
+
+def box(folder: Path, longest: float) -> Path:
+    extents = longest * np.array([0.8, 1.0, 0.6])
+    return save(folder / "box.glb", trimesh.creation.box(extents=extents))
+
+
+@pytest.mark.parametrize("longest", [0.4, 3.0])
+def test_an_object_that_the_camera_can_measure_fills_the_image(
+    tmp_path: Path, longest: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = SimulateConfig(mesh=box(tmp_path, longest), frames=1, width=64)
+    inputs = load_inputs(config)
+    session = prepare_session(config, inputs)
+    distance = np.linalg.norm(session.walk.eyes[0])
+    assert distance == pytest.approx(fitting_distance(inputs.scene.radius, inputs.rig.intrinsics))
+    assert session.environment.radius >= 2 * distance
+    assert not caplog.records
+
+
+def test_a_small_object_is_seen_from_the_nearest_depth_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    inputs = load_inputs(SimulateConfig(mesh=box(tmp_path, 0.08), frames=1))
+    # 554 px of focal length; the center is 0.3 m and 1.2 radii away.
+    spans = 554.3 * 0.08 / (0.3 + 1.2 * inputs.scene.radius)
+    expected = "nearest depth of this camera is 0.3 m; an object of 8 cm spans "
+    assert f"{expected}{spans:.0f} of 640 x 360 px" in caplog.text
+
+
+def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    load_inputs(SimulateConfig(mesh=box(tmp_path, 10.0), frames=1))
+    assert "object of 10 m: fits the image from " in caplog.text
+    assert "this camera measures 0.3 to 20 m; only its near parts get depth" in caplog.text
+
+
+def test_an_object_beyond_the_farthest_depth_is_refused_before_rendering(tmp_path: Path) -> None:
+    config = SimulateConfig(mesh=box(tmp_path, 111.0), frames=1)
+    with pytest.raises(
+        DigsError, match=r"object of 111 m: .*0\.3 to 20 m.*glTF is in metres.*--unit"
+    ):
+        simulate(config, tmp_path / "capture")
+    assert not (tmp_path / "capture").exists()
+
+
+@pytest.mark.parametrize("longest", [0.06, 8.0])
+def test_small_and_large_objects_are_rendered_without_a_gap(tmp_path: Path, longest: float) -> None:
+    config = SimulateConfig(
+        mesh=box(tmp_path, longest), frames=2, width=96, samples_per_pixel=1, tier="truth"
+    )
+    capture = simulate(config, tmp_path / "capture")
+    for frame in capture.frames:
+        rows, columns = np.nonzero(frame.load_mask() == 255)
+        middle = frame.load_depth_true()[27, 48]
+        distance = np.linalg.norm(frame.camera.center_world)
+        assert distance - 0.5 * longest * 1.5 < middle < distance
+        assert len(rows) > 0.6 * np.ptp(rows) * np.ptp(columns)
