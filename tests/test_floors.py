@@ -18,11 +18,11 @@ FLOORS = {
     **dict.fromkeys(("digs_warp.data", "digs_warp.device"), 1),
     "digs_warp.measure": 2,
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 3),
-    **dict.fromkeys(("digs_warp.losses", "digs_warp.interchange"), 3),
-    **dict.fromkeys(("digs_warp.sim", "digs_warp.usd"), 3),
+    **dict.fromkeys(("digs_warp.losses", "digs_warp.sim", "digs_warp.usd"), 3),
     **dict.fromkeys(
         ("digs_warp.train", "digs_warp.surface", "digs_warp.film", "digs_warp.torch"), 4
     ),
+    "digs_warp.interchange": 4,
     "digs_warp.pipeline": 5,
     "digs_warp.report": 6,
     **dict.fromkeys(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-CaptureFormat = Literal["colmap", "colmap-binary", "tum", "bop", "redwood"]
+CaptureFormat = Literal["colmap", "colmap-text", "nerfstudio", "tum", "bop", "redwood"]
 RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "redwood", "bop"]
 
 
@@ -32,8 +32,7 @@ class Convert(Command):
     Gaussians: 'digs-warp convert out/reconstruction scene.spz' or 'digs-warp convert a.ply b.usdz', with any
     two of .npz, .ply, .spz, .splat, .usdz, .usdc and .usda.
 
-    A capture, for another program: 'digs-warp convert out/capture --to colmap --out out/colmap'. nerfstudio
-    reads captures as they are.
+    A capture, for another program: 'digs-warp convert out/capture --to colmap --out out/colmap'.
 
     A recording of a real camera becomes a capture: 'digs-warp convert my/recording --from tum --out
     out/capture'.
@@ -52,7 +51,8 @@ class Convert(Command):
     """Replace the file if it exists, or first delete the results of an earlier run in the folder."""
 
     to: CaptureFormat | None = None
-    """For a capture: the format to write. COLMAP (text or binary), TUM RGB-D, BOP, or Redwood for Open3D."""
+    """For a capture: the format to write. COLMAP (binary, or as text), nerfstudio (also for OpenSplat), TUM
+    RGB-D, BOP, or Redwood for Open3D."""
 
     recorded_as: Annotated[RecordingFormat | None, tyro.conf.arg(name="from")] = None
     """For a recording of a real RGB-D camera: the format of its folder (see docs/recordings.md). The result

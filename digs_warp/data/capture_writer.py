@@ -87,7 +87,7 @@ class CaptureWriter:
             **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
             "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
             "time": time,
-            **({} if intrinsics is None else _camera_keys(intrinsics)),
+            **({} if intrinsics is None else camera_keys(intrinsics)),
         }
 
     def finish(self, about: About | None = None) -> Capture:
@@ -102,7 +102,7 @@ class CaptureWriter:
             "camera_model": "PINHOLE",
             "w": k.width,
             "h": k.height,
-            **_camera_keys(k),
+            **camera_keys(k),
             "digs_warp": ours | (about or About()).as_json(),
             "frames": [self._entries[number] for number in sorted(self._entries)],
         }
@@ -138,7 +138,8 @@ class MemoryWriter:
         return Capture(None, frames, self.rig, about or About())
 
 
-def _camera_keys(k: Intrinsics) -> dict[str, float]:
+def camera_keys(k: Intrinsics) -> dict[str, float]:
+    """Return the keys of transforms.json that give focal lengths and principal point [px]."""
     return {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
 
 

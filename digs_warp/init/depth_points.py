@@ -37,6 +37,10 @@ FLATNESS = 0.2
 DISAGREEMENT = 0.25
 
 
+class NoPointsError(DigsError):
+    """No depth of any view passes the filters."""
+
+
 def depth_points(
     frames: Sequence[Frame],
     config: InitConfig,
@@ -56,7 +60,8 @@ def depth_points(
         baseline: of the stereo rig [m], for shape 'ray'.
 
     Raises:
-        DigsError: no frames, a frame without depth or mask, or not a single point in any view.
+        DigsError: no frames, or a frame without depth or mask.
+        NoPointsError: not a single point in any view.
     """
     _require_layers(frames, config)
     for module in (edge_kernel, normals, voxel_kernel):
@@ -186,7 +191,7 @@ def _require_layers(frames: Sequence[Frame], config: InitConfig) -> None:
             )
 
 
-def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) -> DigsError:
+def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) -> NoPointsError:
     in_mask, with_depth, smooth, _ = (pixels[name] for name in FILTERS)
     if in_mask == 0:
         hint = f"check the masks: 255 marks the object, values up to {config.mask_threshold} do not"
@@ -198,7 +203,7 @@ def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) ->
         hint = "the depth is too sparse for the edge filter, turn it off"
     else:
         hint = "the depth puts it all in the background: check the masks, or turn off the foreground filter"
-    return DigsError(
+    return NoPointsError(
         f"initialization: no points in {frames} frames: {in_mask} pixels inside the masks, "
         f"{with_depth} of them with depth, {smooth} after the edge filter; {hint}"
     )

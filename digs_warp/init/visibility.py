@@ -29,16 +29,22 @@ def not_seen_through(
         views: cameras and their depth maps [m], each (height, width), at the same or a reduced size.
         voxel_size: of the points' grid [m].
     """
-    vote = partial(_votes, points_world, voxel_size)
+    vote = partial(votes, points_world, voxel_size)
     with ThreadPoolExecutor(default_threads()) as pool:
         balance = sum(pool.map(vote, views), np.zeros(len(points_world), dtype=np.int64))
     return balance >= 0
 
 
-def _votes(
+def votes(
     points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
 ) -> np.ndarray:
-    """Return +1 for points that the view confirms, -1 for those it contradicts, else 0."""
+    """Return +1 for points that the view confirms, -1 for those it contradicts, else 0.
+
+    Args:
+        points_world: points [m], shape (n, 3).
+        voxel_size: of the points' grid [m].
+        view: a camera and its depth map [m], as in `not_seen_through`.
+    """
     camera, depth = view
     height, width = depth.shape
     px, z = camera.resized(width, height).project(points_world)
@@ -48,7 +54,7 @@ def _votes(
     measured = depth[rows, columns].astype(np.float64)
     nearer = measured - z[inside]
     tolerance = TOLERANCE_VOXELS * voxel_size + TOLERANCE_SHARE * measured
-    votes = np.zeros(len(points_world), dtype=np.int64)
+    found = np.zeros(len(points_world), dtype=np.int64)
     # Comparisons with NaN, where nothing was measured, are False.
-    votes[inside] = (np.abs(nearer) <= tolerance).astype(np.int64) - (nearer > tolerance)
-    return votes
+    found[inside] = (np.abs(nearer) <= tolerance).astype(np.int64) - (nearer > tolerance)
+    return found

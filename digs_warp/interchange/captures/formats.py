@@ -8,6 +8,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.interchange.captures.bop import read_bop, write_bop
 from digs_warp.interchange.captures.colmap import write_colmap_binary, write_colmap_text
 from digs_warp.interchange.captures.nerfstudio import read_nerfstudio
+from digs_warp.interchange.captures.nerfstudio_export import write_nerfstudio
 from digs_warp.interchange.captures.record3d import read_record3d
 from digs_warp.interchange.captures.recording import Recording
 from digs_warp.interchange.captures.redwood import read_redwood, write_redwood
@@ -26,8 +27,9 @@ READERS: dict[str, Callable[[Path], Recording]] = {
 }
 
 EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {
-    "colmap": write_colmap_text,
-    "colmap-binary": write_colmap_binary,
+    "colmap": write_colmap_binary,
+    "colmap-text": write_colmap_text,
+    "nerfstudio": write_nerfstudio,
     "tum": write_tum,
     "bop": write_bop,
     "redwood": write_redwood,
@@ -54,8 +56,13 @@ def export_capture(capture: Capture, form: str, folder: Path) -> None:
     """Write ``capture`` below ``folder`` in the format ``form``, one of `EXPORTERS`.
 
     Raises:
-        DigsError: an unknown format, or a capture that lacks what the format needs.
+        DigsError: an unknown format, or a capture that lacks what the format needs, such as poses.
     """
     if form not in EXPORTERS:
         raise DigsError(f"export format '{form}': expected one of {', '.join(EXPORTERS)}")
+    if not capture.knows_poses:
+        raise CaptureError(
+            f"{capture}: the recording has no camera poses, and every export has them; give the images "
+            "themselves to a program that estimates poses"
+        )
     EXPORTERS[form](capture, Path(folder))

@@ -59,6 +59,11 @@ def object_mask(frame: Frame) -> np.ndarray:
     return frame.load_mask() > OBJECT_THRESHOLD
 
 
+def write_mask(frame: Frame, path: Path) -> None:
+    """Write the object mask to ``path``, a PNG: 255 on the object, else 0."""
+    write_image(path, np.where(object_mask(frame), 255, 0).astype(np.uint8))
+
+
 def encode_depth(depth: np.ndarray, units_per_metre: float) -> tuple[np.ndarray, int]:
     """Return depth as 16-bit numbers, 0 where unknown, and how many pixels are too far away for them.
 

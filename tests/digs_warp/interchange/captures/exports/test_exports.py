@@ -1,5 +1,6 @@
 """What all exports have in common: lost depth, missing files, threads, and the command."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -88,8 +89,17 @@ def test_the_command_writes_into_the_folder_it_stands_in(
     assert (tmp_path / "groundtruth.txt").is_file()
 
 
+@pytest.mark.parametrize("form", list(EXPORTERS))
+def test_poses_that_are_unknown_are_not_exported(
+    capture: Capture, form: str, tmp_path: Path
+) -> None:
+    lost = replace(capture, about=replace(capture.about, poses_known=False))
+    with pytest.raises(CaptureError, match="no camera poses"):
+        export_capture(lost, form, tmp_path / "out")
+
+
 def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match="'ply': expected one of colmap, colmap-binary, tum"):
+    with pytest.raises(DigsError, match="'ply': expected one of colmap, colmap-text, nerfstudio"):
         export_capture(capture, "ply", tmp_path)
 
 

@@ -14,7 +14,10 @@ from digs_warp.report.summaries import describe
 from reference.recorded import check_same, converted
 
 
-@pytest.mark.parametrize(("form", "tolerance"), [("tum", 2e-4), ("redwood", 1e-3), ("bop", 2e-4)])
+@pytest.mark.parametrize(
+    ("form", "tolerance"),
+    [("tum", 2e-4), ("redwood", 1e-3), ("bop", 2e-4), ("nerfstudio", 1e-3)],
+)
 def test_exports_come_back_as_the_same_points(
     capture: Capture, form: str, tolerance: float, tmp_path: Path
 ) -> None:

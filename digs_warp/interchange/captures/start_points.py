@@ -1,0 +1,85 @@
+"""The points that other programs' trainers start from: those that our own start takes from the depth maps."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.config import InitConfig
+from digs_warp.init.depth_points import NoPointsError, depth_points
+from digs_warp.init.visibility import votes
+from digs_warp.interchange.captures.frames import for_each_frame
+
+logger = logging.getLogger(__name__)
+
+# Without masks, the points of everything in view; the size of the voxels follows that of the scene.
+WHOLE_SCENE = InitConfig(voxel_unit="object", mask_filter=False, foreground_filter=False)
+
+
+@dataclass(frozen=True, eq=False)
+class StartPoints:
+    """Points of the training frames, one per voxel.
+
+    Attributes:
+        cloud: the points; none if the capture has no depth.
+        voxel_size: edge length of their grid [m].
+        training: the frames that they come from, and that a trainer may see.
+    """
+
+    cloud: PointCloud
+    voxel_size: float
+    training: Sequence[Frame]
+
+    def __len__(self) -> int:
+        return len(self.cloud)
+
+
+def start_points(capture: Capture) -> StartPoints:
+    """Return the points that `digs-warp reconstruct` starts from by default, with the recorded poses.
+
+    They are the object's, if the capture has masks. Held-out frames do not contribute.
+
+    Raises:
+        DigsError: a file of the capture cannot be read.
+    """
+    training = capture.split()[0] or list(capture.frames)
+    with_depth = [frame for frame in training if frame.has(Layer.DEPTH)]
+    with_mask = [frame for frame in with_depth if frame.has(Layer.MASK)]
+    views, config = with_mask, InitConfig()
+    if not with_mask:
+        views, config = [_all_of(frame) for frame in with_depth], WHOLE_SCENE
+    try:
+        cloud, report = depth_points(views, config) if views else (_NO_POINTS, None)
+    except NoPointsError as error:
+        logger.warning("%s: exported without points to start from: %s", capture, error)
+        cloud, report = _NO_POINTS, None
+    return StartPoints(cloud, report.voxel_size if report else 0.0, training)
+
+
+_NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+def _all_of(frame: Frame) -> Frame:
+    """Return the frame with a mask that covers it; no memory holds its pixels."""
+    k = frame.camera.intrinsics
+    return frame.with_layer(Layer.MASK, np.broadcast_to(np.uint8(255), (k.height, k.width)))
+
+
+def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:
+    """Return for each frame the indices of the points that it shows, ascending.
+
+    A frame shows a point if its depth there is that of the point. Held-out frames have none.
+    """
+    training = set(start.training)
+
+    def work(_: int, frame: Frame) -> np.ndarray:
+        if not len(start) or frame not in training or not frame.has(Layer.DEPTH):
+            return np.zeros(0, dtype=np.int64)
+        view = frame.camera, frame.load_depth()
+        return np.flatnonzero(votes(start.cloud.points_world, start.voxel_size, view) > 0)
+
+    return for_each_frame(capture.frames, "Finding points in images", work)
