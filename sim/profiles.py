@@ -18,6 +18,7 @@ from typing import Any, Literal, get_args
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, require_file
+from digs_warp.record.files import read_yaml
 from digs_warp.sim.rig import StereoRig
 
 Origin = Literal["measured", "vendor", "tuned"]
@@ -215,13 +216,8 @@ def load_profile(source: str | Path) -> Profile:
 
 
 def _read_profile(path: Path) -> Profile:
-    import yaml
-
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise DigsError(f"profile '{path}': not readable as YAML ({error})") from error
-    if not isinstance(content, dict) or not isinstance(content.get("figures"), dict):
+    content = read_yaml(path, "profile")
+    if not isinstance(content.get("figures"), dict):
         raise DigsError(f"profile '{path}': expected a mapping with 'figures', see docs/sensor.md")
     base = content.get("base", "zed2-720")
     if base not in PROFILES:

@@ -12,7 +12,14 @@ FOLDERS = {"digs_warp": "digs_warp", "sim": "digs_warp.sim", "usd": "digs_warp.u
 # The longest entry that is a prefix of a module's name is its room, the number its floor.
 FLOORS = {
     **dict.fromkeys(
-        ("digs_warp.geometry", "digs_warp.camera", "digs_warp.sh", "digs_warp.checks"), 0
+        (
+            "digs_warp.geometry",
+            "digs_warp.camera",
+            "digs_warp.sh",
+            "digs_warp.checks",
+            "digs_warp.bounds",
+        ),
+        0,
     ),
     "digs_warp.record": 0,
     **dict.fromkeys(("digs_warp.data", "digs_warp.device"), 1),

@@ -5,7 +5,7 @@ from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.record.files import read_json
+from digs_warp.record.files import read_json, read_yaml
 
 
 def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
@@ -36,14 +36,5 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    if path.suffix.lower() not in (".yaml", ".yml"):
-        return read_json(path, "--config")
-    import yaml
-
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DigsError(f"--config '{path}': cannot be read as YAML ({error})") from error
-    if not isinstance(content, dict):
-        raise DigsError(f"--config '{path}': expected settings, found {type(content).__name__}")
-    return content
+    is_yaml = path.suffix.lower() in (".yaml", ".yml")
+    return (read_yaml if is_yaml else read_json)(path, "--config")

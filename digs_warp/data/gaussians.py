@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import check_shape
-from digs_warp.record.files import open_arrays, write_arrays
+from digs_warp.record.arrays import open_arrays, write_arrays
 from digs_warp.sh import degree_from_count
 
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")

@@ -1,11 +1,14 @@
 """All image file access: OpenImageIO reads and writes PNG, EXR and HDR. Rows go top to bottom."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from digs_warp.bounds import IMAGE, IMAGE_VALUES
 from digs_warp.checks import DigsError, check_shape, require_file
 from digs_warp.data.image_bytes import encode
 from digs_warp.record.files import write_atomically
@@ -25,8 +28,34 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
     between color spaces.
 
     Raises:
-        DigsError: the file is missing, truncated or no image.
+        DigsError: the file is missing, truncated, no image, or larger than `digs_warp.bounds.IMAGE`.
     """
+    import OpenImageIO as oiio
+
+    with _opened(path, what) as source:
+        spec = source.spec()
+        kind = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}.get(
+            spec.format.basetype, oiio.FLOAT
+        )
+        pixels = source.read_image(kind)
+        problem = source.geterror()
+    if pixels is None or problem:
+        raise DigsError(
+            f"{what} '{path}': expected {spec.width}x{spec.height} pixels, but the data breaks off "
+            f"({problem.strip() or 'no pixels'}). Copy or export the file again."
+        )
+    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+
+
+def image_size(path: Path, what: str = "image") -> tuple[int, int]:
+    """Return (width, height) of a file from its header; errors as of `read_image`."""
+    with _opened(path, what) as source:
+        return source.spec().width, source.spec().height
+
+
+@contextmanager
+def _opened(path: Path, what: str) -> Iterator[Any]:
+    """Open an image for the block, as an `OpenImageIO.ImageInput`, if its header promises a bounded size."""
     import OpenImageIO as oiio
 
     require_file(path, what)
@@ -38,19 +67,11 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
         raise DigsError(f"{what} '{path}': cannot be opened as an image ({oiio.geterror()})")
     try:
         spec = source.spec()
-        kind = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}.get(
-            spec.format.basetype, oiio.FLOAT
-        )
-        pixels = source.read_image(kind)
-        problem = source.geterror()
+        IMAGE.check(f"{what} '{path}'", spec.width * spec.height)
+        IMAGE_VALUES.check(f"{what} '{path}'", spec.width * spec.height * spec.nchannels)
+        yield source
     finally:
         source.close()
-    if pixels is None or problem:
-        raise DigsError(
-            f"{what} '{path}': expected {spec.width}x{spec.height} pixels, but the data breaks off "
-            f"({problem.strip() or 'no pixels'}). Copy or export the file again."
-        )
-    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
 
 def write_image(path: Path, pixels: np.ndarray) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError, check_finite, check_shape
-from digs_warp.record.files import open_arrays, write_arrays
+from digs_warp.record.arrays import open_arrays, write_arrays
 
 FIELDS = ("points_world", "colors")
 OPTIONAL_FIELDS = ("axes_world", "axis_deviations")

@@ -1,19 +1,17 @@
-"""The one way to write a file, and arrays and JSON as files."""
+"""The one way to write a file, and text and JSON as files."""
 
 import json
 import shutil
-import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
-from digs_warp.checks import DigsError, require_file
+from digs_warp.bounds import JSON, LEVELS, SETTINGS, TEXT, Bound
+from digs_warp.checks import DigsError
 from digs_warp.record.disk import put, rename, reported, sync, temporary_beside
 from digs_warp.record.manifest import Content, manifest_of, recorded_files
 
@@ -105,41 +103,6 @@ def _listed(path: Path, content: Callable[[], Content]) -> Iterator[None]:
         yield
 
 
-def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write an ``.npz`` of named arrays; see `write_atomically`."""
-    buffer = BytesIO()
-    np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
-    write_atomically(path, buffer.getvalue())
-
-
-@contextmanager
-def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
-    """Open an ``.npz`` that `write_arrays` wrote; a context manager around everything that reads it.
-
-    Raises:
-        DigsError: the file is missing or broken, or an array read in the context is invalid.
-    """
-    require_file(path, what)
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            yield arrays
-    except (
-        BadZipFile,
-        KeyError,
-        EOFError,
-        MemoryError,  # an array's header can claim any size
-        OSError,
-        RuntimeError,  # encrypted, or compressed in a way that Python does not know
-        TypeError,
-        ValueError,
-        zlib.error,
-    ) as error:
-        raise DigsError(
-            f"{what} '{path}': {error}; expected an .npz with {', '.join(fields)} "
-            "as 'digs-warp reconstruct' writes it"
-        ) from error
-
-
 def to_json(value: Any) -> str:
     """Return readable JSON of dataclasses, paths, NumPy scalars and arrays."""
     return json.dumps(value, indent=2, default=_plain, allow_nan=False) + "\n"
@@ -155,16 +118,61 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"cannot write {type(value).__name__} as JSON")
 
 
-def read_json(path: Path, what: str) -> dict[str, Any]:
-    """Return a JSON object, or raise a `DigsError` that says where the file is broken."""
+def read_text(path: Path, what: str, bound: Bound = TEXT, errors: str = "strict") -> str:
+    """Return the content of a text file in UTF-8; ``errors`` as in `open`.
+
+    Raises:
+        DigsError: missing, not readable, not UTF-8, or larger than ``bound``.
+    """
+    path = Path(path)
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        bound.check(f"{what} '{path}'", path.stat().st_size)
+        return path.read_text(encoding="utf-8", errors=errors)
     except FileNotFoundError:
         raise DigsError(f"{what} '{path}': no such file") from None
     except OSError as error:
         raise DigsError(f"{what} '{path}': cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise DigsError(f"{what} '{path}': not UTF-8 ({error}); write it again") from error
+
+
+def read_json(path: Path, what: str) -> dict[str, Any]:
+    """Return a JSON object, or raise a `DigsError` that says where the file is broken."""
+    try:
+        content = json.loads(read_text(path, what, JSON))
+    except json.JSONDecodeError as error:
         raise DigsError(f"{what} '{path}': not valid JSON ({error}); write it again") from error
+    except RecursionError:
+        raise DigsError(f"{what} '{path}': brackets nested too deeply; write it again") from None
     if not isinstance(content, dict):
         raise DigsError(f"{what} '{path}': expected a JSON object, found {type(content).__name__}")
+    return content
+
+
+def read_yaml(path: Path, what: str) -> dict[str, Any]:
+    """Return a YAML mapping, without aliases: each of them can repeat all before it.
+
+    Raises:
+        DigsError: missing, too large, not YAML, no mapping, nested too deeply, or with aliases.
+    """
+    import yaml
+
+    text = read_text(path, what, SETTINGS)
+    try:
+        depth = 0
+        for event in yaml.parse(text, yaml.SafeLoader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            LEVELS.check(f"{what} '{path}'", depth)
+            if isinstance(event, yaml.AliasEvent):
+                raise DigsError(
+                    f"{what} '{path}': the alias *{event.anchor}; write its value instead"
+                )
+        content = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        if isinstance(error, DigsError):
+            raise
+        raise DigsError(f"{what} '{path}': not readable as YAML ({error})") from error
+    if not isinstance(content, dict):
+        raise DigsError(f"{what} '{path}': expected a mapping, found {type(content).__name__}")
     return content

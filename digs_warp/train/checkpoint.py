@@ -6,13 +6,12 @@ be saved: a resumed run continues bit for bit.
 
 import json
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
-from digs_warp.record.files import write_arrays
+from digs_warp.record.arrays import UNREADABLE, check_archive, write_arrays
 from digs_warp.train.finite import non_finite_rows
 from digs_warp.train.trainer import Trainer
 
@@ -84,10 +83,11 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
+    check_archive(path, "checkpoint", "delete it to train from the start")
     try:
         with np.load(path, allow_pickle=False) as state:
             return {name: state[name] for name in state.files}
-    except (BadZipFile, KeyError, EOFError, OSError, ValueError) as error:
+    except UNREADABLE as error:
         raise _unreadable(path, error) from error
 
 

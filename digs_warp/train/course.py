@@ -9,7 +9,7 @@ from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.measure.scores import Score
-from digs_warp.record.files import write_atomically
+from digs_warp.record.files import read_text, write_atomically
 
 
 @dataclass(frozen=True)
@@ -72,12 +72,8 @@ def read_course(path: Path) -> tuple[CourseRow, ...]:
     Raises:
         DigsError: the file is missing or broken; the message names the file and the line.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DigsError(f"training log '{path}': cannot be read ({error})") from error
     rows = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path, "training log").splitlines(), start=1):
         try:
             rows.append(CourseRow.from_json(json.loads(line)))
         except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:

@@ -97,7 +97,7 @@ def test_a_custom_profile_changes_its_base(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("- a list", "expected a mapping with 'figures'"),
+        ("- a list", "expected a mapping, found list"),
         ("figures: [1]", "expected a mapping with 'figures'"),
         ("figures: {: :", "not readable as YAML"),
         ("base: kinect\nfigures: {}", "base 'kinect', expected one of zed2-2k"),

@@ -12,6 +12,7 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.images import image_size
 from digs_warp.data.index_rules import (
     METRES_PER_FLOAT,
     check_depth_unit,
@@ -21,7 +22,7 @@ from digs_warp.data.index_rules import (
     read_lens,
 )
 from digs_warp.geometry import OPENCV_FROM_OPENGL
-from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, image_size
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.record.files import read_json
 

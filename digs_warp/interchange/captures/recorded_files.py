@@ -10,7 +10,7 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
-from digs_warp.data.images import read_image
+from digs_warp.record.files import read_text
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 
@@ -37,9 +37,7 @@ def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
     Raises:
         CaptureError: missing, no numbers, or a count that does not fit ``shape``.
     """
-    if not path.is_file():
-        raise CaptureError(f"{what} '{path}': no such file")
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = read_text(path, what, errors="replace").splitlines()
     words = re.split(
         r"[\s,]+", " ".join(line for line in lines if not line.startswith("#")).strip()
     )
@@ -56,12 +54,6 @@ def numbered_files(folder: Path, start: str, suffixes: Sequence[str]) -> dict[in
         if path.suffix.lower() in suffixes and digits.isdecimal():
             found[int(digits)] = path
     return dict(sorted(found.items()))
-
-
-def image_size(path: Path) -> tuple[int, int]:
-    """Return (width, height) of an image file."""
-    height, width = read_image(path, "image").shape[:2]
-    return width, height
 
 
 def integer_centered_camera(matrix: np.ndarray, size: tuple[int, int]) -> Intrinsics:

@@ -9,7 +9,8 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
-from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, image_size, numbered_files
+from digs_warp.data.images import image_size
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, numbered_files
 
 MM_PER_METRE = 1000.0
 

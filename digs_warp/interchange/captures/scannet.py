@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.data.images import image_size
 from digs_warp.interchange.captures.recorded_files import (
-    image_size,
     integer_centered_camera,
     numbered_files,
     read_numbers,

@@ -17,6 +17,7 @@ from digs_warp.geometry import rigid
 from digs_warp.interchange.captures.frames import for_each_frame
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.interchange.captures.resample import resample_depth, undistort
+from digs_warp.record.arrays import read_array
 
 logger = logging.getLogger(__name__)
 
@@ -95,7 +96,7 @@ def load_depth(path: Path, units_per_metre: float) -> np.ndarray:
     ``units_per_metre`` is for images of integers; images of floats hold metres.
     """
     if path.suffix == ".npy":
-        pixels = np.load(path, allow_pickle=False)
+        pixels = read_array(path, "depth")
         pixels = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
     else:
         pixels = read_image(path, "depth")

@@ -14,6 +14,7 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import image_size
 from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix, rigid
 from digs_warp.interchange.captures.frames import (
     integer_centered,
@@ -22,12 +23,11 @@ from digs_warp.interchange.captures.frames import (
 )
 from digs_warp.interchange.captures.recorded_files import (
     expecting,
-    image_size,
     integer_centered_camera,
     read_numbers,
 )
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
-from digs_warp.record.files import write_atomically
+from digs_warp.record.files import read_text, write_atomically
 
 DEPTH_UNITS_PER_METRE = 5000.0  # fixed by the format: a step of 0.2 mm, 13.1 m at most
 CALIBRATION = "calibration.txt"
@@ -74,7 +74,7 @@ def _read_list(folder: Path, name: str) -> tuple[np.ndarray, list[str]]:
     path = folder / name
     if not path.is_file():
         raise CaptureError(f"recording '{folder}': no {name} in it; is this the right --from?")
-    lines = path.read_text(encoding="utf-8").splitlines()
+    lines = read_text(path, "list of a recording").splitlines()
     rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
     with expecting(f"'{path}'", "lines of time and file name"):
         return np.array([float(row[0]) for row in rows]), [row[1] for row in rows]

@@ -81,7 +81,7 @@ def test_no_folder_no_index_no_json(tmp_path: Path) -> None:
     with pytest.raises(DigsError, match="expected a JSON object, found list"):
         read_capture(tmp_path)
     (tmp_path / "transforms.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DigsError, match="not valid JSON"):
+    with pytest.raises(DigsError, match="not UTF-8"):
         read_capture(tmp_path)
 
 

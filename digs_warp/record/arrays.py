@@ -1,0 +1,109 @@
+"""Arrays as files of NumPy, ``.npz`` and ``.npy``; what they promise is checked before it is loaded."""
+
+import math
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+from numpy.lib import format as npy
+
+from digs_warp.bounds import check_unpacked
+from digs_warp.checks import DigsError, require_file
+from digs_warp.record.files import write_atomically
+
+_READ_HEADER = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+# What NumPy and zipfile raise for files that are damaged.
+UNREADABLE = (
+    BadZipFile,
+    KeyError,
+    EOFError,
+    MemoryError,
+    OSError,
+    RuntimeError,  # encrypted, or compressed in a way that Python does not know
+    RecursionError,  # brackets in the header of an array
+    TypeError,
+    ValueError,
+    zlib.error,
+)
+
+
+def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write an ``.npz`` of named arrays; see `write_atomically`."""
+    buffer = BytesIO()
+    np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
+    write_atomically(path, buffer.getvalue())
+
+
+@contextmanager
+def open_arrays(path: Path, what: str, fields: Sequence[str]) -> Iterator[Any]:
+    """Open an ``.npz`` that `write_arrays` wrote; a context manager around everything that reads it.
+
+    Raises:
+        DigsError: the file is missing or broken, promises more than it holds, or an array read in the
+            context is invalid.
+    """
+    expected = f"expected an .npz with {', '.join(fields)} as 'digs-warp reconstruct' writes it"
+    check_archive(path, what, expected)
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            yield arrays
+    except UNREADABLE as error:
+        raise DigsError(f"{what} '{path}': {error}; {expected}") from error
+
+
+def read_array(path: Path, what: str) -> np.ndarray:
+    """Return the array in an ``.npy`` file.
+
+    Raises:
+        DigsError: the file is missing or broken, or promises more than it holds.
+    """
+    require_file(path, what)
+    try:
+        with path.open("rb") as file:
+            _check_array(file, f"{what} '{path}'", path.stat().st_size)
+        return np.load(path, allow_pickle=False)
+    except DigsError:
+        raise
+    except UNREADABLE as error:
+        raise DigsError(f"{what} '{path}': {error}; expected an .npy file") from error
+
+
+def check_archive(path: Path, what: str, expected: str) -> None:
+    """Check what the directory of an ``.npz`` and the headers of its arrays promise.
+
+    Raises:
+        DigsError: missing, damaged, or far more than the file's size; says what was ``expected``.
+    """
+    require_file(path, what)
+    where = f"{what} '{path}'"
+    try:
+        with ZipFile(path) as archive:
+            members = archive.infolist()
+            check_unpacked(where, path.stat().st_size, sum(each.file_size for each in members))
+            for member in members:
+                with archive.open(member) as file:
+                    _check_array(file, f"{where}, '{member.filename}'", member.file_size)
+    except DigsError:
+        raise
+    except UNREADABLE as error:
+        raise DigsError(f"{where}: {error}; {expected}") from error
+
+
+def _check_array(file: IO[bytes], where: str, size: int) -> None:
+    """Check that the ``size`` bytes of an ``.npy`` file hold the array that its header describes."""
+    version = npy.read_magic(file)
+    if version not in _READ_HEADER:
+        raise DigsError(f"{where}: version {version} of NumPy's format, expected 1.0 or 2.0")
+    shape, _, kind = _READ_HEADER[version](file)
+    promised = math.prod(shape) * kind.itemsize
+    if promised > size:
+        raise DigsError(
+            f"{where}: promises {promised:,} bytes of {shape}, but has {size:,}; "
+            "truncated or damaged, write it again"
+        )
