@@ -29,8 +29,8 @@ RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "re
 class Convert(Command):
     """Convert Gaussians, captures and recordings between file formats.
 
-    Gaussians: 'digs-warp convert out/reconstruction scene.spz' or 'digs-warp convert a.ply b.usdz', with any
-    two of .npz, .ply, .spz, .splat, .usdz, .usdc and .usda.
+    Gaussians: 'digs-warp convert out/reconstruction --out scene.spz' or 'digs-warp convert a.ply --out
+    b.usdz', with any two of .npz, .ply, .spz, .splat, .usdz, .usdc and .usda.
 
     A capture, for another program: 'digs-warp convert out/capture --to colmap --out out/colmap'.
 
@@ -41,10 +41,7 @@ class Convert(Command):
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
     """A capture folder; or Gaussians: a reconstruction folder or a file; or, with --from, a recording."""
 
-    target: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="TARGET")] = None
-    """The file or folder to write, instead of --out."""
-
-    out: Path | None = None
+    out: Path
     """The file or folder to write. A folder must be new or empty, unless --overwrite is given."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
@@ -63,8 +60,6 @@ class Convert(Command):
     )
 
     def __post_init__(self) -> None:
-        if (self.target is None) == (self.out is None):
-            raise DigsError("name what to write, either as TARGET or with --out")
         if self.recorded_as is not None and self.to is not None:
             raise DigsError(
                 "--from and --to together: convert the recording to a capture first, then the capture"
@@ -72,14 +67,12 @@ class Convert(Command):
 
     def execute(self) -> str:
         """Find out what the source is, and convert it."""
-        target = self.target or self.out
-        assert target is not None
         if not self.source.exists():
             raise DigsError(f"'{self.source}': no such file or folder. Check the path.")
         if self.recorded_as is not None:
-            return import_recording(self.source, self.recorded_as, target, self.overwrite)
+            return import_recording(self.source, self.recorded_as, self.out, self.overwrite)
         if self.to is not None:
-            return export_capture_folder(self.source, self.to, target, self.overwrite)
+            return export_capture_folder(self.source, self.to, self.out, self.overwrite)
         if (self.source / INDEX_NAME).is_file():
             raise DigsError(
                 f"'{self.source}': a capture; add --to with one of {', '.join(CaptureFormat.__args__)}"
@@ -91,7 +84,7 @@ class Convert(Command):
             raise DigsError(
                 f"{error}; for a recording of a real camera add --from with one of {forms}"
             ) from None
-        return convert_splats(self.source, target, self.overwrite, self.gaussians)
+        return convert_splats(self.source, self.out, self.overwrite, self.gaussians)
 
 
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:

@@ -46,7 +46,10 @@ def main() -> None:
                 [arguments.converter, "-i", str(ply), "-o", str(theirs)],
                 theirs,
             ),
-            "digs-warp convert": ([*start_ours, "convert", str(ply), str(ours), "--up", "y"], ours),
+            "digs-warp convert": (
+                [*start_ours, "convert", str(ply), "--out", str(ours), "--up", "y"],
+                ours,
+            ),
         }
         results = []
         for name, (command, path) in programs.items():

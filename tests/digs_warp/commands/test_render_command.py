@@ -39,8 +39,8 @@ def test_a_video_and_how_fast_it_was(tmp_path: Path, scene: Path, capsys) -> Non
 def test_the_same_scene_from_every_format_looks_the_same(
     tmp_path: Path, scene: Path, capsys
 ) -> None:
-    main(["convert", str(scene), str(tmp_path / "a.usdz")])
-    main(["convert", str(scene), str(tmp_path / "a.spz")])
+    main(["convert", str(scene), "--out", str(tmp_path / "a.usdz")])
+    main(["convert", str(scene), "--out", str(tmp_path / "a.spz")])
     first = {}
     for source in (scene, tmp_path / "a.usdz", tmp_path / "a.spz"):
         out = tmp_path / f"frames-{source.name}"

@@ -28,7 +28,9 @@ def test_the_command_says_when_poses_are_unknown(
 ) -> None:
     export_capture(capture, "tum", tmp_path / "tum")
     (tmp_path / "tum/groundtruth.txt").unlink()
-    assert main(["convert", str(tmp_path / "tum"), str(tmp_path / "c"), "--from", "tum"]) == 0
+    assert (
+        main(["convert", str(tmp_path / "tum"), "--out", str(tmp_path / "c"), "--from", "tum"]) == 0
+    )
     assert "poses unknown" in capsys.readouterr().out
 
 
