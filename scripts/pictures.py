@@ -10,6 +10,7 @@ which takes a minute or two per object. The simulator draws the truth.
 
 import sys
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import matplotlib
@@ -18,6 +19,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from digs_warp.camera import Camera
 from digs_warp.data.capture import Capture, Frame, read_capture
@@ -25,6 +27,7 @@ from digs_warp.data.capture_writer import FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.measure.surface_metrics import surface_score
+from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.progress import show_progress
 from digs_warp.report.pictures import over_white
@@ -77,7 +80,14 @@ def draw_demo(run: Path = Path("out/demo")) -> None:
         axis.set_title(title, fontsize=14)
         axis.axis("off")
     figure.subplots_adjust(0.004, 0.004, 0.996, 0.9, wspace=0.02)
-    figure.savefig(IMAGES / "demo.jpg", pil_kwargs={"quality": 88, "optimize": True})
+    save_jpeg(figure, IMAGES / "demo.jpg", 88)
+
+
+def save_jpeg(figure: Figure, path: Path, quality: int) -> None:
+    """Write a figure; the same pixels give the same bytes."""
+    data = BytesIO()
+    figure.savefig(data, format="jpeg", pil_kwargs={"quality": quality, "optimize": True})
+    write_atomically(path, data.getvalue())
 
 
 def depth_picture(capture: Capture, frame: Frame) -> np.ndarray:
@@ -112,7 +122,7 @@ def draw_initialization() -> None:
         object_name = name.removeprefix("ycb_").replace("_", " ")
         show(row[-1], over_white(truth.image, truth.mask)[window], "truth", object_name)
     figure.subplots_adjust(0.004, 0.045, 0.996, 0.965, wspace=0.03, hspace=0.28)
-    figure.savefig(IMAGES / "initialization.jpg", pil_kwargs={"quality": 78, "optimize": True})
+    save_jpeg(figure, IMAGES / "initialization.jpg", 78)
 
 
 def true_view(case: Case) -> FrameImages:

@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.record.files import write_atomically
+
 RUNS: dict[str, str] = {
     "depth": "--frames 12 --width 240 --iterations 60 --keep-course",
     "matched": (
@@ -110,7 +112,7 @@ def main() -> None:
         for name, arguments in RUNS.items():
             run(arguments, Path(folder) / name)
             found[name] = hashes(Path(folder) / name)
-    output.write_text(json.dumps(found, indent=2) + "\n")
+    write_atomically(output, (json.dumps(found, indent=2) + "\n").encode())
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from digs_warp.checks import UsdError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.record.disk import out_of_space
 from digs_warp.record.progress import progress
 from digs_warp.usd import names
 from digs_warp.usd.author import author_field, begin_asset, begin_stage
@@ -158,7 +159,7 @@ def write_capture_scene(
             if mesh is not None:
                 author_mesh(stage, place, mesh)
         if not root.Save():
-            raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
+            raise UsdError(f"USD scene {out_of_space(path, 'OpenUSD gave up')}")
 
 
 def _payload_name(variant: str, level: str) -> str:

@@ -5,10 +5,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from digs_warp.checks import DigsError, UsdError, require_file
+from digs_warp.record.disk import out_of_space
+from digs_warp.record.files import new_file
 from digs_warp.usd import names
 from digs_warp.usd.package import PackageWriter
 from digs_warp.usd.structure import check_structure, open_layers
@@ -96,10 +97,9 @@ def package_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def finished_file(path: Path) -> Iterator[Path]:
-    """Give the temporary name for writing the file that becomes ``path``.
+    """Give the temporary name for writing the file that becomes ``path``; see `new_file`.
 
-    It is in a temporary folder beside ``path`` and is renamed at the end. Files with other names are not
-    touched, and an old file stays if writing the new one fails.
+    OpenUSD reports failed writes.
 
     Raises:
         UsdError: the file cannot be written.
@@ -107,23 +107,20 @@ def finished_file(path: Path) -> Iterator[Path]:
     from pxr import Tf
 
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
-            unfinished = Path(folder) / f"scene{path.suffix.lower()}"
+        with new_file(path) as unfinished:
             yield unfinished
-            os.replace(unfinished, path)
-    except OSError as error:
-        raise UsdError(f"USD scene '{path}': cannot be written ({error})") from error
+    except UsdError:
+        raise
+    except DigsError as error:
+        raise UsdError(f"USD scene {error}") from error
     except Tf.ErrorException as error:
-        raise UsdError(
-            f"USD scene '{path}': cannot be written ({reason(error)}). Is the disk full?"
-        ) from error
+        raise UsdError(f"USD scene {out_of_space(path, reason(error))}") from error
 
 
 def export_layer(layer: "Sdf.Layer", target: Path, path: Path) -> None:
     """Write a layer to ``target``, or raise a `UsdError` that names the scene at ``path``."""
     if not layer.Export(str(target)):
-        raise UsdError(f"USD scene '{path}': cannot be written. Is the disk full?")
+        raise UsdError(f"USD scene {out_of_space(path, 'OpenUSD gave up')}")
 
 
 def reason(error: Exception) -> str:

@@ -4,7 +4,6 @@ No other code reads or names the files of that folder that describe a result.
 """
 
 import logging
-import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +21,7 @@ from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
-from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.layout import (
     CAPTURE,
     COURSE,
@@ -183,7 +182,7 @@ class Reconstruction:
         if self.folder is not None and self.folder.resolve() != folder.resolve():
             for name in (RENDERS, COURSE, MASKS):
                 if (self.folder / name).is_dir():
-                    shutil.copytree(self.folder / name, folder / name, dirs_exist_ok=True)
+                    copy_folder(self.folder / name, folder / name)
             frames = frames.moved(self.folder, folder) if frames else None
         if frames:
             frames.save(folder)

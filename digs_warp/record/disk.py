@@ -9,6 +9,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 
 from digs_warp.checks import DigsError
@@ -55,6 +56,21 @@ def put(path: Path, data: bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def append(path: Path, line: bytes) -> None:
+    """Append a line that ends with a newline, whole or not at all; half a line that a kill left is cut off.
+
+    Raises:
+        OSError: it cannot be written; the file is as before.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a+b", buffering=0) as file:
+        size = _whole_lines(file)
+        file.truncate(size)
+        if file.write(line) != len(line):
+            file.truncate(size)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
 def rename(unfinished: Path, path: Path) -> None:
     """Rename a complete file or folder, and sync the folder that it is in."""
     os.replace(unfinished, path)
@@ -91,6 +107,16 @@ def out_of_space(path: Path, problem: str, needed: int | None = None) -> DigsErr
         f"'{path}': cannot be written ({problem}{needs}{free}). Free space on that disk, then run again, "
         "with --resume where the command has it; a file that was there before is unchanged"
     )
+
+
+def _whole_lines(file: FileIO) -> int:
+    """Return how many bytes of a file end with its last newline."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(0, size - 1))
+    if file.read(1) in (b"", b"\n"):
+        return size
+    file.seek(0)
+    return file.readall().rfind(b"\n") + 1
 
 
 def _explained(path: Path, error: OSError, needed: int | None) -> str:

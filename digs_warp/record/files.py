@@ -12,7 +12,7 @@ import numpy as np
 
 from digs_warp.bounds import JSON, LEVELS, SETTINGS, TEXT, Bound
 from digs_warp.checks import DigsError
-from digs_warp.record.disk import put, rename, reported, sync, temporary_beside
+from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
 from digs_warp.record.manifest import Content, manifest_of, recorded_files
 
 
@@ -35,16 +35,16 @@ def write_atomically(path: Path, data: bytes) -> None:
 def new_file(path: Path) -> Iterator[Path]:
     """Yield a temporary name for a library that writes by name; after the block the file is at ``path``.
 
-    The name is the same as that of ``path``, in a temporary folder beside it; other files in that folder are
-    deleted. Libraries report success for truncated files: a block has to check what it wrote, and raise
-    `digs_warp.record.disk.out_of_space` if the file is not complete.
+    The name is in a temporary folder beside ``path``, with its suffix in lower case; other files in it are
+    deleted. Libraries report success for truncated files: a block has to check what it wrote,
+    and raise `digs_warp.record.disk.out_of_space` if the file is not complete.
 
     Raises:
         DigsError: as `write_atomically` does.
     """
     path = Path(path)
     folder = temporary_beside(path)
-    unfinished = folder / path.name
+    unfinished = folder / (path.stem + path.suffix.lower())
     try:
         with reported(path):
             folder.mkdir(parents=True, exist_ok=True)
@@ -54,6 +54,17 @@ def new_file(path: Path) -> Iterator[Path]:
                 rename(unfinished, path)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def add_line(path: Path, line: str) -> None:
+    """Append a line to a file, whole and synced or not at all; see `write_atomically` for what it raises.
+
+    Manifests do not list files that grow.
+    """
+    data = line.encode() + b"\n"
+    with reported(path, len(data)):
+        append(path, data)
+        sync(path)
 
 
 def copy_file(source: Path, path: Path) -> None:

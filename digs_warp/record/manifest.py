@@ -7,11 +7,9 @@ so after a kill every file of ours is listed. At the end, the lines are sorted a
 run.json and the manifest itself are not listed: every folder of ours may have both.
 """
 
-import errno
 import hashlib
 import json
 import logging
-import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -19,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from digs_warp.checks import DigsError
-from digs_warp.record.disk import put, reported
+from digs_warp.record.disk import append, put, reported
 from digs_warp.record.layout import MANIFEST, RUN_RECORD
 
 logger = logging.getLogger(__name__)
@@ -184,16 +182,10 @@ class Manifest:
             self.files.pop(name, None)
 
     def _append(self, entry: dict[str, str | int | None]) -> None:
-        """Append a line, whole or not at all."""
         path = self.folder / MANIFEST
         line = json.dumps(entry).encode() + b"\n"
         with reported(path, len(line)):
-            self.folder.mkdir(parents=True, exist_ok=True)
-            with path.open("ab", buffering=0) as file:
-                size = os.fstat(file.fileno()).st_size
-                if file.write(line) != len(line):
-                    os.ftruncate(file.fileno(), size)
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            append(path, line)
 
 
 def _line(name: str, content: Content | None) -> dict[str, str | int | None]:

@@ -1,7 +1,6 @@
 """One simulated walk at rising sensor noise; its captures are kept between test runs."""
 
 import hashlib
-import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
+from digs_warp.record.disk import rename
 from digs_warp.record.files import to_json
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import versions
@@ -60,7 +60,7 @@ class CaptureCache:
             f".{folder.name}.unfinished"
         )  # a killed run left a part there
         simulate(config, unfinished, resume=True, session=session)
-        os.replace(unfinished, folder)
+        rename(unfinished, folder)
 
     def _remove_others(self, current: Path) -> None:
         """Delete the captures of other code; what is not named like them is none of ours."""

@@ -1,7 +1,6 @@
 """What readers and writers share: work on several frames at once, 16-bit depth, integer pixel centers."""
 
 import logging
-import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -15,6 +14,7 @@ from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
+from digs_warp.record.files import copy_file
 from digs_warp.record.progress import progress
 
 logger = logging.getLogger(__name__)
@@ -48,8 +48,7 @@ def copy_image(frame: Frame, path: Path) -> None:
     """Write the left image to ``path``, a PNG; an image that is a PNG already is copied."""
     source = frame.layers.get(Layer.IMAGE)
     if isinstance(source, Path) and source.suffix.lower() == ".png":
-        path.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, path)
+        copy_file(source, path)
     else:
         write_image(path, frame.load_image())
 

@@ -68,18 +68,12 @@ def write_splat_file(
     check_writable(gaussians, f"'{path}'")
     if up != "z" and suffix != ".spz":
         gaussians = turned(gaussians, WORLD_FROM_UP[up].T)
-    try:
-        if suffix == ".spz":
-            write_spz(path, gaussians, spz_version)
-        elif suffix == ".ply":
-            write_ply(path, gaussians, vertex_colors)
-        else:
-            write_dot_splat(path, gaussians)
-    except OSError as error:
-        raise DigsError(
-            f"'{path}': cannot be written ({error.strerror or error}); a file that was there before "
-            "is unchanged"
-        ) from error
+    if suffix == ".spz":
+        write_spz(path, gaussians, spz_version)
+    elif suffix == ".ply":
+        write_ply(path, gaussians, vertex_colors)
+    else:
+        write_dot_splat(path, gaussians)
 
 
 def _checked_suffix(path: Path) -> str:

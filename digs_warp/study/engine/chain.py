@@ -18,7 +18,7 @@ from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
-from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
@@ -143,7 +143,7 @@ def _workplace(case: Case, matched: Path, folder: Path) -> Path:
     work = folder / WORK / case.key
     shutil.rmtree(work, ignore_errors=True)
     if _is_shared(matched):
-        shutil.copytree(matched, work / "sfm")
+        copy_folder(matched, work / "sfm")
     return work
 
 
@@ -178,7 +178,7 @@ def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
         seconds[stage] = read_json(matched / NOTE, "note")["seconds"]
     else:
         shutil.rmtree(matched, ignore_errors=True)  # what a killed case had begun to copy
-        shutil.copytree(work / "sfm", matched)
+        copy_folder(work / "sfm", matched)
         write_atomically(matched / NOTE, to_json({"seconds": seconds[stage]}).encode())
 
 

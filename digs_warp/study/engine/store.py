@@ -1,11 +1,11 @@
 """The results of a study on disk: one JSON line per case, added as it ends."""
 
 import json
-import os
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.record.files import add_line
 
 RESULTS = "results.jsonl"
 
@@ -13,8 +13,8 @@ RESULTS = "results.jsonl"
 class Store:
     """Records of finished cases in ``folder/results.jsonl``, by the key of the case.
 
-    A line is added in one write. A partial last line, left by a killed run, is dropped on reading. The last
-    record of a case counts, because a failed case can be run again.
+    A partial last line, left by a killed run, is dropped on reading. The last record of a case counts:
+    a failed case can be run again.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -25,13 +25,7 @@ class Store:
 
     def add(self, record: dict[str, Any]) -> None:
         """Append a record; it has the ``key`` of its case."""
-        line = json.dumps(record, allow_nan=False) + "\n"
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with open(self.path, "a+b") as file:
-            _drop_half_line(file)
-            file.write(line.encode())
-            file.flush()
-            os.fsync(file.fileno())
+        add_line(self.path, json.dumps(record, allow_nan=False))
         self.records[record["key"]] = record
 
     def is_done(self, key: str) -> bool:
@@ -53,10 +47,3 @@ class Store:
                     f"results '{self.path}', line {number}: not a record ({error!r}); delete the line, "
                     "and its case runs again"
                 ) from error
-
-
-def _drop_half_line(file: BinaryIO) -> None:
-    """Cut off what follows the last newline: a killed run left it."""
-    file.seek(0)
-    content = file.read()
-    file.truncate(content.rfind(b"\n") + 1)

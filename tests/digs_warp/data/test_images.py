@@ -16,6 +16,7 @@ from digs_warp.data.images import (
     to_uint8,
     write_image,
 )
+from reference.full_disk import largest_file
 
 
 def random_pixels(dtype: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -127,6 +128,22 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
         write_image(path, np.zeros((4, 4, 7), dtype=np.uint8))  # PNG has at most 4 channels
     assert [entry.name for entry in tmp_path.iterdir()] == ["x.png"]
     assert (read_image(path) == 7).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "dtype"), [("x.png", "uint8"), ("x.png", "uint16"), ("x.exr", "float32")]
+)
+def test_an_image_that_does_not_fit_on_the_disk_leaves_the_old_one(
+    tmp_path: Path, name: str, dtype: str
+) -> None:
+    path = tmp_path / name
+    write_image(path, random_pixels(dtype, (40, 30, 3)))
+    before = path.read_bytes()
+    for size in (0, 1, 100, len(before) // 2, len(before) - 20, len(before) - 1):
+        with largest_file(size), pytest.raises(DigsError, match=rf"{name}': cannot be written"):
+            write_image(path, random_pixels(dtype, (40, 30, 3)))
+        assert path.read_bytes() == before
+        assert list(tmp_path.iterdir()) == [path]
 
 
 def test_to_uint8_rounds_clips_and_undoes_division() -> None:

@@ -15,6 +15,7 @@ from digs_warp.film.shoot import Clock, shoot
 from digs_warp.film.video import write_frames, write_video
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
+from reference.full_disk import largest_file
 from reference.tiny_capture import ball
 
 CAMERAS = orbit(find_subject(ball()), Intrinsics.from_fov(96, 64, 45.0), 6)
@@ -97,6 +98,19 @@ def test_a_film_that_breaks_off_leaves_the_old_one(tmp_path: Path, frames, name:
         write_video(tmp_path / name, breaking(), 10.0)
     assert (tmp_path / name).read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
+def test_a_film_that_does_not_fit_on_the_disk_leaves_the_old_one(
+    tmp_path: Path, frames, name: str
+) -> None:
+    write_video(tmp_path / name, iter(frames), 10.0)
+    before = (tmp_path / name).read_bytes()
+    for size in (0, 1, 1000, len(before) // 2, len(before) - 1):
+        with largest_file(size), pytest.raises(DigsError, match=rf"{name}': cannot be written"):
+            write_video(tmp_path / name, iter(frames), 10.0)
+        assert (tmp_path / name).read_bytes() == before
+        assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_what_cannot_be_written_is_said(tmp_path: Path, frames) -> None:

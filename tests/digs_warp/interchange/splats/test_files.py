@@ -1,8 +1,5 @@
 """Splat files by suffix: frames, broken rows, what happens when writing fails."""
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +14,7 @@ from digs_warp.interchange.splats.rows import (
     turned,
 )
 from digs_warp.sh import rgb_from_sh
+from reference.full_disk import largest_file
 from reference.splat_files import random_gaussians, shapes
 
 
@@ -78,17 +76,6 @@ def test_broken_rows_are_not_written(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(DigsError, match="1 of 3 Gaussians hold NaN"):
         write_splat_file(tmp_path / f"a{suffix}", g)
     assert list(tmp_path.iterdir()) == []
-
-
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """The system refuses to write longer files, as when a disk is full."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
