@@ -145,6 +145,6 @@ def camera_keys(k: Intrinsics) -> dict[str, float]:
 
 def recorded_hash(folder: Path) -> str | None:
     """Return one hash over the files of a capture as its manifest lists them; None without a manifest."""
-    files = Manifest.read(folder).files
-    lines = "".join(f"{files[name][-1].sha256}  {name}\n" for name in sorted(files))
+    files = {name: found[-1].sha256 for name, found in Manifest.read(folder).files.items() if found}
+    lines = "".join(f"{files[name]}  {name}\n" for name in sorted(files))
     return hashlib.sha256(lines.encode()).hexdigest() if files else None

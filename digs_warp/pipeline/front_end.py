@@ -26,6 +26,7 @@ from digs_warp.init.start import Initialization
 from digs_warp.init.strategies import STRATEGIES
 from digs_warp.pipeline.results import Results
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
+from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment, with_masks
@@ -107,7 +108,7 @@ def front_end(
     Raises:
         DigsError: too few frames, a failed structure from motion, or nothing to initialize from.
     """
-    if resume and (folder / INITIAL_POINTS).is_file() and (folder / CAMERAS).is_file():
+    if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
         return Prepared.load(capture, folder)
     if not capture.knows_poses and config.sfm.poses != "sfm":
         raise DigsError(

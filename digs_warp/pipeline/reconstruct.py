@@ -9,13 +9,23 @@ from pathlib import Path
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.posed_frames import CAMERAS
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
+from digs_warp.pipeline.front_end import MASKS, SFM, FrontEndConfig, Prepared, front_end
 from digs_warp.pipeline.reconstruction import Reconstruction, write_render, write_scores
 from digs_warp.pipeline.results import Results
-from digs_warp.record.layout import GAUSSIANS, RUN_RECORD, TRAINING
+from digs_warp.record.files import remove
+from digs_warp.record.layout import (
+    CHECKPOINT,
+    COURSE,
+    GAUSSIANS,
+    INITIAL_POINTS,
+    RUN_RECORD,
+    TRAINING,
+)
 from digs_warp.record.lock import sole_writer
+from digs_warp.record.manifest import is_kept, recorded_files
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
@@ -46,16 +56,34 @@ def reconstruct(
         DigsError: too few frames, nothing to initialize from, settings that differ on resume, or a folder
             that another process is writing.
     """
+    folder = Path(folder)
+    log = RunLog("reconstruct", config)
     with sole_writer(folder):
-        return _reconstruct(capture, config, Path(folder), resume)
+        before = log.continue_from(folder / RUN_RECORD) if resume else None
+        with recorded_files(folder, resume) as manifest:
+            _drop_what_follows(manifest.drop_damaged(), folder)
+            return _reconstruct(capture, config, folder, log, before)
+
+
+def _drop_what_follows(lost: Sequence[str], folder: Path) -> None:
+    """Delete what was made from lost files, or cannot be continued without them; it is made again."""
+    first = {name.split("/")[0] for name in lost}
+    if first & {CAMERAS, MASKS, SFM}:
+        remove(folder / INITIAL_POINTS)
+    if first & {TRAINING, COURSE}:
+        remove(folder / GAUSSIANS)
+        remove(folder / CHECKPOINT)
 
 
 def _reconstruct(
-    capture: Capture, config: ReconstructConfig, folder: Path, resume: bool
+    capture: Capture,
+    config: ReconstructConfig,
+    folder: Path,
+    log: RunLog,
+    before: RunRecord | None,
 ) -> Reconstruction:
     record = folder / RUN_RECORD
-    log = RunLog("reconstruct", config)
-    before = log.continue_from(record) if resume else None
+    resume = before is not None
     log.results = before.results if before else {}
     log.save(record)
     with log.saved(record):
@@ -63,7 +91,7 @@ def _reconstruct(
     with log.stage("load views"):
         test_views = load_test_views(prepared.frames.held_out)
     with log.saved(record):
-        trained = _finished_training(folder) if resume else None
+        trained = _finished_training(folder, before) if before else None
         if trained is None:
             trained = _train(prepared, test_views, config, folder, log, resume)
         result = Reconstruction(
@@ -101,12 +129,11 @@ def _train(
     return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
 
 
-def _finished_training(folder: Path) -> Trained | None:
+def _finished_training(folder: Path, before: RunRecord) -> Trained | None:
     """Return the finished training of an earlier run, if there is one."""
-    if not (folder / GAUSSIANS).is_file():
+    if not is_kept(folder / GAUSSIANS):
         return None
-    record = RunRecord.load(folder / RUN_RECORD)
-    stopped_by = Results.read(record, folder / RUN_RECORD).stopped_by
+    stopped_by = Results.read(before, folder / RUN_RECORD).stopped_by
     return Trained(Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING), stopped_by)
 
 

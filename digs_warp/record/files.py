@@ -87,6 +87,21 @@ def remove(path: Path) -> None:
     path.unlink(missing_ok=True)
 
 
+def remove_folder(folder: Path) -> None:
+    """Delete a folder of ours, if it is there; see `remove`."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            remove(path)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def claim(path: Path) -> None:
+    """List a file that a library makes and changes in place, such as a database."""
+    manifest = manifest_of(path)
+    if manifest is not None:
+        manifest.claim(path)
+
+
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder to write into, then rename it to ``folder``: complete or absent.

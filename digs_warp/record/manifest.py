@@ -1,8 +1,9 @@
 """The manifest: which files a run wrote into its folder, with the size and SHA-256 of each.
 
 ``files.jsonl`` has one JSON object per line: the path relative to the folder, ``bytes`` and ``sha256``; both
-are null for a file that the run deleted. While a run goes on, a line is appended *before* the file appears,
-so after a kill every file of ours is listed. At the end, the lines are sorted and each file has one.
+are null for a file that the run deleted, and missing for one that a library changes in place. While a run
+goes on, a line is appended *before* the file appears, so after a kill every file of ours is listed. At the
+end, the lines are sorted and each file has one.
 
 run.json and the manifest itself are not listed: every folder of ours may have both.
 """
@@ -66,7 +67,8 @@ class Manifest:
     Attributes:
         folder: an absolute path.
         files: path relative to the folder, with "/" -> what it holds. Of a file that was being replaced when
-            the process was killed, the old and the new content are both listed.
+            the process was killed, the old and the new content are both listed; of one that changes in place,
+            none.
     """
 
     folder: Path
@@ -91,8 +93,13 @@ class Manifest:
         return self._name(path) in self.files
 
     def is_whole(self, path: Path) -> bool:
-        """Whether a run of ours wrote the file at ``path``, and it is as it was written. Reads the file."""
-        expected = self.files.get(self._name(path), ())
+        """Whether a run of ours wrote the file at ``path``, and it is as it was written. Reads the file.
+
+        Of a file that changes in place, this is not known: it counts as whole.
+        """
+        expected = self.files.get(self._name(path))
+        if not expected:
+            return expected is not None
         try:
             size = path.stat().st_size
             return size in {content.size for content in expected} and (
@@ -123,6 +130,14 @@ class Manifest:
             )
         return lost
 
+    def claim(self, path: Path) -> None:
+        """List the file at ``path`` without its content, which changes."""
+        name = self._name(path)
+        with self._lock:
+            if self.files.get(name) != ():
+                self._append({"path": name})
+                self.files[name] = ()
+
     @contextmanager
     def replacing(self, path: Path, content: Content) -> Iterator[None]:
         """List what the file at ``path`` holds after the block, which puts it there."""
@@ -131,29 +146,34 @@ class Manifest:
             yield
             return
         with self._lock:
-            before = self.files.get(name, ())
+            before = self.files.get(name)
             self._append(_line(name, content))
-            self.files[name] = (*before[-1:], content)
+            self.files[name] = (*(before or ())[-1:], content)
         try:
             yield
         except BaseException:
-            self._set(name, before)
+            with self._lock:
+                if before is None:
+                    del self.files[name]
+                else:
+                    self.files[name] = before
             raise
-        self._set(name, (content,))
+        with self._lock:
+            self.files[name] = (content,)
 
     def forget(self, path: Path) -> None:
         """Take a file that is about to be deleted off the list."""
         name = self._name(path)
         with self._lock:
-            if self.files.pop(name, None):
-                self._append(_line(name, None))
+            if self.files.pop(name, None) is not None:
+                self._append({"path": name, "bytes": None, "sha256": None})
 
     def save(self) -> None:
         """Write the manifest with one line per file, sorted."""
         lines = [
             json.dumps(_line(name, content)) + "\n"
             for name in sorted(self.files)
-            for content in self.files[name]
+            for content in self.files[name] or (None,)
         ]
         path = self.folder / MANIFEST
         data = "".join(lines).encode()
@@ -165,18 +185,14 @@ class Manifest:
     def _name(self, path: Path) -> str:
         return _absolute(path).relative_to(self.folder).as_posix()
 
-    def _set(self, name: str, contents: tuple[Content, ...]) -> None:
-        with self._lock:
-            if contents:
-                self.files[name] = contents
-            else:
-                self.files.pop(name, None)
-
     def _take(self, line: dict[str, str | int | None]) -> None:
-        name, size, digest = line["path"], line["bytes"], line["sha256"]
+        name = line["path"]
         if not isinstance(name, str) or not _is_below(name):
             raise ValueError(name)
-        if isinstance(size, int) and isinstance(digest, str):
+        size, digest = line.get("bytes"), line.get("sha256")
+        if "bytes" not in line:
+            self.files[name] = ()
+        elif isinstance(size, int) and isinstance(digest, str):
             self.files[name] = (*self.files.get(name, ())[-1:], Content(size, digest))
         else:
             self.files.pop(name, None)
@@ -189,8 +205,9 @@ class Manifest:
 
 
 def _line(name: str, content: Content | None) -> dict[str, str | int | None]:
-    size, digest = (content.size, content.sha256) if content else (None, None)
-    return {"path": name, "bytes": size, "sha256": digest}
+    if content is None:
+        return {"path": name}
+    return {"path": name, "bytes": content.size, "sha256": content.sha256}
 
 
 def _is_below(name: str) -> bool:

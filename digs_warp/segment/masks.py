@@ -15,7 +15,8 @@ from digs_warp.data.capture import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
-from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.files import read_json, remove, to_json, write_atomically
+from digs_warp.record.manifest import is_kept
 from digs_warp.record.progress import progress
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.degrade import degrade_mask
@@ -61,7 +62,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
         return [frame.path(Layer.MASK) for frame in frames]
     paths = [folder / f"{frame.name}.png" for frame in frames]
     _forget_other_masks(paths, _key(frames, config), folder)
-    missing = [number for number, path in enumerate(paths) if not path.is_file()]
+    missing = [number for number, path in enumerate(paths) if not is_kept(path)]
     if missing:
         _make(frames, paths, missing, _mask_maker(config), _workers(config))
     return paths
@@ -182,5 +183,5 @@ def _forget_other_masks(paths: Sequence[Path], key: str, folder: Path) -> None:
         same = False
     if not same:
         for path in paths:
-            path.unlink(missing_ok=True)
+            remove(path)
         write_atomically(note, json.dumps({"key": key}).encode())

@@ -17,7 +17,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import import_pycolmap
-from digs_warp.record.files import write_atomically
+from digs_warp.record.files import remove, write_atomically
 from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.interruptible import run_interruptible
@@ -181,4 +181,4 @@ def match_pairs(
                 token.cancel,
             )  # fmt: skip
             bar.update(len(some))
-    pair_list.unlink(missing_ok=True)
+    remove(pair_list)

@@ -19,6 +19,7 @@ from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.convert import sfm_model
 from digs_warp.sfm.failure import no_model_error
 from digs_warp.sfm.mapping import map_images, triangulate
+from digs_warp.sfm.model_files import write_model
 from digs_warp.sfm.pairs import EXHAUSTIVE_UP_TO, all_pairs, loop_pairs, sequential_pairs
 from digs_warp.sfm.perturb import perturbed_poses
 from digs_warp.sfm.quality import (
@@ -152,8 +153,7 @@ def _make_model(
         raise no_model_error(images, database)
     if config.poses == "sfm" and config.readout_time:
         correct_rolling_shutter(models[0], frames, images, config.readout_time)
-    place.model.mkdir(parents=True, exist_ok=True)
-    models[0].write(place.model)
+    write_model(models[0], place.model)
     return {"models": len(models), "registered": [model.num_reg_images() for model in models]}
 
 

@@ -10,7 +10,6 @@ A stage whose key is unchanged is not done again; one that was cut off goes on w
 
 import hashlib
 import json
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -21,8 +20,16 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.files import (
+    claim,
+    read_json,
+    remove,
+    remove_folder,
+    to_json,
+    write_atomically,
+)
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.sfm.model_files import is_complete
 
 DATABASE = "database.db"
 MODEL = "model"
@@ -105,19 +112,20 @@ class Workspace:
         found = self._read()
         if found.get("features") != self.keys.features:
             for path in self.folder.glob(f"{DATABASE}*"):  # SQLite keeps a log beside the database
-                path.unlink()
+                remove(path)
         elif found.get("matches") != self.keys.matches and self.database.is_file():
             self._forget_matches()
         if found.get("model") != self.keys.model:
-            shutil.rmtree(self.model, ignore_errors=True)
+            remove_folder(self.model)
             found = {}
         # The database fills up step by step, so its stages are named before they are complete.
+        claim(self.database)
         self._write(found | {"features": self.keys.features, "matches": self.keys.matches})
 
     def finished_model(self) -> dict[str, Any] | None:
         """Return what was noted about the model when it was finished, or None: there is none yet."""
         found = self._read()
-        done = found.get("model") == self.keys.model and self.model.is_dir()
+        done = found.get("model") == self.keys.model and is_complete(self.model)
         return found.get("notes", {}) if done else None
 
     def finish_model(self, notes: dict[str, Any]) -> None:

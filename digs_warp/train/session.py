@@ -7,6 +7,7 @@ from pathlib import Path
 
 from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.files import remove
 from digs_warp.record.interruption import deferred_interrupt
 from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.progress import progress
@@ -89,7 +90,7 @@ def train_gaussians(
         views.close()
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
     gaussians.save(folder / GAUSSIANS)
-    checkpoint.unlink(missing_ok=True)
+    remove(checkpoint)
     return Trained(gaussians, tuple(course.rows), stopped)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.files import remove
 from digs_warp.record.layout import COURSE
 
 
@@ -29,7 +30,7 @@ def drop_snapshots_after(folder: Path, iteration: int) -> None:
     """Delete the snapshots after ``iteration``, from which a run now continues (0: from the start)."""
     for path in _files(folder):
         if int(path.stem) > iteration or iteration == 0:
-            path.unlink()
+            remove(path)
 
 
 def _files(folder: Path) -> list[Path]:
