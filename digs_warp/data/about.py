@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import CaptureError
+from digs_warp.record.fields import is_number, is_text, shown
 
 # Rows of numbers; a tuple, so that facts can be compared.
 Matrix = tuple[tuple[float, ...], ...]
@@ -72,7 +73,7 @@ def read_about(facts: dict[str, Any], where: str) -> About:
         if value is None:
             continue
         if not fits(value):
-            raise CaptureError(f"{where}: {name} is {value!r}, expected {expected}")
+            raise CaptureError(f"{where}: {name} is {shown(value)}, expected {expected}")
         known[name] = value
     if "effects" in known:
         known["effects"] = tuple(known["effects"])
@@ -88,22 +89,17 @@ def matrix_rows(matrix: np.ndarray) -> Matrix:
     return tuple(map(tuple, matrix.tolist()))
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_number(value: Any) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and 0 <= value < np.inf
+def _is_positive(value: Any) -> bool:
+    return is_number(value) and value >= 0
 
 
 def _is_list_of_text(value: Any) -> bool:
-    return isinstance(value, list) and all(map(_is_text, value))
+    return isinstance(value, list) and all(map(is_text, value))
 
 
 def _are_labels(value: Any) -> bool:
     return isinstance(value, dict) and all(
-        code.isdecimal() and _is_text(name) for code, name in value.items()
+        code.isdecimal() and len(code) < 4 and is_text(name) for code, name in value.items()
     )
 
 
@@ -113,7 +109,7 @@ def _is_placement(value: Any) -> bool:
         isinstance(value, list)
         and [len(row) if isinstance(row, list) else 0 for row in value] == [4] * 4
     )
-    if not is_4x4 or not all(isinstance(x, int | float) for row in value for x in row):
+    if not is_4x4 or not all(is_number(x) for row in value for x in row):
         return False
     matrix = np.array(value, np.float64)
     if not np.isfinite(matrix).all() or matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
@@ -125,19 +121,19 @@ def _is_placement(value: Any) -> bool:
 
 # Key -> whether a value fits, and what is expected.
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "recorded_as": (_is_text, "a name"),
+    "recorded_as": (is_text, "a name"),
     "poses_known": (lambda value: isinstance(value, bool), "true or false"),
-    "tier": (_is_text, "a name"),
-    "seed": (lambda value: isinstance(value, int) and value >= 0, "an integer, 0 or more"),
-    "object_radius": (_is_number, "metres"),
+    "tier": (is_text, "a name"),
+    "seed": (lambda value: type(value) is int and value >= 0, "an integer, 0 or more"),
+    "object_radius": (_is_positive, "metres"),
     "world_from_mesh": (
         _is_placement,
         "4 rows of 4 numbers: a rotation, a scale and a translation",
     ),
-    "surround_radius": (_is_number, "metres"),
-    "exposure": (_is_number, "a number, 0 or more"),
+    "surround_radius": (_is_positive, "metres"),
+    "exposure": (_is_positive, "a number, 0 or more"),
     "sensor": (lambda value: isinstance(value, dict), "an object of figures"),
-    "readout_time": (_is_number, "seconds, 0 for a camera that takes all rows at once"),
+    "readout_time": (_is_positive, "seconds, 0 for a camera that takes all rows at once"),
     "effects": (_is_list_of_text, "a list of names"),
     "cause_labels": (_are_labels, 'names by number, such as {"0": "ok"}'),
 }

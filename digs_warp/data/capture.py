@@ -7,14 +7,13 @@ keys. Pixels are loaded on demand. The layout is described in docs/capture-forma
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.checks import CaptureError, check_positive, require_folder
+from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import (
@@ -24,6 +23,7 @@ from digs_warp.data.index_rules import (
 )
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.record.fields import ABOVE_ZERO, Fields, shown
 from digs_warp.record.files import read_json
 
 INDEX_NAME = "transforms.json"
@@ -248,60 +248,52 @@ def read_capture(folder: Path) -> Capture:
 
 
 def _read_rig(ours: dict[str, Any], where: str) -> Rig | None:
-    try:
-        return (
-            Rig(check_positive("baseline", float(ours["rig"]["baseline"])))
-            if "rig" in ours
-            else None
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise CaptureError(
-            f"{where}: unusable rig ({error!r}), expected "
-            '{"rig": {"baseline": metres above 0}} or no rig'
-        ) from error
+    if "rig" not in ours:
+        return None
+    rig = Fields.of(ours["rig"], f"{where}, rig", CaptureError)
+    return Rig(rig.number("baseline", ABOVE_ZERO, what="metres above 0"))
 
 
-def _read_frame(folder: Path, index: dict[str, Any], entry: dict[str, Any], number: int) -> Frame:
+def _read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) -> Frame:
     where = f"capture '{folder}', frame {number}"
-    if isinstance(entry, dict):
-        require_pinhole(index, entry, f"{where} in {INDEX_NAME}")
-        require_metres(index, entry, f"{where} in {INDEX_NAME}")
-    try:
-        # nerfstudio lets a frame override the shared intrinsics.
-        value = partial(_lookup, entry, index)
-        intrinsics = Intrinsics(
-            int(value("w")),
-            int(value("h")),
-            *(float(value(key)) for key in ("fl_x", "fl_y", "cx", "cy")),
-        )
-        world_from_cam = np.array(entry["transform_matrix"], dtype=np.float64) @ OPENCV_FROM_OPENGL
-        camera = Camera(intrinsics, world_from_cam)
-        time = float(entry.get("time", number))
-        files = {
-            layer: _inside(folder, entry[layer.value], f"{where}, {layer.value}")
-            for layer in Layer
-            if layer.value in entry
-        }
-    except KeyError as error:
-        raise CaptureError(f"{where}: {INDEX_NAME} has no {error}") from None
-    except (TypeError, ValueError) as error:
-        raise CaptureError(f"{where}: {error}") from error
+    own = Fields.of(entry, where, CaptureError)
+    require_pinhole(index, entry, f"{where} in {INDEX_NAME}")
+    require_metres(index, entry, f"{where} in {INDEX_NAME}")
+    camera = _read_camera(own, index)
+    files = {
+        layer: _inside(folder, own.text(layer.value), f"{where}, {layer.value}")
+        for layer in Layer
+        if layer.value in own
+    }
     if Layer.IMAGE not in files:
         raise CaptureError(f"{where}: {INDEX_NAME} has no '{Layer.IMAGE.value}'")
+    time = own.number("time", default=float(number))
     return Frame(files[Layer.IMAGE].stem, camera, time, files)
 
 
-def _lookup(entry: dict[str, Any], index: dict[str, Any], key: str) -> Any:
-    return entry[key] if key in entry else index[key]
+def _read_camera(own: Fields, index: dict[str, Any]) -> Camera:
+    """Return the camera of a frame; nerfstudio lets it override the shared intrinsics."""
+    k = replace(own, shared=index)
+    size = k.whole("w", 1), k.whole("h", 1)
+    fx, fy = (k.number(name, ABOVE_ZERO, what="pixels above 0") for name in ("fl_x", "fl_y"))
+    intrinsics = Intrinsics(*size, fx, fy, k.number("cx"), k.number("cy"))
+    try:
+        return Camera(intrinsics, own.array("transform_matrix", (4, 4)) @ OPENCV_FROM_OPENGL)
+    except DigsError as error:
+        raise CaptureError(f"{own.where}: {error}") from error
 
 
 def _inside(folder: Path, relative: str, where: str) -> Path:
     """Return the path of a file of the capture; reject one outside the folder."""
     path = folder / relative
-    if not path.resolve().is_relative_to(folder.resolve()):
+    try:
+        is_inside, exists = path.resolve().is_relative_to(folder.resolve()), path.is_file()
+    except (OSError, RuntimeError) as error:  # a name that is too long; links that form a loop
+        raise CaptureError(f"{where}: '{shown(relative)}' cannot be read ({error})") from error
+    if not is_inside:
         raise CaptureError(
             f"{where}: '{relative}' leaves the capture folder; paths must stay inside"
         )
-    if not path.is_file():
+    if not exists:
         raise CaptureError(f"{where}: '{relative}' does not exist")
     return path

@@ -12,6 +12,7 @@ from typing import Any
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
+from digs_warp.record.fields import is_number, shown
 
 logger = logging.getLogger(__name__)
 
@@ -53,9 +54,9 @@ def read_lens(index: dict[str, Any], entry: dict[str, Any], where: str) -> Lens:
     model = _value(index, entry, "camera_model", "PINHOLE")
     fisheye = _value(index, entry, "is_fisheye", False)
     if not isinstance(fisheye, bool):
-        raise CaptureError(f"{where}: is_fisheye is {fisheye!r}, expected true or false")
+        raise CaptureError(f"{where}: is_fisheye is {shown(fisheye)}, expected true or false")
     if fisheye or str(model).upper() not in CAMERA_MODELS:
-        found = "is_fisheye is true" if fisheye else f"camera_model is {model!r}"
+        found = "is_fisheye is true" if fisheye else f"camera_model is {shown(model)}"
         raise CaptureError(
             f"{where}: {found}, expected one of {', '.join(CAMERA_MODELS)}; make pinhole images first, "
             "for example with 'colmap image_undistorter'"
@@ -63,7 +64,7 @@ def read_lens(index: dict[str, Any], entry: dict[str, Any], where: str) -> Lens:
     coefficients = {key: _value(index, entry, key, 0.0) for key in COEFFICIENTS}
     for key, value in coefficients.items():
         if not is_number(value):
-            raise CaptureError(f"{where}: {key} is {value!r}, expected a finite number")
+            raise CaptureError(f"{where}: {key} is {shown(value)}, expected a finite number")
     return Lens(str(model).upper(), {key: float(v) for key, v in coefficients.items() if v})
 
 
@@ -84,14 +85,14 @@ def require_metres(index: dict[str, Any], entry: dict[str, Any], where: str) -> 
     scale = _value(index, entry, "applied_scale", 1.0)
     if scale != 1.0:
         raise CaptureError(
-            f"{where}: applied_scale is {scale!r}, expected 1: poses in metres; {UNDISTORT} removes it"
+            f"{where}: applied_scale is {shown(scale)}, expected 1: poses in metres; {UNDISTORT} removes it"
         )
     given = _value(index, entry, "depth_unit_scale_factor", None)
     depth = entry.get("depth_file_path")
     expected = metres_per_unit(depth) if isinstance(depth, str) else given
     if given is not None and not (is_number(given) and math.isclose(given, expected)):
         raise CaptureError(
-            f"{where}: depth_unit_scale_factor is {given!r}, expected {expected:g} for '{depth}' (float "
+            f"{where}: depth_unit_scale_factor is {shown(given)}, expected {expected:g} for '{depth}' (float "
             f"images in metres, 16-bit images in millimetres); {UNDISTORT} converts 16-bit images"
         )
 
@@ -110,7 +111,9 @@ def check_section(ours: dict[str, Any], where: str) -> None:
     """
     version = ours.get("format_version", FORMAT_VERSION)
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise CaptureError(f"{where}: format_version is {version!r}, expected {FORMAT_VERSION}")
+        raise CaptureError(
+            f"{where}: format_version is {shown(version)}, expected {FORMAT_VERSION}"
+        )
     if version > FORMAT_VERSION:
         raise CaptureError(
             f"{where}: format_version is {version}, written by a newer digs-warp; this one reads up to "
@@ -131,20 +134,10 @@ def check_depth_unit(section: dict[str, Any], where: str) -> None:
     unit = section.get("depth_unit", DEPTH_UNIT)
     if unit != DEPTH_UNIT:
         raise CaptureError(
-            f"{where}: depth_unit is {unit!r}, expected '{DEPTH_UNIT}': float images in metres, or 16-bit "
-            "images, which are always in millimetres. Write the depth again."
+            f"{where}: depth_unit is {shown(unit)}, expected '{DEPTH_UNIT}': float images in metres, or "
+            "16-bit images, which are always in millimetres. Write the depth again."
         )
 
 
 def _value(index: dict[str, Any], entry: dict[str, Any], key: str, default: Any) -> Any:
     return entry.get(key, index.get(key, default))
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite number."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an integer of hundreds of digits
-        return False

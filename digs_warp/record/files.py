@@ -13,6 +13,7 @@ import numpy as np
 from digs_warp.bounds import JSON, LEVELS, SETTINGS, TEXT, Bound
 from digs_warp.checks import DigsError
 from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
+from digs_warp.record.fields import parse_json
 from digs_warp.record.manifest import Content, manifest_of, recorded_files
 
 
@@ -164,12 +165,11 @@ def read_text(path: Path, what: str, bound: Bound = TEXT, errors: str = "strict"
 
 def read_json(path: Path, what: str) -> dict[str, Any]:
     """Return a JSON object, or raise a `DigsError` that says where the file is broken."""
+    text = read_text(path, what, JSON)
     try:
-        content = json.loads(read_text(path, what, JSON))
-    except json.JSONDecodeError as error:
+        content = parse_json(text)
+    except ValueError as error:
         raise DigsError(f"{what} '{path}': not valid JSON ({error}); write it again") from error
-    except RecursionError:
-        raise DigsError(f"{what} '{path}': brackets nested too deeply; write it again") from None
     if not isinstance(content, dict):
         raise DigsError(f"{what} '{path}': expected a JSON object, found {type(content).__name__}")
     return content
