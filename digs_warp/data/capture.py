@@ -5,7 +5,7 @@ keys. Pixels are loaded on demand. The layout is described in docs/capture-forma
 `digs_warp.data.capture_writer` writes it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -244,7 +244,19 @@ def read_capture(folder: Path) -> Capture:
     rig = _read_rig(ours, where)
     about = read_about(ours, where)
     frames = tuple(_read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
+    _check_names_differ(folder, frames)
     return Capture(folder, frames, rig, about)
+
+
+def _check_names_differ(folder: Path, frames: Sequence[Frame]) -> None:
+    """Masks, renders and cameras of a frame are found again by its name."""
+    first: dict[str, int] = {}
+    for number, frame in enumerate(frames):
+        if first.setdefault(frame.name, number) != number:
+            raise CaptureError(
+                f"capture '{folder}': frames {first[frame.name]} and {number} are both named '{frame.name}' "
+                "after their images; rename one of the files, or leave one of the frames out"
+            )
 
 
 def _read_rig(ours: dict[str, Any], where: str) -> Rig | None:

@@ -32,8 +32,9 @@ from digs_warp.interchange.captures.frames import (
     object_mask,
     warn_of_lost_depth,
 )
-from digs_warp.interchange.captures.recorded_files import expecting, integer_centered_camera
+from digs_warp.interchange.captures.recorded_files import integer_centered_camera
 from digs_warp.interchange.captures.recording import MM_PER_METRE, NumberedFiles, Recording
+from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
 SCENE = "train/000000"
@@ -43,6 +44,8 @@ CAMERAS, POSES = "scene_camera.json", "scene_gt.json"
 # [mm] per unit of a depth image; each image takes the finest one that holds its farthest depth. A tenth
 # of a millimetre is below the noise of any stereo camera and reaches 6.5 m.
 DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
+
+SMALLEST_VOLUME = 0.1  # of a rotation: 1, up to rounding
 
 NO_BOX = [-1, -1, -1, -1]  # BOP's own sign for an object out of view
 
@@ -55,15 +58,15 @@ def read_bop(folder: Path) -> Recording:
     """
     scene = _the_scene(folder)
     files = NumberedFiles.find(scene, "rgb/", "depth/")
-    all_cameras = read_json(scene / CAMERAS, "cameras")
-    objects = read_json(scene / POSES, "poses") if (scene / POSES).is_file() else {}
+    all_cameras = _fields(scene / CAMERAS, "cameras")
+    objects = _fields(scene / POSES, "poses") if (scene / POSES).is_file() else None
     cameras, poses, units, masks = {}, {}, {}, {}
     for number in files.images:
-        with expecting(f"'{scene / CAMERAS}', image {number}", "cam_K and numbers"):
-            camera = all_cameras[str(number)]
-            matrix = np.array(camera["cam_K"], dtype=np.float64).reshape(3, 3)
-            poses[number] = _world_from_cam(camera, objects.get(str(number)) or [])
-            units[number] = MM_PER_METRE / float(camera.get("depth_scale", 1.0))
+        camera = all_cameras.section(str(number))
+        matrix = camera.array("cam_K", (3, 3))
+        seen = objects.sections(str(number), []) if objects else []
+        poses[number] = _world_from_cam(camera, seen)
+        units[number] = MM_PER_METRE / camera.number("depth_scale", ABOVE_ZERO, default=1.0)
         cameras[number] = integer_centered_camera(matrix, files.image_size)
         for kind in ("mask", "mask_visib"):  # the second is preferred
             if (mask := scene / kind / f"{number:06d}_000000.png").is_file():
@@ -83,16 +86,23 @@ def _the_scene(folder: Path) -> Path:
     return scenes[0]
 
 
-def _world_from_cam(camera: dict[str, Any], objects: list[dict[str, Any]]) -> np.ndarray | None:
+def _fields(path: Path, what: str) -> Fields:
+    return Fields(read_json(path, what), f"'{path}'", CaptureError)
+
+
+def _world_from_cam(camera: Fields, objects: list[Fields]) -> np.ndarray | None:
     """Return the pose of the camera in the world, else in the frame of the first object [m]."""
     if "cam_R_w2c" in camera:
-        rotation, translation = camera["cam_R_w2c"], camera["cam_t_w2c"]
-    elif objects:
-        rotation, translation = objects[0]["cam_R_m2c"], objects[0]["cam_t_m2c"]
-    else:
-        return None
-    turn = np.array(rotation, dtype=np.float64).reshape(3, 3)
-    return np.linalg.inv(rigid(turn, np.array(translation) / MM_PER_METRE))
+        return _inverse(camera, "cam_R_w2c", "cam_t_w2c")
+    return _inverse(objects[0], "cam_R_m2c", "cam_t_m2c") if objects else None
+
+
+def _inverse(pose: Fields, rotation: str, translation: str) -> np.ndarray:
+    """Return the inverse of a pose whose translation is in millimetres [m]."""
+    turn = pose.array(rotation, (3, 3))
+    if abs(np.linalg.det(turn)) < SMALLEST_VOLUME:
+        raise CaptureError(f"{pose.where}: {rotation} is no rotation")
+    return np.linalg.inv(rigid(turn, pose.array(translation, (3,)) / MM_PER_METRE))
 
 
 def write_bop(capture: Capture, folder: Path) -> None:

@@ -4,10 +4,10 @@ Poses stay in nerfstudio's world, which ``applied_transform`` rotated to have z 
 undone, because depth is in metres. See https://docs.nerf.studio/quickstart/data_conventions.html.
 """
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
@@ -17,15 +17,16 @@ from digs_warp.data.index_rules import (
     METRES_PER_FLOAT,
     check_depth_unit,
     check_section,
-    is_number,
     metres_per_unit,
     read_lens,
 )
 from digs_warp.geometry import OPENCV_FROM_OPENGL
-from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, is_readable
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
+from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json
 
+METRES_PER_UNIT = "metres per unit: 1 for float images, 0.001 or another number above 0 for 16-bit images; correct it"
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 
 
@@ -43,47 +44,41 @@ def read_nerfstudio(folder: Path) -> Recording:
     ours = index.get("digs_warp")
     if isinstance(ours, dict):
         check_section(ours, f"recording '{folder}', digs_warp in {INDEX_NAME}")
-    scale = float(index.get("applied_scale", 1.0))
-    frames = tuple(_frame(folder, index, entry, i, scale) for i, entry in enumerate(entries))
-    lenses = {
-        _distortion(index, entry, f"recording '{folder}', frame {i} of {INDEX_NAME}")
+    shared = Fields(index, f"recording '{folder}', {INDEX_NAME}", CaptureError)
+    scale = shared.number("applied_scale", ABOVE_ZERO, default=1.0, what="a number above 0")
+    rows = [
+        replace(
+            Fields.of(entry, f"recording '{folder}', frame {i} of {INDEX_NAME}", CaptureError),
+            shared=index,
+        )
         for i, entry in enumerate(entries)
-    }
+    ]
+    frames = tuple(_frame(folder, row, i, scale) for i, row in enumerate(rows))
+    lenses = {_distortion(index, dict(row.values), row.where) for row in rows}
     if len(lenses) > 1:
         raise CaptureError(
             f"recording '{folder}': {len(lenses)} different lens distortions, expected one; undistort "
             "the images"
         )
     lens = lenses.pop()
-    rig = ours.get("rig", {}) if isinstance(ours, dict) else {}
-    return Recording(
-        folder, frames, distortion=lens if any(lens) else (), baseline=rig.get("baseline")
-    )
+    rig = shared.section("digs_warp", optional=True).section("rig", optional=True)
+    baseline = rig.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
+    return Recording(folder, frames, distortion=lens if any(lens) else (), baseline=baseline)
 
 
-def _frame(
-    folder: Path, index: dict[str, Any], entry: dict[str, Any], number: int, scale: float
-) -> RecordedFrame:
-    where = f"recording '{folder}', frame {number} of {INDEX_NAME}"
-    try:
-        image = _image_path(folder, str(entry["file_path"]), where)
-        matrix = np.array(entry["transform_matrix"], dtype=np.float64)
-        matrix[:3, 3] /= scale
-        time = float(_value(index, entry, "time", _value(index, entry, "timestamp", number)))
-        intrinsics = _intrinsics(index, entry, image)
-    except KeyError as error:
-        raise CaptureError(f"{where}: no {error}") from None
-    except (TypeError, ValueError, IndexError) as error:
-        raise CaptureError(f"{where}: {error}") from None
+def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFrame:
+    image = _image_path(folder, row.text("file_path"), row.where)
+    matrix = row.array("transform_matrix", (4, 4))
+    matrix[:3, 3] /= scale
     return RecordedFrame(
         image=image,
-        intrinsics=intrinsics,
-        time=time,
+        intrinsics=_intrinsics(row, image),
+        time=row.number("time", default=row.number("timestamp", default=float(number))),
         world_from_cam=matrix @ OPENCV_FROM_OPENGL,
-        depth=_optional(folder, entry, "depth_file_path", where),
-        depth_units_per_metre=_units_per_metre(index, entry, where),
-        mask=_optional(folder, entry, "mask_path", where),
-        right=_optional(folder, entry, "right_file_path", where),
+        depth=_optional(folder, row, "depth_file_path"),
+        depth_units_per_metre=_units_per_metre(row),
+        mask=_optional(folder, row, "mask_path"),
+        right=_optional(folder, row, "right_file_path"),
     )
 
 
@@ -98,57 +93,46 @@ def _distortion(index: dict[str, Any], entry: dict[str, Any], where: str) -> tup
     return tuple(lens.coefficients.get(key, 0.0) for key in DISTORTION_KEYS)
 
 
-def _units_per_metre(index: dict[str, Any], entry: dict[str, Any], where: str) -> float:
+def _units_per_metre(row: Fields) -> float:
     """Return how many units of the depth image make a metre: ``depth_unit_scale_factor`` may say it."""
-    check_depth_unit(index | entry, where)
-    depth = str(entry.get("depth_file_path"))
+    check_depth_unit({**(row.shared or {}), **row.values}, row.where)
+    depth = row.text("depth_file_path", "")
     usual = metres_per_unit(depth)
-    given = _value(index, entry, "depth_unit_scale_factor", usual)
-    if not is_number(given) or given <= 0 or (usual == METRES_PER_FLOAT and given != usual):
+    given = row.number("depth_unit_scale_factor", ABOVE_ZERO, default=usual, what=METRES_PER_UNIT)
+    if usual == METRES_PER_FLOAT and given != usual:
         raise CaptureError(
-            f"{where}: depth_unit_scale_factor is {given!r} for '{depth}', expected metres per unit: 1 for "
-            "float images, 0.001 or another number above 0 for 16-bit images; correct it"
+            f"{row.where}: depth_unit_scale_factor is {given!r} for '{depth}', expected {METRES_PER_UNIT}"
         )
     return 1 / given
 
 
-def _intrinsics(index: dict[str, Any], entry: dict[str, Any], image: Path) -> Intrinsics:
+def _intrinsics(row: Fields, image: Path) -> Intrinsics:
     """Return the camera: from the frame's keys, the shared ones, or the field of view of synthetic scenes."""
-    if "w" in entry or "w" in index:
-        size = int(_value(index, entry, "w")), int(_value(index, entry, "h"))
-    else:
-        size = image_size(image)
-    if "fl_x" not in entry and "fl_x" not in index and "camera_angle_x" in index:
-        return Intrinsics.from_fov(*size, float(np.rad2deg(float(index["camera_angle_x"]))))
-    fx = float(_value(index, entry, "fl_x"))
+    size = (row.whole("w", 1), row.whole("h", 1)) if "w" in row else image_size(image)
+    if "fl_x" not in row and "camera_angle_x" in row:
+        angle = row.number("camera_angle_x", ABOVE_ZERO, math.pi, what="an angle below pi")
+        return Intrinsics.from_fov(*size, math.degrees(angle))
+    fx = row.number("fl_x", ABOVE_ZERO, what="pixels above 0")
     return Intrinsics(
         *size,
         fx,
-        float(_value(index, entry, "fl_y", fx)),
-        float(_value(index, entry, "cx", size[0] / 2)),
-        float(_value(index, entry, "cy", size[1] / 2)),
+        row.number("fl_y", ABOVE_ZERO, default=fx, what="pixels above 0"),
+        row.number("cx", default=size[0] / 2),
+        row.number("cy", default=size[1] / 2),
     )
-
-
-def _value(index: dict[str, Any], entry: dict[str, Any], key: str, default: Any = None) -> Any:
-    """Return the frame's value, else the shared one, else ``default``; if that is None, raise KeyError."""
-    if default is None:
-        return entry[key] if key in entry else index[key]
-    return entry.get(key, index.get(key, default))
 
 
 def _image_path(folder: Path, name: str, where: str) -> Path:
     path = folder / name
-    candidates = [path, *(path.with_name(path.name + suffix) for suffix in IMAGE_SUFFIXES)]
-    found = next((candidate for candidate in candidates if candidate.is_file()), None)
+    endings = ("", *IMAGE_SUFFIXES)
+    found = next((p for p in (Path(f"{path}{end}") for end in endings) if is_readable(p)), None)
     if found is None:
         raise CaptureError(f"{where}: '{name}' does not exist")
     return found
 
 
-def _optional(folder: Path, entry: dict[str, Any], key: str, where: str) -> Path | None:
-    if not entry.get(key):
-        return None
-    if not (folder / entry[key]).is_file():
-        raise CaptureError(f"{where}, {key}: '{entry[key]}' does not exist")
-    return folder / entry[key]
+def _optional(folder: Path, row: Fields, key: str) -> Path | None:
+    name = row.text(key, "")
+    if name and not is_readable(folder / name):
+        raise CaptureError(f"{row.where}, {key}: '{name}' does not exist")
+    return folder / name if name else None

@@ -31,6 +31,14 @@ def expecting(where: str, what: str) -> Iterator[None]:
         raise CaptureError(f"{where}: expected {what} ({error!r})") from None
 
 
+def is_readable(path: Path) -> bool:
+    """Whether there is a file; False for names that the system does not allow."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long; with a NUL
+        return False
+
+
 def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
     """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.interchange.captures.frames import (
     integer_centered,
@@ -18,11 +19,11 @@ from digs_warp.interchange.captures.frames import (
     write_colors_and_depths,
 )
 from digs_warp.interchange.captures.recorded_files import (
-    expecting,
     integer_centered_camera,
     read_numbers,
 )
 from digs_warp.interchange.captures.recording import MM_PER_METRE, NumberedFiles, Recording
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
 CAMERA = "camera_intrinsic.json"
@@ -36,10 +37,9 @@ def read_redwood(folder: Path) -> Recording:
         CaptureError: no images or camera, or a trajectory that does not fit them.
     """
     files = NumberedFiles.find(folder, "color/", "depth/")
-    camera = read_json(folder / CAMERA, "camera")
-    with expecting(f"'{folder / CAMERA}'", "width, height and 9 numbers intrinsic_matrix"):
-        matrix = np.array(camera["intrinsic_matrix"], dtype=np.float64).reshape(3, 3).T
-        size = int(camera["width"]), int(camera["height"])
+    camera = Fields(read_json(folder / CAMERA, "camera"), f"'{folder / CAMERA}'", CaptureError)
+    matrix = camera.array("intrinsic_matrix", (3, 3)).T
+    size = camera.whole("width", 1), camera.whole("height", 1)
     return files.recording(
         integer_centered_camera(matrix, size),
         # Entry i belongs to the i-th image; the numbers in its head differ from program to program.

@@ -76,6 +76,8 @@ def _read_list(folder: Path, name: str) -> tuple[np.ndarray, list[str]]:
         raise CaptureError(f"recording '{folder}': no {name} in it; is this the right --from?")
     lines = read_text(path, "list of a recording").splitlines()
     rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    if not rows:
+        raise CaptureError(f"'{path}': no lines, expected some of time and file name")
     with expecting(f"'{path}'", "lines of time and file name"):
         return np.array([float(row[0]) for row in rows]), [row[1] for row in rows]
 

@@ -10,8 +10,10 @@ not exported: structure from motion finds them.
 from pathlib import Path
 
 from digs_warp.camera import Intrinsics
-from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, expecting, numbered_files
+from digs_warp.checks import CaptureError
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, numbered_files
 from digs_warp.interchange.captures.recording import NumberedFiles, Recording
+from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json
 
 CALIBRATION = "calibration.json"
@@ -24,13 +26,13 @@ def read_zed(folder: Path) -> Recording:
         CaptureError: no left images, or no usable calibration.json.
     """
     files = NumberedFiles.find(folder, "left", "depth", (".png", ".exr", ".npy"))
-    calibration = read_json(folder / CALIBRATION, "calibration of the rectified left camera")
-    expected = "numbers fx, fy, cx, cy [px] and baseline [m]"
-    with expecting(f"'{folder / CALIBRATION}'", expected):
-        fx, fy, cx, cy = (float(calibration[key]) for key in ("fx", "fy", "cx", "cy"))
-        baseline = float(calibration["baseline"]) if "baseline" in calibration else None
+    path = folder / CALIBRATION
+    content = read_json(path, "calibration of the rectified left camera")
+    calibration = Fields(content, f"'{path}'", CaptureError)
+    fx, fy = (calibration.number(key, ABOVE_ZERO, what="pixels above 0") for key in ("fx", "fy"))
+    baseline = calibration.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
     return files.recording(
-        Intrinsics(*files.image_size, fx, fy, cx, cy),
+        Intrinsics(*files.image_size, fx, fy, calibration.number("cx"), calibration.number("cy")),
         {},
         baseline=baseline,
         right=numbered_files(folder, "right", IMAGE_SUFFIXES) if baseline is not None else {},

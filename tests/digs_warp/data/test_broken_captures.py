@@ -1,5 +1,6 @@
 """Every way in which a capture folder can be broken, and what the error names."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -227,3 +228,33 @@ def test_the_writer_refuses_what_the_reader_would(tmp_path: Path) -> None:
         writer.add_pose(4, np.full((4, 4), np.nan), time=0.0)
     with pytest.raises(DigsError, match="no frame was added"):
         writer.finish()
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["1e999", "1" * 400, "1" * 5000, "[" * 100_000 + "]" * 100_000, "12.5", "NaN", '"12"', "true"],
+    ids=["1e999", "400 digits", "5000 digits", "deep", "12.5", "NaN", "text", "true"],
+)
+def test_widths_that_no_image_has_are_refused(tmp_path: Path, value: str) -> None:
+    write_capture(tmp_path, 1)
+    index = tmp_path / "transforms.json"
+    index.write_text(re.sub(r'"w": 12\b', f'"w": {value}', index.read_text()))
+    with pytest.raises(DigsError, match="w is .*, expected a whole number|transforms.json'"):
+        read_capture(tmp_path)
+
+
+def test_two_frames_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Masks, renders and cameras are found again by the name of a frame: one of the two would be lost."""
+    write_capture(tmp_path, 3)
+    change_frame(tmp_path, 2, file_path="images/0000.png")
+    with pytest.raises(CaptureError, match="frames 0 and 2 are both named '0000'"):
+        read_capture(tmp_path)
+
+
+def test_file_names_that_the_system_refuses_are_named(tmp_path: Path) -> None:
+    write_capture(tmp_path, 2)
+    (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
+    for name in ("a" * 5000, "a\0b", "loop.png"):
+        change_frame(tmp_path, 1, file_path=name)
+        with pytest.raises(CaptureError, match="frame 1"):
+            read_capture(tmp_path)

@@ -78,7 +78,7 @@ def test_tum_without_ground_truth_has_no_poses(capture: Capture, tmp_path: Path)
         ("tum", "groundtruth.txt", "1 2 3\n", "poses"),
         ("redwood", "camera_intrinsic.json", "{}", "intrinsic_matrix"),
         ("redwood", "trajectory.log", "0 0 1\n1 0 0\n", "trajectory"),
-        ("bop", "train/000000/scene_camera.json", "{}", "image 0"),
+        ("bop", "train/000000/scene_camera.json", "{}", "has no '0'"),
     ],
 )
 def test_broken_files_are_named(

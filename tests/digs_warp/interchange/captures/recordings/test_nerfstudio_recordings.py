@@ -95,7 +95,7 @@ def test_synthetic_scenes_have_a_field_of_view_and_no_suffixes(
         ({"depth_unit_scale_factor": -1}, "depth_unit_scale_factor is -1"),
         ({"frames": []}, "lists no frames"),
         ({"w": 640, "h": 480}, r"21x14 pixels, expected 640x480"),
-        ({"fl_x": -3.0}, "focal lengths above 0"),
+        ({"fl_x": -3.0}, "expected pixels above 0"),
         ({"fl_x": "wide"}, "frame 0"),
     ],
 )
