@@ -26,7 +26,7 @@ from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json
 
-METRES_PER_UNIT = "metres per unit: 1 for float images, 0.001 or another number above 0 for 16-bit images; correct it"
+METRES_PER_UNIT = "metres per unit: 1 for float images, above 0 for 16-bit images, such as 0.001"
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
 
 

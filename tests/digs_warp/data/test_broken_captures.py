@@ -239,7 +239,7 @@ def test_widths_that_no_image_has_are_refused(tmp_path: Path, value: str) -> Non
     write_capture(tmp_path, 1)
     index = tmp_path / "transforms.json"
     index.write_text(re.sub(r'"w": 12\b', f'"w": {value}', index.read_text()))
-    with pytest.raises(DigsError, match="w is .*, expected a whole number|transforms.json'"):
+    with pytest.raises(DigsError, match=r"w is .*, expected a whole number|transforms\.json'"):
         read_capture(tmp_path)
 
 
