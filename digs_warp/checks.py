@@ -1,6 +1,7 @@
 """Checks at the door: every message names what was found, what was expected and what to do next."""
 
 import math
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,11 +29,16 @@ def require_file(path: Path, what: str, hint: str = "") -> Path:
     path = Path(path)
     if not path.exists():
         raise DigsError(f"{what} '{path}': no such file. {hint or 'Check the path.'}")
-    if not path.is_file():
-        raise DigsError(f"{what} '{path}': expected a file, found a folder. {hint}".rstrip())
+    require_regular(path, what, hint)
     if path.stat().st_size == 0:
         raise DigsError(f"{what} '{path}': the file is empty (0 bytes). Copy or export it again.")
     return path
+
+
+def require_regular(path: Path, what: str, hint: str = "") -> None:
+    """Raise a `DigsError` when an existing path is no file: opening a pipe or a device may never return."""
+    if path.exists() and not path.is_file():
+        raise DigsError(f"{what} '{path}': expected a file, found {kind_of(path)}. {hint}".rstrip())
 
 
 def require_folder(path: Path, what: str, hint: str) -> Path:
@@ -41,8 +47,21 @@ def require_folder(path: Path, what: str, hint: str) -> Path:
     if not path.exists():
         raise CaptureError(f"{what} '{path}': no such folder. Check the path.")
     if not path.is_dir():
-        raise CaptureError(f"{what} '{path}': expected a folder, found a file. {hint}")
+        raise CaptureError(f"{what} '{path}': expected a folder, found {kind_of(path)}. {hint}")
     return path
+
+
+def kind_of(path: Path) -> str:
+    """Return what an existing path is, in words."""
+    mode = Path(path).stat().st_mode
+    kinds = {
+        stat.S_IFDIR: "a folder",
+        stat.S_IFIFO: "a named pipe",
+        stat.S_IFSOCK: "a socket",
+        stat.S_IFCHR: "a device",
+        stat.S_IFBLK: "a device",
+    }
+    return kinds.get(stat.S_IFMT(mode), "a file")
 
 
 def check_shape(name: str, array: np.ndarray, expected: Sequence[int | None]) -> np.ndarray:
@@ -66,7 +85,7 @@ def check_finite(name: str, array: np.ndarray) -> np.ndarray:
 
 def check_positive(name: str, value: float) -> float:
     """Return ``value``, or raise when it is not a finite number above zero."""
-    if not (np.isfinite(value) and value > 0):
+    if not (_is_finite(value) and value > 0):
         raise DigsError(f"{name}: {value!r}, expected a finite number above 0")
     return value
 
@@ -75,7 +94,12 @@ def check_within(
     name: str, value: float | None, low: float, high: float = math.inf
 ) -> float | None:
     """Return ``value``, or raise when it is not finite or not in ``low`` .. ``high``; None passes."""
-    if value is None or (math.isfinite(value) and low <= value <= high):
+    if value is None or (_is_finite(value) and low <= value <= high):
         return value
     wanted = f"{low:g} to {high:g}" if math.isfinite(high) else f"{low:g} or more"
     raise DigsError(f"{name}: {value!r}, expected {wanted}")
+
+
+def _is_finite(value: float) -> bool:
+    """Whether a number is finite; an integer always is, even one that no float can hold."""
+    return isinstance(value, int) or math.isfinite(value)

@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from digs_warp.camera import Intrinsics
-from digs_warp.checks import DigsError, require_file
+from digs_warp.checks import DigsError
+from digs_warp.record.fields import shown
 from digs_warp.record.files import read_yaml
 from digs_warp.sim.rig import StereoRig
+from digs_warp.words import did_you_mean
 
 Origin = Literal["measured", "vendor", "tuned"]
 
@@ -210,9 +212,9 @@ def load_profile(source: str | Path) -> Profile:
         return PROFILES[str(source)]
     if Path(source).suffix.lower() not in (".yaml", ".yml"):
         raise DigsError(
-            f"profile '{source}': not known; expected {', '.join(PROFILES)}, or a .yaml file"
+            f"profile '{source}': not known{did_you_mean(str(source), PROFILES)}, or a .yaml file"
         )
-    return _read_profile(require_file(Path(source), "profile"))
+    return _read_profile(Path(source))
 
 
 def _read_profile(path: Path) -> Profile:
@@ -220,8 +222,10 @@ def _read_profile(path: Path) -> Profile:
     if not isinstance(content.get("figures"), dict):
         raise DigsError(f"profile '{path}': expected a mapping with 'figures', see docs/sensor.md")
     base = content.get("base", "zed2-720")
-    if base not in PROFILES:
-        raise DigsError(f"profile '{path}': base '{base}', expected one of {', '.join(PROFILES)}")
+    if not isinstance(base, str) or base not in PROFILES:
+        raise DigsError(
+            f"profile '{path}': base {shown(base)}, expected one of {', '.join(PROFILES)}"
+        )
     own = {name: _read_figure(path, name, entry) for name, entry in content["figures"].items()}
     return Profile(
         path.stem, str(content.get("title", path.stem)), {**PROFILES[base].figures, **own}
@@ -230,8 +234,8 @@ def _read_profile(path: Path) -> Profile:
 
 def _read_figure(path: Path, name: str, entry: object) -> Figure:
     place = f"profile '{path}': figure '{name}'"
-    if not isinstance(entry, dict) or isinstance(entry.get("value"), (str, type(None))):
-        raise DigsError(f"{place}: found {entry!r}, expected {{value: number, origin: ...}}")
+    if not isinstance(entry, dict) or not isinstance(entry.get("value"), int | float):
+        raise DigsError(f"{place}: found {shown(entry)}, expected {{value: number, origin: ...}}")
     if entry.get("origin") not in get_args(Origin):
         raise DigsError(
             f"{place}: origin {entry.get('origin')!r}, expected one of {', '.join(get_args(Origin))}"

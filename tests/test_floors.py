@@ -18,6 +18,7 @@ FLOORS = {
             "digs_warp.sh",
             "digs_warp.checks",
             "digs_warp.bounds",
+            "digs_warp.words",
         ),
         0,
     ),

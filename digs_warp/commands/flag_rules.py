@@ -1,12 +1,10 @@
 """How flags look in the help, and how wrong values are explained: rules for tyro."""
 
-import difflib
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import is_dataclass, replace
 from functools import wraps
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import tyro
 from tyro.constructors import (
@@ -20,6 +18,8 @@ from tyro.constructors import (
 )
 
 from digs_warp.checks import DigsError
+from digs_warp.commands.number_flags import read_number_flag, without_none
+from digs_warp.words import did_you_mean
 
 
 class RefusedSettings(Exception):
@@ -47,6 +47,7 @@ class FlagRules(ConstructorRegistry):
         self._inside = False
         self.struct_rule(self._struct)
         self.primitive_rule(_choice)
+        self.primitive_rule(read_number_flag)
 
     def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
         """Return tyro's own reading of a dataclass, with our look."""
@@ -89,13 +90,6 @@ def paragraphs(text: str) -> str:
     return "\n\n".join(" ".join(part.split()) for part in re.split(r"\n\s*\n", text.strip()))
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "; did you mean 'KNOWN'?" where ``word`` is close to one of the known; else what there is."""
-    known = list(known)
-    close = difflib.get_close_matches(word, known, n=1)
-    return f"; did you mean '{close[0]}'?" if close else f"; expected one of {', '.join(known)}"
-
-
 def _choice(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
     """Read one of a few words, and suggest the nearest one for a wrong word."""
     choices = _choices(info.type)
@@ -121,9 +115,7 @@ def _choice(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
 
 def _choices(kind: Any) -> tuple[Any, ...]:
     """Return the values of a Literal, or of one that can be None; else nothing."""
-    if get_origin(kind) in (Union, UnionType):
-        options = [option for option in get_args(kind) if option is not NoneType]
-        kind = options[0] if len(options) == 1 else None
+    kind = without_none(kind)
     return get_args(kind) if get_origin(kind) is Literal else ()
 
 

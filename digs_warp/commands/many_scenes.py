@@ -4,7 +4,7 @@ import glob
 from dataclasses import dataclass
 from pathlib import Path
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, check_within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +21,7 @@ class ManyScenes:
     """Camera paths per object and environment, each with its own seed."""
 
     def __post_init__(self) -> None:
-        if self.trajectories < 1:
-            raise DigsError(f"trajectories: {self.trajectories}, expected at least 1")
+        check_within("--trajectories", self.trajectories, 1)
 
     @property
     def asked_for(self) -> bool:

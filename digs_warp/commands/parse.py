@@ -10,9 +10,11 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Node, Preset, SettingsCommand
 from digs_warp.commands.common_flags import CommonFlags
-from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, did_you_mean, paragraphs
+from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, paragraphs
 from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.setting_names import setting_names
 from digs_warp.commands.settings_file import read_defaults
+from digs_warp.words import did_you_mean
 
 PROGRAM = "digs-warp"
 HELP = ("-h", "--help")
@@ -38,6 +40,7 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
         if not issubclass(kind, SettingsCommand):
             raise DigsError(f"'{program}' takes no --config; leave it out")
         default = read_defaults(kind, common.config)
+    _check_flags(kind, rest, program)
     is_short_help = not common.help_all and any(word in HELP for word in rest)
     rules = _rules(kind, is_short_help)
     try:
@@ -92,11 +95,27 @@ def _show_group(group: Group, program: str, rest: Sequence[str]) -> NoReturn:
     raise SystemExit(0)
 
 
+def _check_flags(kind: type[Command], words: Sequence[str], program: str) -> None:
+    """Raise a `DigsError` for a flag that the command does not have, with the nearest one that it has."""
+    common = [name for name in COMMON_FLAGS if name not in _useless(kind)]
+    flags = [f"--{name.replace('_', '-')}" for name in (*setting_names(kind), *common)]
+    known = {*HELP, *flags, *(flag.replace("--", "--no-", 1) for flag in flags)}
+    for word in words[: words.index("--") if "--" in words else None]:
+        flag = word.partition("=")[0].replace("_", "-")
+        if flag.startswith("--") and flag not in known:
+            raise DigsError(f"'{program}' has no flag '{word}'{did_you_mean(flag, flags)}")
+
+
 def _rules(kind: type[Command], is_short_help: bool) -> FlagRules:
-    if not issubclass(kind, SettingsCommand):
-        return FlagRules(useless=("version", "config", "help_all"))
-    shown = (*kind.main_flags, *COMMON_FLAGS) if is_short_help else ()
-    return FlagRules(shown, useless=("version",))
+    shown: tuple[str, ...] = ()
+    if is_short_help and issubclass(kind, SettingsCommand):
+        shown = (*kind.main_flags, *COMMON_FLAGS)
+    return FlagRules(shown, useless=_useless(kind))
+
+
+def _useless(kind: type[Command]) -> tuple[str, ...]:
+    """Return the common flags that make no sense for a command."""
+    return ("version",) if issubclass(kind, SettingsCommand) else ("version", "config", "help_all")
 
 
 def _read_flags(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from digs_warp.checks import DigsError, check_positive
+from digs_warp.checks import DigsError, check_positive, check_within
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import OutputFolder
 
@@ -34,10 +34,15 @@ class MakeKit(Command):
     """Height of each of the four pictures [px]."""
 
     def __post_init__(self) -> None:
+        if not self.items:
+            raise DigsError(
+                "ITEM: none given, expected at least one folder with four reconstructions in it, for "
+                "example 'digs-warp preference make mug bottle --out kit'"
+            )
         check_positive("--seconds", self.seconds)
         check_positive("--fps", self.fps)
-        if min(self.width, self.height) < 16:
-            raise DigsError(f"preference: {self.width}x{self.height} px, expected at least 16x16")
+        check_within("--width", self.width, 16)
+        check_within("--height", self.height, 16)
 
     def execute(self) -> str:
         """Film, and explain what to hand out."""
@@ -63,6 +68,10 @@ class EvaluateSheets(Command):
 
     key: Path
     """The key.json of the kit, which says what stood where."""
+
+    def __post_init__(self) -> None:
+        if not self.sheets:
+            raise DigsError("SHEET: none given, expected at least one filled answers.csv")
 
     def execute(self) -> str:
         """Return counts, shares and p values."""

@@ -62,10 +62,12 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     def execute(self) -> str:
         """Reconstruct and say how well it went."""
         from digs_warp.data.capture import read_capture
+        from digs_warp.device.warp_start import require_device
         from digs_warp.pipeline.reconstruct import reconstruct
 
         start = time.perf_counter()
         capture = read_capture(self.capture)
+        require_device(self.train.device)
         folder = self.output.prepare(inputs=[self.capture])
         config = self.reconstruct_config(self.seed)
         result = reconstruct(capture, config, folder, resume=self.output.resume)

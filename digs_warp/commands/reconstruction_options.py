@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
+from digs_warp.checks import check_within
+from digs_warp.data.capture import FEWEST_TEST_EVERY
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES
 from digs_warp.segment.config import SegmentConfig
@@ -76,7 +78,11 @@ class ReconstructionOptions:
         field(default_factory=_TrainOptions)
     )
     test_every: int = 8
-    """Every n-th view, from the first on, is held out: it trains nothing and measures the result."""
+    """Every n-th view, from the first on, is held out: it trains nothing and measures the result. 2 or more,
+    so that some views train."""
+
+    def __post_init__(self) -> None:
+        check_within("--test-every", self.test_every, FEWEST_TEST_EVERY)
 
     def reconstruct_config(self, seed: int) -> "ReconstructConfig":
         """Return the settings; ``seed`` serves all stages."""

@@ -55,11 +55,13 @@ class Run(ReconstructionOptions, SettingsCommand):
 
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
+        from digs_warp.device.warp_start import require_device
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.usd_scene import write_capture_package
         from digs_warp.report import write_report
         from digs_warp.sim.record import simulate
 
+        require_device(self.train.device)
         folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
         config = self.reconstruct_config(self.recording.seed)
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})

@@ -1,7 +1,6 @@
 """``--config FILE``: the settings of an earlier run as the defaults of a command."""
 
 from pathlib import Path
-from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
@@ -18,7 +17,8 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
     Raises:
         DigsError: the file cannot be read, or holds settings that are not the command's.
     """
-    record = _read(path)
+    is_yaml = path.suffix.lower() in (".yaml", ".yml")
+    record = (read_yaml if is_yaml else read_json)(path, "--config")
     command = record.get("command", kind.recorded_as)
     if command != kind.recorded_as:
         raise DigsError(
@@ -33,8 +33,3 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
         return kind.from_settings(record["settings"])
     except DigsError as error:
         raise DigsError(f"--config '{path}': {error}") from error
-
-
-def _read(path: Path) -> dict[str, Any]:
-    is_yaml = path.suffix.lower() in (".yaml", ".yml")
-    return (read_yaml if is_yaml else read_json)(path, "--config")

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import check_within
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
@@ -56,8 +56,7 @@ class RunStudy(Command):
 
     def __post_init__(self) -> None:
         for name in ("objects", "seeds", "iterations", "workers"):
-            if getattr(self, name) < 1:
-                raise DigsError(f"--{name} {getattr(self, name)}: expected at least 1")
+            check_within(f"--{name}", getattr(self, name), 1)
 
     def execute(self) -> str:
         """Measure, and say how many cases there are and where the report is."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.checks import CaptureError, DigsError, require_folder
+from digs_warp.checks import CaptureError, DigsError, check_within, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import (
@@ -27,6 +27,9 @@ from digs_warp.record.fields import ABOVE_ZERO, Fields, shown
 from digs_warp.record.files import read_json
 
 INDEX_NAME = "transforms.json"
+
+# Holding out every view would leave none to train on.
+FEWEST_TEST_EVERY = 2
 OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
@@ -213,7 +216,12 @@ class Capture:
         return self.about.readout_time or 0.0
 
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
-        """Return (training, test) frames: every ``test_every``-th, starting at the first, is held out."""
+        """Return (training, test) frames: every ``test_every``-th, starting at the first, is held out.
+
+        Raises:
+            DigsError: ``test_every`` is below 2, which would leave nothing to train on.
+        """
+        check_within("--test-every", test_every, FEWEST_TEST_EVERY)
         test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]
         train = [frame for i, frame in enumerate(self.frames) if i % test_every != 0]
         return train, test

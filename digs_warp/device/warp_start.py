@@ -14,6 +14,8 @@ from functools import cache
 
 import warp as wp
 
+from digs_warp.checks import DigsError
+
 logger = logging.getLogger("digs_warp.kernels")
 
 COMPILED = re.compile(r"Module (?P<module>\S+) .* took (?P<milliseconds>[\d.]+) ms\s+\(compiled\)")
@@ -26,6 +28,19 @@ def start_warp() -> None:
     wp.set_logger(_ToLogging())
     with _without_driver_warning():
         wp.init()
+
+
+def require_device(name: str) -> str:
+    """Return ``name``, or raise a `DigsError` when Warp has no such device on this machine."""
+    start_warp()
+    try:
+        wp.get_device(name)
+    except (RuntimeError, ValueError):
+        there_is = ", ".join(map(str, wp.get_devices()))
+        raise DigsError(
+            f"--device: '{name}', which Warp does not find on this machine; expected one of {there_is}"
+        ) from None
+    return name
 
 
 def compile_seconds() -> float:

@@ -32,6 +32,7 @@ from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment, with_masks
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.quality import SfmQuality
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.sfm.estimate import SfmResult
@@ -155,8 +156,8 @@ def _split(capture: Capture, test_every: int) -> PosedFrames:
     training, held_out = capture.split(test_every)
     if not training:
         raise DigsError(
-            f"{capture}: {len(capture)} frame, expected at least 2: "
-            "one is held out for the evaluation"
+            f"{capture}: {counted(len(capture), 'frame')}, expected at least 2: one is held out for the "
+            "evaluation"
         )
     return PosedFrames(tuple(training), tuple(held_out))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import CAMERAS
+from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.front_end import MASKS, SFM, FrontEndConfig, Prepared, front_end
@@ -53,9 +54,10 @@ def reconstruct(
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
 
     Raises:
-        DigsError: too few frames, nothing to initialize from, settings that differ on resume, or a folder
-            that another process is writing.
+        DigsError: no such device, too few frames, nothing to initialize from, settings that differ on
+            resume, or a folder that another process is writing.
     """
+    require_device(config.train.device)
     folder = Path(folder)
     log = RunLog("reconstruct", config)
     with sole_writer(folder):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.bounds import JSON, LEVELS, SETTINGS, TEXT, Bound
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, require_regular
 from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
 from digs_warp.record.fields import parse_json
 from digs_warp.record.manifest import Content, manifest_of, recorded_files
@@ -153,6 +153,7 @@ def read_text(path: Path, what: str, bound: Bound = TEXT, errors: str = "strict"
     """
     path = Path(path)
     try:
+        require_regular(path, what)
         bound.check(f"{what} '{path}'", path.stat().st_size)
         return path.read_text(encoding="utf-8", errors=errors)
     except FileNotFoundError:
@@ -195,10 +196,11 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
                     f"{what} '{path}': the alias *{event.anchor}; write its value instead"
                 )
         content = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        if isinstance(error, DigsError):
-            raise
-        raise DigsError(f"{what} '{path}': not readable as YAML ({error})") from error
+    except DigsError:
+        raise
+    except Exception as error:  # the parser's own, and many kinds for values that it cannot make
+        reason = " ".join(str(error).split())
+        raise DigsError(f"{what} '{path}': not readable as YAML ({reason})") from error
     if not isinstance(content, dict):
         raise DigsError(f"{what} '{path}': expected a mapping, found {type(content).__name__}")
     return content

@@ -7,6 +7,8 @@ from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from digs_warp.checks import DigsError
+from digs_warp.record.fields import shown
+from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
 
@@ -23,12 +25,12 @@ def settings_from_json(kind: type[T], values: Any, name: str = "settings") -> T:
         DigsError: a name that is not a field, or a value of the wrong type.
     """
     if not isinstance(values, Mapping):
-        raise DigsError(f"{name}: expected names with values, found {values!r}")
+        raise DigsError(f"{name}: expected names with values, found {shown(values)}")
     hints = get_type_hints(kind)
     known = [field.name for field in fields(kind)]  # pyright: ignore[reportArgumentType]
     if unknown := [key for key in values if key not in known]:
         raise DigsError(
-            f"{name}: unknown setting '{unknown[0]}'; expected some of {', '.join(known)}"
+            f"{name}: unknown setting '{unknown[0]}'{did_you_mean(str(unknown[0]), known)}"
         )
     return kind(
         **{key: _value(hints[key], value, f"{name}.{key}") for key, value in values.items()}
@@ -56,4 +58,4 @@ def _value(hint: Any, value: Any, name: str) -> Any:
     if isinstance(hint, type) and type(value) is hint:
         return value
     wanted = ", ".join(map(str, get_args(hint))) or getattr(hint, "__name__", hint)
-    raise DigsError(f"{name}: {value!r}, expected {wanted}")
+    raise DigsError(f"{name}: {shown(value)}, expected {wanted}")

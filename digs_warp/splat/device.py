@@ -9,6 +9,7 @@ import warp as wp
 from digs_warp.checks import check_finite
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.parallel import packed
+from digs_warp.device.warp_start import require_device
 from digs_warp.splat.records import GaussianArrays
 
 
@@ -46,8 +47,9 @@ class DeviceGaussians:
         """Copy Gaussians to a device; with ``requires_grad``, each array has one of gradients beside it.
 
         Raises:
-            DigsError: a value is NaN or infinite.
+            DigsError: a value is NaN or infinite, or there is no such device.
         """
+        require_device(device)
         for name in FIELDS:
             check_finite(f"Gaussians.{name}", getattr(gaussians, name))
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import DigsError
+from digs_warp.words import did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.study.charts import Chart
@@ -53,8 +54,8 @@ def find_benchmark(name: str) -> Benchmark:
     for benchmark in BENCHMARKS:
         if benchmark.name == name:
             return benchmark
-    known = ", ".join(benchmark.name for benchmark in BENCHMARKS)
-    raise DigsError(f"bench '{name}': no such benchmark; expected one of: {known}")
+    known = [benchmark.name for benchmark in BENCHMARKS]
+    raise DigsError(f"bench '{name}': no such benchmark{did_you_mean(name, known)}")
 
 
 BENCHMARKS = (

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import DigsError
+from digs_warp.words import did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.study.engine.case import Case
@@ -131,5 +132,5 @@ def find_study(name: str) -> Study:
     for study in STUDIES:
         if study.name == name:
             return study
-    known = ", ".join(study.name for study in STUDIES)
-    raise DigsError(f"study '{name}': no such study; there is: {known}")
+    known = [study.name for study in STUDIES]
+    raise DigsError(f"study '{name}': no such study{did_you_mean(name, known)}")

@@ -8,6 +8,7 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.words import did_you_mean
 
 # "auto": what the scene calls for; "all"; "none"; or names of effects.
 Selection = str | Sequence[str]
@@ -51,10 +52,8 @@ def wanted_effects(
     wanted = frozenset(name.strip() for name in names if name.strip())
     unknown = sorted(wanted - set(known))
     if unknown:
-        raise DigsError(
-            f"effects: {', '.join(unknown)} unknown; expected auto, all, none, or a list of "
-            f"{', '.join(known)}"
-        )
+        choices = ["auto", "all", "none", *known]
+        raise DigsError(f"--effects: no effect '{unknown[0]}'{did_you_mean(unknown[0], choices)}")
     return wanted
 
 

@@ -5,7 +5,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
+from digs_warp.checks import DigsError
+from digs_warp.record.fields import shown
+
 BAR_WIDTH = 40  # characters
+
+# What noise adds to an error grows at least with this exponent; the fourth root is already very slow.
+SMALLEST_GROWTH = 0.25
+# An error at more noise is at least this fraction of one at less noise; chance changes it by less.
+LARGEST_FALL = 0.5
 
 
 @dataclass(frozen=True)
@@ -36,16 +44,26 @@ class DegradationCurve:
             where = ", ".join(f"{s:g} (limit {limits[s]:.4g})" for s in too_large)
             raise AssertionError(f"error too large at noise strength {where}\n{self}")
 
-    def assert_no_cliff(self, largest_growth: float = 2.0) -> None:
-        """Check that the error never grows much faster than the noise.
+    def assert_no_cliff(
+        self, largest_growth: float = 2.0, smallest_growth: float = SMALLEST_GROWTH
+    ) -> None:
+        """Check that the error grows with the noise, and never much faster.
 
         Args:
             largest_growth: largest allowed exponent; 1: twice the noise, twice the error; 2: four times
                 the error. Averages and fits stay near 1 until outliers dominate.
+            smallest_growth: an error that more than doubles from strength 0 to the next one has to grow
+                further with at least this exponent; 0 allows a jump to a constant.
 
         Raises:
-            AssertionError: a steeper piece, or an error that is not a number; the message shows the curve.
+            AssertionError: a steeper piece, a jump as soon as there is noise, an error that falls to less
+                than half of an earlier one, or an error that is not a number; the message shows the curve.
+            DigsError: fewer than two strengths above 0, which show no growth.
         """
+        if sum(strength > 0 for strength in self.strengths) < 2:
+            raise DigsError(
+                f"assert_no_cliff: strengths {shown(self.strengths)}, expected two above 0 or more"
+            )
         if not all(math.isfinite(error) for error in self.errors):
             raise AssertionError(f"some errors are no numbers\n{self}")
         steep = [
@@ -57,6 +75,41 @@ class DegradationCurve:
             raise AssertionError(
                 f"the error falls off a cliff: {'; '.join(steep)} (limit {largest_growth:g})\n{self}"
             )
+        if odd := self._fall() or self._jump(smallest_growth):
+            raise AssertionError(f"{odd}\n{self}")
+
+    def _jump(self, smallest_growth: float) -> str:
+        """Describe an error that appears with the first noise and then hardly grows; "" if it does not."""
+        if self.strengths[0] > 0:
+            return ""
+        base, first, last = self.errors[0], self.errors[1], self.errors[-1]
+        if first - base <= max(base, 0.0):
+            return ""
+        s1, s2 = self.strengths[1], self.strengths[-1]
+        growth = (
+            math.log((last - base) / (first - base)) / math.log(s2 / s1)
+            if last > base
+            else -math.inf
+        )
+        if growth >= smallest_growth:
+            return ""
+        return (
+            f"the error jumps from strength 0 to {s1:g}; what the noise adds then grows only with exponent "
+            f"{growth:.2f} (limit {smallest_growth:g})"
+        )
+
+    def _fall(self) -> str:
+        """Describe the first fall to less than half of an earlier error; "" if there is none."""
+        highest, at = self.errors[0], self.strengths[0]
+        for strength, error in zip(self.strengths, self.errors, strict=True):
+            if error < LARGEST_FALL * highest:
+                return (
+                    f"the error falls while the noise rises, from strength {at:g} to {strength:g}: it "
+                    "measures something else, or leaves out what is bad"
+                )
+            if error > highest:
+                highest, at = error, strength
+        return ""
 
     def growth(self) -> list[tuple[float, float, float]]:
         """Return (strength, next strength, exponent) of each piece of the curve above strength 0.

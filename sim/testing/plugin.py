@@ -14,7 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from digs_warp.checks import DigsError
+from digs_warp.record.fields import shown
+from digs_warp.words import did_you_mean
+
 if TYPE_CHECKING:
+    from digs_warp.sim.config import SimulateConfig
     from digs_warp.sim.testing.series import NoiseSeries
 
 MARKER = "sensor_noise"
@@ -39,6 +44,17 @@ def pytest_configure(config: pytest.Config) -> None:
     )
 
 
+@pytest.hookimpl(trylast=True)  # after pytest left out the tests that -k and -m do not select
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Refuse wrong markers before the first test runs, in one line that names the test."""
+    for item in items:
+        if marker := item.get_closest_marker(MARKER):
+            try:
+                read_marker(marker)
+            except DigsError as error:
+                raise pytest.UsageError(f"{item.nodeid}: @pytest.mark.{MARKER}: {error}") from None
+
+
 @pytest.fixture
 def sensor_noise(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
@@ -49,25 +65,32 @@ def sensor_noise(
     """
     from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 
-    marker = request.node.get_closest_marker(MARKER)
-    settings = dict(marker.kwargs) if marker else {}
-    if marker and marker.args:
-        raise pytest.UsageError(f"@pytest.mark.{MARKER} takes keyword arguments only")
-    strengths = tuple(settings.pop("strengths", DEFAULT_STRENGTHS))
+    config, strengths = read_marker(request.node.get_closest_marker(MARKER))
     # If pytest's cache is disabled, captures last as long as the run.
     cache = getattr(request.config, "cache", None)
     folder = cache.mkdir("sensor_noise") if cache else tmp_path_factory.mktemp(MARKER)
-    return NoiseSeries(_config(settings), strengths, CaptureCache(folder))
+    return NoiseSeries(config, strengths, CaptureCache(folder))
 
 
-def _config(settings: dict[str, Any]) -> Any:
+def read_marker(marker: pytest.Mark | None) -> "tuple[SimulateConfig, tuple[float, ...]]":
+    """Return the settings of a test's recordings and the strengths of their noise.
+
+    Raises:
+        DigsError: a setting or an effect that does not exist, a value that it cannot have, or strengths that
+            do not rise.
+    """
     from digs_warp.sim.config import SimulateConfig
+    from digs_warp.sim.sensor_plan import check_effects
+    from digs_warp.sim.testing.series import check_strengths
 
-    known = {field.name for field in fields(SimulateConfig)} - {"strength"}
+    settings = dict(marker.kwargs) if marker else {}
+    if marker and marker.args:
+        raise DigsError(f"found {shown(marker.args)}, expected keyword arguments only")
+    strengths = check_strengths(settings.pop("strengths", DEFAULT_STRENGTHS))
+    known = [field.name for field in fields(SimulateConfig) if field.name != "strength"]
     if unknown := sorted(settings.keys() - known):
-        raise pytest.UsageError(
-            f"@pytest.mark.{MARKER}: unknown {', '.join(unknown)}; expected strengths or one of "
-            f"{', '.join(sorted(known))}"
+        raise DigsError(
+            f"no setting '{unknown[0]}'{did_you_mean(unknown[0], ['strengths', *known])}"
         )
     values = {**DEFAULT_SETTINGS, **settings}
     if not isinstance(values.get("effects", ""), str):
@@ -75,4 +98,6 @@ def _config(settings: dict[str, Any]) -> Any:
     for name in ("mesh", "environment"):
         if values.get(name) is not None:
             values[name] = Path(values[name])
-    return SimulateConfig(**values)
+    config = SimulateConfig(**values)
+    check_effects(config)
+    return config, strengths

@@ -1,9 +1,10 @@
 """One simulated walk at rising sensor noise; its captures are kept between test runs."""
 
 import hashlib
+import math
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -12,6 +13,7 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.record.disk import rename
+from digs_warp.record.fields import shown
 from digs_warp.record.files import to_json
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import versions
@@ -86,9 +88,7 @@ class NoiseSeries:
     cache: CaptureCache
 
     def __post_init__(self) -> None:
-        rising = all(a < b for a, b in pairwise(self.strengths))
-        if not self.strengths or not rising or self.strengths[0] < 0:
-            raise DigsError(f"strengths {self.strengths}: expected rising numbers, the first >= 0")
+        check_strengths(self.strengths)
 
     def __iter__(self) -> Iterator[tuple[float, Capture]]:
         return ((strength, self.capture(strength)) for strength in self.strengths)
@@ -113,6 +113,16 @@ class NoiseSeries:
                 failure.add_note(f"on the simulated capture at sensor noise strength {strength:g}")
                 raise
         return DegradationCurve(self.strengths, tuple(errors))
+
+
+def check_strengths(strengths: Iterable[float]) -> tuple[float, ...]:
+    """Return the strengths, or raise a `DigsError` when they do not rise from 0 or above."""
+    found = tuple(strengths) if isinstance(strengths, Iterable) else (strengths,)
+    if not all(isinstance(each, int | float) and math.isfinite(each) for each in found):
+        raise DigsError(f"strengths {shown(found)}: expected finite numbers")
+    if not found or found[0] < 0 or not all(a < b for a, b in pairwise(found)):
+        raise DigsError(f"strengths {shown(found)}: expected rising numbers, the first >= 0")
+    return found
 
 
 def _key(config: SimulateConfig) -> str:

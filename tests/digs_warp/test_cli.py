@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
@@ -72,6 +73,22 @@ def test_a_missing_file_exits_with_1_and_a_message_that_names_it(
     assert missing in captured.err
     assert "Traceback" not in captured.err
     assert captured.out == ""
+
+
+@pytest.mark.parametrize("device", ["foo", "cuda", "cuda:7", ""])
+def test_a_device_that_is_not_there_is_refused_before_anything_else(
+    device: str, capture_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if device == "cuda" and wp.get_cuda_device_count():
+        pytest.skip("there is one")
+    out = our_folder(tmp_path / "out")
+    for command in (["run"], ["reconstruct", str(capture_folder)]):
+        words = [*command, "--out", str(out), "--overwrite", "--device", device]
+        assert main(words) == EXIT_BAD_INPUT
+        error = capsys.readouterr().err
+        assert f"--device: '{device}', which Warp does not find" in error
+        assert "expected one of cpu" in error and len(error.splitlines()) == 1
+    assert (out / "old.txt").exists()
 
 
 @pytest.mark.parametrize(

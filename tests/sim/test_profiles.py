@@ -103,6 +103,9 @@ def test_a_custom_profile_changes_its_base(tmp_path: Path) -> None:
         ("base: kinect\nfigures: {}", "base 'kinect', expected one of zed2-2k"),
         ("figures: {sharpness: {value: 1, origin: tuned}}", r"unknown figures \['sharpness'\]"),
         ("figures: {baseline: 0.2}", "found 0.2, expected {value: number"),
+        ("figures: {baseline: {value: [1]}}", "expected {value: number"),
+        ("base: [zed2-2k]\nfigures: {}", "base .*, expected one of zed2-2k"),
+        ("figures: {" * 3000, "levels of brackets"),
         ("figures: {baseline: {value: wide, origin: tuned}}", "expected {value: number"),
         ("figures: {baseline: {value: 0.2, origin: guessed}}", "origin 'guessed', expected one of"),
     ],
@@ -119,7 +122,7 @@ def test_a_baseline_of_zero_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_unknown_profile_is_refused_with_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match="profile 'kinect': not known; expected zed2-2k"):
+    with pytest.raises(DigsError, match="profile 'kinect': not known; expected one of zed2-2k"):
         load_profile("kinect")
     with pytest.raises(DigsError, match="no such file"):
         load_profile(tmp_path / "missing.yaml")

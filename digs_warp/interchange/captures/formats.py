@@ -15,6 +15,7 @@ from digs_warp.interchange.captures.redwood import read_redwood, write_redwood
 from digs_warp.interchange.captures.scannet import read_scannet
 from digs_warp.interchange.captures.tum import read_tum, write_tum
 from digs_warp.interchange.captures.zed import read_zed
+from digs_warp.words import did_you_mean
 
 READERS: dict[str, Callable[[Path], Recording]] = {
     "nerfstudio": read_nerfstudio,
@@ -43,7 +44,7 @@ def read_recording(folder: Path, form: str) -> Recording:
         DigsError: an unknown format, a missing folder, or files that are missing or broken.
     """
     if form not in READERS:
-        raise CaptureError(f"recording format '{form}': expected one of {', '.join(READERS)}")
+        raise CaptureError(f"recording format '{form}': unknown{did_you_mean(form, READERS)}")
     require_folder(
         folder,
         "recording",
@@ -59,7 +60,7 @@ def export_capture(capture: Capture, form: str, folder: Path) -> None:
         DigsError: an unknown format, or a capture that lacks what the format needs, such as poses.
     """
     if form not in EXPORTERS:
-        raise DigsError(f"export format '{form}': expected one of {', '.join(EXPORTERS)}")
+        raise DigsError(f"export format '{form}': unknown{did_you_mean(form, EXPORTERS)}")
     if not capture.knows_poses:
         raise CaptureError(
             f"{capture}: the recording has no camera poses, and every export has them; give the images "

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from digs_warp.checks import DigsError
 from digs_warp.record.files import to_json
+from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
 
@@ -89,7 +90,7 @@ def _field(config: Any, name: str, is_record: bool = False) -> Any:
     known = [f.name for f in fields(config)]
     if name not in known:
         raise DigsError(
-            f"{type(config).__name__} has no setting '{name}'; there is: {', '.join(known)}"
+            f"{type(config).__name__} has no setting '{name}'{did_you_mean(name, known)}"
         )
     value = getattr(config, name)
     if is_record and not is_dataclass(value):

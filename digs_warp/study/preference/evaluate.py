@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, require_file
 from digs_warp.study.preference.kit import SHEET_COLUMNS
 
 # Below this many expected answers per strategy the chi-square distribution is a poor approximation.
@@ -71,7 +71,7 @@ def read_answers(path: Path, key: dict[tuple[int, int], dict[str, str]]) -> list
             choice that is not one of its letters.
     """
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
+        with open(require_file(path, "answers"), newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
             missing = set(SHEET_COLUMNS) - set(reader.fieldnames or ())
             rows = list(reader)

@@ -13,6 +13,7 @@ from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import find_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.study.preference.design import KEY, LETTERS, VERSIONS, Question, design, save_key
+from digs_warp.words import counted
 
 FOV_DEG = 45.0
 GAP = 6  # [px] between the pictures
@@ -39,6 +40,12 @@ def find_items(folders: Sequence[Path]) -> dict[str, dict[str, Gaussians]]:
         raise DigsError(
             f"preference: the items compare different things: {sorted(names)}; expected the same four "
             "folder names in each"
+        )
+    compared = names.pop() if names else ()
+    if len(compared) != len(LETTERS):
+        raise DigsError(
+            f"'{folders[0]}': {counted(len(compared), 'folder')} in it ({', '.join(compared) or 'none'}), "
+            f"expected {len(LETTERS)}, one per reconstruction"
         )
     return {
         item: {name: Gaussians.load(path) for name, path in paths.items()}

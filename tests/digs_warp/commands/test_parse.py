@@ -4,16 +4,19 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import is_dataclass
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from digs_warp import cli
 from digs_warp.cli import EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.commands.bench import Bench, BenchWithPicture
-from digs_warp.commands.command import Group
+from digs_warp.commands.command import Command, Group, Node, Preset
 from digs_warp.commands.output import OutputFolder
 from digs_warp.commands.registry import COMMANDS
+from digs_warp.commands.setting_names import alternatives, settings_of
 from digs_warp.commands.simulate import Simulate
 from digs_warp.commands.study import RunStudy
 from digs_warp.study.benchmarks import BENCHMARKS
@@ -126,12 +129,18 @@ def test_every_benchmark_and_study_is_a_command() -> None:
         (["bench", "rastr"], "did you mean 'raster'?"),
         (["study", "run", "tradof"], "did you mean 'tradeoff'?"),
         (["usd", "vaildate"], "did you mean 'validate'?"),
+        (["convert", "a", "--out", "x", "--to", "gsplat"], "expected one of colmap"),
         (["run", "--out", "x", "--strategy", "fussion"], "did you mean 'fusion'?"),
         (["convert", "a", "--out", "x", "--to", "colmp"], "did you mean 'colmap'?"),
-        (["run", "--out", "x", "--meshh", "a.glb"], "--mesh PATH"),
-        (["run", "--out", "x", "--samples-per-pixl", "2"], "--samples-per-pixel INT"),  # hidden
+        (["run", "--out", "x", "--meshh", "a.glb"], "no flag '--meshh'; did you mean '--mesh'?"),
+        (
+            ["run", "--out", "x", "--samples-per-pixl", "2"],
+            "did you mean '--samples-per-pixel'?",
+        ),  # hidden
         (["run", "--out", "x", "--quite"], "--quiet"),
         (["--quite", "run", "--out", "x"], "did you mean '--quiet'?"),
+        (["recommend", "--budget", "1s"], "no flag '--budget'; did you mean '--time-budget'?"),
+        (["usd", "info", "--jsn"], "no flag '--jsn'; did you mean '--json'?"),
     ],
 )
 def test_a_close_miss_is_suggested_in_a_few_lines(
@@ -156,11 +165,92 @@ def test_without_a_close_miss_the_error_says_what_there_is(
     assert len(error.splitlines()) == 1
 
 
-def test_refused_settings_are_explained_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "--out", "x", "--frames", "0"]) == EXIT_WRONG_USAGE
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["simulate", "--out", "x", "--frames", "0"], "--frames: 0, expected 1 or more"),
+        (
+            ["simulate", "--out", "x", "--trajectories", "0"],
+            "--trajectories: 0, expected 1 or more",
+        ),
+        (["run", "--out", "x", "--test-every", "1"], "--test-every: 1, expected 2 or more"),
+        (["reconstruct", "a", "--out", "x", "--test-every", "0"], "--test-every: 0, expected 2"),
+        (["preference", "make", "--out", "x"], "ITEM: none given, expected at least one folder"),
+        (
+            ["preference", "make", "a", "--out", "x", "--width", "1"],
+            "--width: 1, expected 16 or more",
+        ),
+        (["preference", "evaluate", "--key", "k"], "SHEET: none given"),
+        (["study", "run", "tradeoff", "--seeds", "0"], "--seeds: 0, expected 1 or more"),
+    ],
+)
+def test_refused_settings_are_explained_in_one_line(
+    words: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == EXIT_WRONG_USAGE
     error = capsys.readouterr().err
-    assert error.startswith("digs-warp: ")
+    assert error.startswith(f"digs-warp: {reason}")
     assert len(error.splitlines()) == 1
+
+
+# Every flag
+
+# What a command cannot be read without.
+REQUIRED = {
+    **dict.fromkeys(("run", "simulate"), "--out x"),
+    **dict.fromkeys(("reconstruct", "export-usd", "render", "mesh"), "a --out x"),
+    **{"convert": "a b", "info": "a", "usd info": "a", "usd validate": "a", "usd diff": "a b"},
+    **{"preference make": "a --out x", "preference evaluate": "a --key k"},
+}
+
+
+def kinds() -> Iterator[tuple[list[str], type[Command]]]:
+    """Each kind of command once, under its first name."""
+    seen = set()
+    for words in ALL:
+        node: Node = COMMANDS
+        for word in words:
+            assert isinstance(node, Group)
+            node = node.members[word]
+        kind = type(node.command) if isinstance(node, Preset) else node
+        if isinstance(kind, type) and kind not in seen:
+            seen.add(kind)
+            yield words, kind
+
+
+def number_flags(kind: type) -> Iterator[str]:
+    """The flags of a command that take numbers, also those of settings within settings."""
+    for name, _, hint in settings_of(kind):
+        within = alternatives(hint)
+        if isinstance(within[0], type) and is_dataclass(within[0]):
+            yield from number_flags(within[0])
+        elif {int, float} & {*within, *(part for each in within for part in get_args(each))}:
+            yield f"--{name.replace('_', '-')}"
+
+
+NUMBER_FLAGS = [(words, list(number_flags(kind))) for words, kind in kinds()]
+
+
+def test_the_commands_have_flags_with_numbers() -> None:
+    assert sum(len(flags) for _, flags in NUMBER_FLAGS) > 100
+    assert {"--frames", "--target-points", "--evaluate-at", "--time-budget"} <= set(
+        NUMBER_FLAGS[0][1]
+    )
+
+
+@pytest.mark.parametrize(("words", "flags"), NUMBER_FLAGS, ids=lambda each: " ".join(each)[:30])
+def test_a_word_for_a_number_is_refused_with_the_flag_as_typed(
+    words: list[str], flags: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for flag in flags:
+        required = REQUIRED.get(" ".join(words), "").split()
+        bad = ["qqq"] * (3 if (words, flag) == (["render"], "--background") else 1)
+        assert main([*words, *required, flag, *bad]) == EXIT_WRONG_USAGE
+        error = capsys.readouterr().err
+        text = " ".join(error.replace("\u2502", " ").split())
+        assert f"{flag}: 'qqq', expected a" in text
+        for internal in ("tyro", "Traceback", "command.", "int()", "class"):
+            assert internal not in text
 
 
 # The flags of every command

@@ -38,7 +38,11 @@ def test_a_list_of_effects_overrides_what_the_scene_calls_for(
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [
-        (["--effects", "rain"], EXIT_BAD_INPUT, "rain unknown; expected auto, all, none"),
+        (
+            ["--effects", "rain"],
+            EXIT_BAD_INPUT,
+            "no effect 'rain'; did you mean 'grazing'? (expected one of auto, all",
+        ),
         (["--profile", "kinect"], EXIT_BAD_INPUT, "profile 'kinect': not known"),
         (["--tier", "law"], EXIT_WRONG_USAGE, "law"),
     ],

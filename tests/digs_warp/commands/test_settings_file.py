@@ -1,6 +1,7 @@
 """--config: the settings of an earlier run as defaults."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -119,14 +120,30 @@ def test_settings_that_do_not_fit_are_refused(
         cli.parse(["run", "--config", str(path), "--out", "x"])
 
 
-@pytest.mark.parametrize("name", ["missing.json", "broken.json", "empty.json", "list.yaml"])
-def test_an_unusable_file_is_named(
+UNUSABLE = {
+    "broken.json": "{",
+    "empty.json": "{}",
+    "deep.json": '{"settings": ' + "[" * 50_000 + "]" * 50_000 + "}",
+    "list.yaml": "[1]",
+    "broken.yaml": "settings:\n  ? [a, b]\n  : 1\n",
+    "deep.yaml": "settings: " + "{a: " * 3000 + "1" + "}" * 3000,
+    "cyclic.yaml": "settings: &all {recording: {frames: [*all]}}\n",
+    "date.yaml": "settings: !!timestamp nothing\n",
+    "digits.yaml": f"settings: {{recording: {{frames: {'9' * 5000}}}}}\n",
+}
+
+
+@pytest.mark.parametrize("name", ["missing.json", "pipe.yaml", *UNUSABLE])
+def test_an_unusable_file_is_explained_in_one_line(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for file, text in (("broken.json", "{"), ("empty.json", "{}"), ("list.yaml", "[1]")):
+    for file, text in UNUSABLE.items():
         (tmp_path / file).write_text(text)
+    os.mkfifo(tmp_path / "pipe.yaml")
     assert main(["run", "--config", str(tmp_path / name), "--out", "x"]) == EXIT_WRONG_USAGE
-    assert name in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert name in error
+    assert len(error.splitlines()) == 1
 
 
 def test_commands_without_settings_take_no_file(

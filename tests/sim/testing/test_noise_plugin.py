@@ -1,6 +1,7 @@
 """The pytest plug-in for sensor-noise robustness, used as another project would use it."""
 
 import math
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,6 +19,7 @@ from digs_warp.init.recipes import initial_points
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.testing.curve import DegradationCurve
+from digs_warp.sim.testing.plugin import read_marker
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
 from reference.file_hashes import file_hashes
 
@@ -201,6 +203,32 @@ def test_an_error_that_starts_from_nothing_is_a_cliff() -> None:
     DegradationCurve((1, 2), (0.0, 0.0)).assert_no_cliff()
 
 
+def test_an_error_that_appears_with_the_first_noise_and_stays_is_a_cliff() -> None:
+    jump = DegradationCurve((0, 1, 2, 4), (0.001, 10.0, 10.1, 10.2))
+    with pytest.raises(AssertionError, match=r"jumps from strength 0 to 1; .* exponent 0\.01"):
+        jump.assert_no_cliff()
+    jump.assert_no_cliff(smallest_growth=0)
+    with pytest.raises(AssertionError, match="jumps from strength 0"):
+        DegradationCurve((0, 1, 2), (0.0, 1.0, 1.0)).assert_no_cliff()
+    DegradationCurve(
+        (0, 1, 4), (0.0, 1.0, 2.0)
+    ).assert_no_cliff()  # a square root is slow, but grows
+    DegradationCurve((0, 1, 4), (1.0, 1.1, 1.1)).assert_no_cliff()  # hardly touched by noise
+
+
+def test_an_error_that_falls_with_rising_noise_is_refused() -> None:
+    for errors in ((0.0, 1.0, 2.0, 0.1), (4.0, 1.0, 1.5, 3.0), (1.0, 0.9, 0.6, 0.4)):
+        with pytest.raises(AssertionError, match="falls while the noise rises"):
+            DegradationCurve((0, 1, 2, 4), errors).assert_no_cliff()
+    DegradationCurve((0, 1, 2, 4), (1.0, 0.9, 1.1, 0.8)).assert_no_cliff()  # by chance
+
+
+@pytest.mark.parametrize("strengths", [(0,), (0, 1), (1,)])
+def test_a_curve_that_shows_no_growth_proves_nothing(strengths: tuple[float, ...]) -> None:
+    with pytest.raises(DigsError, match="expected two above 0"):
+        DegradationCurve(strengths, tuple(range(len(strengths)))).assert_no_cliff()
+
+
 @pytest.mark.parametrize("broken", [math.nan, math.inf])
 def test_errors_that_are_no_numbers_never_pass(broken: float) -> None:
     curve = DegradationCurve((0, 1, 2), (0.0, broken, 0.1))
@@ -242,16 +270,38 @@ def test_the_worked_example_passes_in_another_project(tmp_path: Path) -> None:
     assert list(tmp_path.glob(".pytest_cache/d/sensor_noise/*/*/transforms.json"))
 
 
-def test_wrong_use_is_explained(tmp_path: Path) -> None:
+def test_the_marker_is_described(tmp_path: Path) -> None:
+    assert "sensor_noise(effects='auto'" in run_pytest(tmp_path, "--markers").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ("strenghts=(0, 1)", "no setting 'strenghts'; did you mean 'strengths'?"),
+        ("'law'", "found ('law',), expected keyword arguments only"),
+        ("effects='oclusion'", "no effect 'oclusion'; did you mean 'occlusion'?"),
+        ("effects=('occlusion', 'quantm')", "no effect 'quantm'; did you mean 'quantum'?"),
+        ("frames=0", "--frames: 0, expected 1 or more"),
+        ("strengths=(2, 1)", "expected rising numbers"),
+        ("strengths='auto'", "expected finite numbers"),
+    ],
+)
+def test_a_wrong_marker_stops_the_collection_in_one_line(arguments: str, reason: str) -> None:
+    marker = eval(f"pytest.mark.sensor_noise({arguments})").mark
+    with pytest.raises(DigsError, match=re.escape(reason)):
+        read_marker(marker)
+
+
+def test_a_misspelled_effect_is_told_before_any_test_runs(tmp_path: Path) -> None:
     (tmp_path / "test_wrong.py").write_text(
         "import pytest\n"
-        "@pytest.mark.sensor_noise(strenghts=(0, 1))\n"
-        "def test_typing_error(sensor_noise): pass\n"
-        "@pytest.mark.sensor_noise('law')\n"
-        "def test_position(sensor_noise): pass\n"
+        "def test_before(): open('ran', 'w')\n"
+        "@pytest.mark.sensor_noise(effects='oclusion')\n"
+        "def test_occlusion(sensor_noise): pass\n"
     )
     done = run_pytest(tmp_path)
-    assert done.returncode == 1
-    assert "unknown strenghts; expected strengths or one of" in done.stdout
-    assert "takes keyword arguments only" in done.stdout
-    assert "sensor_noise(effects='auto'" in run_pytest(tmp_path, "--markers").stdout
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR
+    (line,) = (line for line in (done.stdout + done.stderr).splitlines() if "ocl" in line)
+    assert line.startswith("ERROR: test_wrong.py::test_occlusion: ") and "'occlusion'?" in line
+    assert not (tmp_path / "ran").exists()
+    assert run_pytest(tmp_path, "-k", "before").returncode == 0

@@ -99,7 +99,9 @@ def test_poses_that_are_unknown_are_not_exported(
 
 
 def test_unknown_formats_are_refused(capture: Capture, tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match="'ply': expected one of colmap, colmap-text, nerfstudio"):
+    with pytest.raises(
+        DigsError, match="'ply': unknown; expected one of colmap, colmap-text, nerfstudio"
+    ):
         export_capture(capture, "ply", tmp_path)
 
 

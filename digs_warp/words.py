@@ -1,0 +1,23 @@
+"""Words of messages: counted things, and what a misspelled name may have meant."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+# Beside a suggestion, more known names than these are not worth reading.
+MOST_BESIDE_A_SUGGESTION = 30
+
+
+def counted(count: int, thing: str, things: str = "") -> str:
+    """Return "1 view", "2 views", "1,000 views"; ``things`` is the plural where it is not made with an s."""
+    return f"{count:,} {thing if count == 1 else things or f'{thing}s'}"
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown word: the nearest known one, and what there is."""
+    known = list(known)
+    there_is = f"expected one of {', '.join(known)}"
+    close = get_close_matches(word, known, n=1)
+    if not close:
+        return f"; {there_is}"
+    more = f" ({there_is})" if len(known) <= MOST_BESIDE_A_SUGGESTION else ""
+    return f"; did you mean '{close[0]}'?{more}"
