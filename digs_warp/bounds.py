@@ -42,6 +42,8 @@ TEXTURE = Bound(1 << 26, "pixels", "scale the texture down to 8192 x 8192 or les
 TRIANGLES = Bound(1 << 25, "triangles", "decimate it, for example with MeshLab")
 # The header of a recording of an hour and a half at 10 frames per second takes about this.
 JSON = Bound(32 * MIB, "bytes of JSON", "split the recording")
+# A glTF file with its buffers and textures inside.
+GLTF_TEXT = Bound(256 * MIB, "bytes", "export it as GLB")
 # A list of an hour of poses at 100 per second takes half of this.
 TEXT = Bound(64 * MIB, "bytes of text", "split the recording")
 # A profile or settings take a few kilobytes.

@@ -29,6 +29,7 @@ from digs_warp.sim.mesh.placement import (
     place,
     stated_scale,
 )
+from digs_warp.sim.mesh.promises import check_promises
 from digs_warp.sim.scene import Material, Scene
 
 logger = logging.getLogger(__name__)
@@ -81,6 +82,7 @@ def _read_mesh(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     suffix = _checked_suffix(path)
     header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
     check_gltf(path, header)
+    check_promises(path, header)
     for sentence in unmodelled_features(header):
         logger.warning("mesh '%s': %s", path.name, sentence)
     if suffix == ".obj":
@@ -93,6 +95,8 @@ def _read_mesh(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         materials, part_materials = materials_of_parts(parts, extras)
     except MeshError:
         raise
+    except DigsError as error:  # a texture beyond its bound
+        raise MeshError(f"mesh '{path}': {error}") from None
     except Exception as error:  # trimesh's readers raise any kind of exception
         raise MeshError(
             f"mesh '{path}': cannot be read as {suffix[1:].upper()}, damaged or truncated "

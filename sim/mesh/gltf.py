@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from digs_warp.bounds import GLTF_TEXT, JSON
 from digs_warp.checks import MeshError
 
 # glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
@@ -35,11 +36,16 @@ def read_gltf_header(path: Path) -> dict[str, Any]:
     Raises:
         MeshError: not glTF, truncated, or invalid JSON.
     """
+    is_binary = path.suffix.lower() == ".glb"
+    if not is_binary:
+        GLTF_TEXT.check(f"mesh '{path}'", path.stat().st_size)
     data = path.read_bytes()
-    text = _glb_json(path, data) if path.suffix.lower() == ".glb" else data
+    text = _glb_json(path, data) if is_binary else data
+    if is_binary:
+        JSON.check(f"mesh '{path}'", len(text))
     try:
         header = json.loads(text)
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise MeshError(
             f"mesh '{path}': its JSON header is broken ({error}); copy or export the file again"
         ) from error

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.bounds import TEXTURE
 from digs_warp.sim.mesh.parts import MeshPart
 
 logger = logging.getLogger(__name__)
@@ -23,8 +24,10 @@ def rgb_pixels(image: Any, name: str) -> np.ndarray:
         name: of the material, for the message.
 
     Raises:
+        DigsError: larger than `digs_warp.bounds.TEXTURE`.
         ValueError: truncated or in an unknown encoding.
     """
+    TEXTURE.check(f"texture of material '{name}'", image.width * image.height)
     try:
         if image.mode.startswith("I"):  # 16-bit gray: PIL's own conversion clips at 255
             grey = (np.asarray(image).astype(np.float64) / 257.0).clip(0, 255)
@@ -36,6 +39,7 @@ def rgb_pixels(image: Any, name: str) -> np.ndarray:
 
 def alpha_pixels(image: Any, name: str) -> np.ndarray | None:
     """Decode the alpha channel to (height, width), uint8; None where every pixel is opaque."""
+    TEXTURE.check(f"texture of material '{name}'", image.width * image.height)
     try:
         if "A" not in image.getbands() and "transparency" not in image.info:
             return None

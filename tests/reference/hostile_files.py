@@ -61,6 +61,107 @@ def long_file(path: Path, size: int, start: bytes = b"") -> None:
         file.truncate(size)
 
 
+def glb(header: dict[str, object], binary: bytes = bytes(64), depth: int = 0) -> bytes:
+    """A GLB file of one mesh, with the fields of ``header`` on top."""
+    base = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"componentType": 5126, "type": "VEC3", "count": 3, "bufferView": 0}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": len(binary)}],
+    }
+    nested = b', "extras": ' + b"[" * depth + b"0" + b"]" * depth + b"}"
+    text = json.dumps(base | header).encode()[:-1] + nested
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text
+    body += struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def textured_glb(image: bytes) -> bytes:
+    """One triangle with a texture."""
+    import numpy as np
+
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+    binary = points.tobytes() + points[:, :2].tobytes() + image
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    return glb(
+        {
+            "meshes": [{"primitives": [{"attributes": attributes, "material": 0}]}],
+            "accessors": [
+                {"componentType": 5126, "type": "VEC3", "count": 3, "bufferView": 0},
+                {"componentType": 5126, "type": "VEC2", "count": 3, "bufferView": 1},
+            ],
+            "bufferViews": [
+                {"buffer": 0, "byteLength": 36},
+                {"buffer": 0, "byteOffset": 36, "byteLength": 24},
+                {"buffer": 0, "byteOffset": 60, "byteLength": len(image)},
+            ],
+            "images": [{"bufferView": 2, "mimeType": "image/png"}],
+            "textures": [{"source": 0}],
+            "materials": [
+                {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+            ],
+        },
+        binary + bytes(-len(binary) % 4),
+    )
+
+
+def _accessor(**fields: object) -> dict[str, object]:
+    return {"accessors": [{"componentType": 5126, "type": "VEC3", "count": 3} | fields]}
+
+
+MESHES = {
+    "zeros.glb": glb(
+        {
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "accessors": [
+                {"componentType": 5126, "type": "VEC3", "count": 3, "bufferView": 0},
+                {"componentType": 5125, "type": "SCALAR", "count": 90_000_000},
+            ],
+        }
+    ),
+    "many_zeros.glb": glb({"accessors": _accessor(count=100_000)["accessors"] * 1000}),  # type: ignore[operator]
+    "sparse.glb": glb(_accessor(count=3, sparse={"count": 100_000_000})),
+    "view.glb": glb(_accessor(count=100_000_000, bufferView=0)),
+    "buffer.glb": glb(
+        _accessor(count=100_000_000, bufferView=0)
+        | {
+            "bufferViews": [{"buffer": 0, "byteLength": 1_200_000_000}],
+            "buffers": [{"byteLength": 1_200_000_000}],
+        }
+    ),
+    "copies.glb": glb(
+        _accessor(count=100_000, bufferView=0)
+        | {
+            "bufferViews": [{"buffer": 0, "byteLength": 1_200_000}],
+            "nodes": [{"mesh": 0}] * 900,
+            "scenes": [{"nodes": list(range(900))}],
+        },
+        bytes(1_200_000),
+    ),
+    "deep.glb": glb({}, depth=100_000),
+    "vertices.ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 900000000\n"
+    b"property float x\nproperty float y\nproperty float z\nend_header\n" + bytes(99),
+    "faces.ply": b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+    b"property float z\nelement face 30000000\nproperty list uchar int vertex_indices\nend_header\n"
+    b"0 0 0\n",
+    "count.stl": bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(500),
+}
+
+
+def spz(count: int) -> bytes:
+    """Equal Gaussians, compressed a thousandfold."""
+    header = struct.pack("<IIIBBBB", 0x5053474E, 3, count, 3, 12, 0, 0)
+    packer = zlib.compressobj(1, zlib.DEFLATED, 31)
+    pieces = [packer.compress(header)]
+    pieces += [packer.compress(bytes(65 * 10_000)) for _ in range(count // 10_000)]
+    return b"".join([*pieces, packer.flush()])
+
+
 def capture_with(path: Path, layer: str) -> None:
     """A capture of three frames, one file of which is replaced by a huge image."""
     import numpy as np
@@ -90,8 +191,10 @@ def _cases() -> dict[str, tuple[Make, Read]]:
     from digs_warp.data.images import read_image
     from digs_warp.interchange.captures.recorded_files import read_numbers
     from digs_warp.interchange.captures.to_capture import load_depth
+    from digs_warp.interchange.splats.spz import read_spz
     from digs_warp.record.files import read_json
     from digs_warp.sim.environment import load_environment
+    from digs_warp.sim.load import load_scene
     from digs_warp.sim.profiles import load_profile
 
     def settings(path: Path) -> object:
@@ -104,7 +207,16 @@ def _cases() -> dict[str, tuple[Make, Read]]:
     aliases = "a: &a [x, x]\n" + "".join(
         f"{chr(98 + i)}: &{chr(98 + i)} [*{chr(97 + i)}, *{chr(97 + i)}]\n" for i in range(24)
     )
-    return {
+    meshes: dict[str, tuple[Make, Read]] = {
+        name: (lambda p, data=data: p.write_bytes(data), load_scene)
+        for name, data in MESHES.items()
+    }
+    return meshes | {
+        "bomb.spz": (lambda p: p.write_bytes(spz(10_000_000)), read_spz),
+        "texture.glb": (
+            lambda p: p.write_bytes(textured_glb(png(12_000, 12_000))),
+            load_scene,
+        ),
         "environment.png": (lambda p: p.write_bytes(png(40_000, 20_000)), load_environment),
         "environment.hdr": (
             lambda p: p.write_bytes(

@@ -19,6 +19,7 @@ from digs_warp.data.capture import INDEX_NAME, Capture, Frame
 from digs_warp.data.capture_writer import camera_keys
 from digs_warp.data.images import to_uint8, write_image
 from digs_warp.data.layers import Layer
+from digs_warp.data.ply_table import write_vertices
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.captures.frames import (
@@ -30,7 +31,6 @@ from digs_warp.interchange.captures.frames import (
 )
 from digs_warp.interchange.captures.recording import MM_PER_METRE
 from digs_warp.interchange.captures.start_points import StartPoints, start_points
-from digs_warp.interchange.splats.ply_table import write_vertices
 from digs_warp.record.files import to_json, write_atomically
 
 POINTS = "sparse_pc.ply"  # the name that nerfstudio's own programs give it

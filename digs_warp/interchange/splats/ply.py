@@ -14,7 +14,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
-from digs_warp.interchange.splats.ply_table import (
+from digs_warp.data.ply_table import (
     read_ply_header,
     read_table,
     write_vertices,

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.bounds import GAUSSIANS
 from digs_warp.checks import DigsError
-from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.interchange.splats import spz_codes as codes
 from digs_warp.interchange.splats.rows import (
     WORLD_FROM_Y_UP,
@@ -20,9 +21,9 @@ from digs_warp.interchange.splats.rows import (
     warn_of_loss,
 )
 from digs_warp.interchange.splats.spz_container import (
-    MAX_COUNT,
     PackedSplats,
     read_spz_container,
+    stream_sizes,
     write_spz_container,
 )
 from digs_warp.sh import MAX_DEGREE, coefficient_count
@@ -30,6 +31,8 @@ from digs_warp.sh import MAX_DEGREE, coefficient_count
 logger = logging.getLogger(__name__)
 
 DEFAULT_VERSION = 3
+
+ROWS_AT_A_TIME = 1 << 17
 
 # Positions have 24 bits. The fraction gets those that the largest coordinate does not need, at most this
 # many: steps of a micrometre, finer than any splat.
@@ -44,26 +47,47 @@ def read_spz(path: Path) -> Gaussians:
         DigsError: not an SPZ file, truncated or damaged.
     """
     packed = read_spz_container(path)
-    streams, version = packed.streams, packed.version
-    if version == 2:
-        quats = codes.decode_quats_first_three(streams["rotations"])
-    else:
-        quats = codes.decode_quats_smallest_three(streams["rotations"])
-    rest = codes.decode_sh(streams["sh"], packed.count, packed.degree)
     if packed.degree > MAX_DEGREE:
         logger.warning(
             "SPZ '%s': colours of degree %d are read up to %d", path, packed.degree, MAX_DEGREE
         )
-        rest = rest[:, : coefficient_count(MAX_DEGREE) - 1]
+    count, degree = packed.count, min(packed.degree, MAX_DEGREE)
+    read = Gaussians(
+        means=np.empty((count, 3), np.float32),
+        log_scales=np.empty((count, 3), np.float32),
+        quats=np.empty((count, 4), np.float32),
+        opacity_logits=np.empty(count, np.float32),
+        sh=np.empty((count, coefficient_count(degree), 3), np.float32),
+    )
+    # Decoding takes several times the memory of its result.
+    for start in range(0, count, ROWS_AT_A_TIME):
+        rows = slice(start, min(start + ROWS_AT_A_TIME, count))
+        part = turned(_decoded(packed, rows), WORLD_FROM_Y_UP)
+        for name in FIELDS:
+            getattr(read, name)[rows] = getattr(part, name)
+    return read
+
+
+def _decoded(packed: PackedSplats, rows: slice) -> Gaussians:
+    """Return some of the Gaussians, in the frame of the file."""
+    sizes = stream_sizes(packed.version, 1, packed.degree)
+    streams = {
+        name: memoryview(packed.streams[name])[rows.start * size : rows.stop * size]
+        for name, size in sizes.items()
+    }
+    decode_quats = (
+        codes.decode_quats_first_three if packed.version == 2 else codes.decode_quats_smallest_three
+    )
+    rest = codes.decode_sh(streams["sh"], rows.stop - rows.start, packed.degree)
+    rest = rest[:, : coefficient_count(min(packed.degree, MAX_DEGREE)) - 1]
     base = codes.decode_colors(streams["colors"])
-    gaussians = Gaussians(
+    return Gaussians(
         means=codes.decode_positions(streams["positions"], packed.fractional_bits),
         log_scales=codes.decode_log_scales(streams["scales"]),
-        quats=quats,
+        quats=decode_quats(streams["rotations"]),
         opacity_logits=logits_from_codes(np.frombuffer(streams["alphas"], dtype=np.uint8)),
         sh=np.concatenate([base[:, None], rest], axis=1),
     )
-    return turned(gaussians, WORLD_FROM_Y_UP)
 
 
 def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) -> None:
@@ -78,8 +102,7 @@ def write_spz(path: Path, gaussians: Gaussians, version: int = DEFAULT_VERSION) 
         DigsError: too many Gaussians, or positions beyond 8 million metres.
     """
     what = f"SPZ '{path}'"
-    if len(gaussians) > MAX_COUNT:
-        raise DigsError(f"{what}: {len(gaussians)} Gaussians, the format holds up to {MAX_COUNT}")
+    GAUSSIANS.check(what, len(gaussians))
     _warn_of_cuts(gaussians, what)
     splats = turned(gaussians, WORLD_FROM_Y_UP.T)
     bits = _fractional_bits(splats.means, what)

@@ -33,7 +33,7 @@ def encode_positions(positions: np.ndarray, fractional_bits: int) -> bytes:
     return fixed.reshape(-1, 1).view(np.uint8)[:, :3].tobytes()
 
 
-def decode_positions(data: bytes, fractional_bits: int) -> np.ndarray:
+def decode_positions(data: bytes | memoryview, fractional_bits: int) -> np.ndarray:
     """Return positions, shape (n, 3), float32."""
     fixed = np.zeros((len(data) // 3, 4), dtype=np.uint8)
     fixed[:, 1:] = np.frombuffer(data, dtype=np.uint8).reshape(-1, 3)
@@ -47,7 +47,7 @@ def encode_log_scales(log_scales: np.ndarray) -> bytes:
     return _to_bytes((log_scales.astype(np.float64) - LOWEST_LOG_SCALE) * LOG_SCALE_STEPS)
 
 
-def decode_log_scales(data: bytes) -> np.ndarray:
+def decode_log_scales(data: bytes | memoryview) -> np.ndarray:
     """Return log-scales, shape (n, 3), float32."""
     codes = np.frombuffer(data, dtype=np.uint8).astype(np.float32).reshape(-1, 3)
     return codes / LOG_SCALE_STEPS + LOWEST_LOG_SCALE
@@ -58,7 +58,7 @@ def encode_colors(base: np.ndarray) -> bytes:
     return _to_bytes(255.0 * (COLOR_SCALE * base.astype(np.float64) + 0.5))
 
 
-def decode_colors(data: bytes) -> np.ndarray:
+def decode_colors(data: bytes | memoryview) -> np.ndarray:
     """Return coefficients of band 0, shape (n, 3), float32."""
     codes = np.frombuffer(data, dtype=np.uint8).astype(np.float64).reshape(-1, 3)
     return ((codes / 255.0 - 0.5) / COLOR_SCALE).astype(np.float32)
@@ -72,7 +72,7 @@ def encode_sh(rest: np.ndarray) -> bytes:
     return _to_bytes(np.rint(steps) * bucket[:, None])
 
 
-def decode_sh(data: bytes, count: int, degree: int) -> np.ndarray:
+def decode_sh(data: bytes | memoryview, count: int, degree: int) -> np.ndarray:
     """Return the coefficients above band 0, shape (count, K - 1, 3), float32."""
     codes = np.frombuffer(data, dtype=np.uint8).astype(np.float32)
     return ((codes - SH_ZERO) / SH_STEPS).reshape(count, (degree + 1) ** 2 - 1, 3)
@@ -84,7 +84,7 @@ def encode_quats_first_three(quats: np.ndarray) -> bytes:
     return _to_bytes(127.5 * upright[:, :3] + 127.5)
 
 
-def decode_quats_first_three(data: bytes) -> np.ndarray:
+def decode_quats_first_three(data: bytes | memoryview) -> np.ndarray:
     """Return quaternions xyzw with w >= 0, shape (n, 4), float32."""
     xyz = np.frombuffer(data, dtype=np.uint8).astype(np.float64).reshape(-1, 3) / 127.5 - 1.0
     w = np.sqrt(np.maximum(0.0, 1.0 - np.einsum("ni,ni->n", xyz, xyz)))
@@ -109,7 +109,7 @@ def encode_quats_smallest_three(quats: np.ndarray) -> bytes:
     return packed.astype("<u4").tobytes()
 
 
-def decode_quats_smallest_three(data: bytes) -> np.ndarray:
+def decode_quats_smallest_three(data: bytes | memoryview) -> np.ndarray:
     """Return quaternions xyzw, shape (n, 4), float32."""
     packed = np.frombuffer(data, dtype="<u4")
     largest = packed >> 30

@@ -8,9 +8,11 @@ Version 4 is a header of 32 bytes, perhaps extension records, a table with the l
 import logging
 import struct
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from digs_warp.bounds import GAUSSIANS, check_unpacked
 from digs_warp.checks import DigsError, require_file
 from digs_warp.record.files import write_atomically
 
@@ -21,9 +23,6 @@ VERSIONS = (2, 3, 4)
 MAX_DEGREE = 4
 FLAG_ANTIALIASED = 1
 FLAG_EXTENSIONS = 2
-
-# The limit of the reference implementation. A few bytes can promise any number of equal Gaussians.
-MAX_COUNT = 10_000_000
 
 # Attributes in the order of the file, with their bytes per Gaussian; rotation and sh differ.
 ATTRIBUTES = ("positions", "alphas", "colors", "scales", "rotations", "sh")
@@ -48,7 +47,7 @@ class PackedSplats:
     degree: int
     fractional_bits: int
     antialiased: bool
-    streams: dict[str, bytes]
+    streams: Mapping[str, bytes | memoryview]
 
 
 def stream_sizes(version: int, count: int, degree: int) -> dict[str, int]:
@@ -65,7 +64,7 @@ def stream_sizes(version: int, count: int, degree: int) -> dict[str, int]:
 
 
 def read_spz_container(path: Path) -> PackedSplats:
-    """Return header and attributes; memory stays in proportion to the number of Gaussians promised.
+    """Return header and attributes; memory stays in proportion to the size of the file.
 
     Raises:
         DigsError: not SPZ, another version, truncated or damaged; says what was found and expected.
@@ -108,10 +107,7 @@ def write_spz_container(path: Path, packed: PackedSplats) -> None:
 def _check_header(version: int, count: int, degree: int, bits: int, what: str) -> None:
     if version not in VERSIONS:
         raise DigsError(f"{what}: version {version}, expected one of {VERSIONS}")
-    if count > MAX_COUNT:
-        raise DigsError(
-            f"{what}: promises {count} Gaussians, SPZ files hold up to {MAX_COUNT}; damaged"
-        )
+    GAUSSIANS.check(what, count)
     if degree > MAX_DEGREE:
         raise DigsError(f"{what}: colours of degree {degree}, expected 0 to {MAX_DEGREE}; damaged")
     if bits > 23:
@@ -132,6 +128,7 @@ def _gunzip(data: bytes, what: str) -> bytes:
             raise DigsError(f"{what}: a gzip file, but without b'NGSP' inside; no SPZ file")
         _check_header(version, count, degree, bits, what)
         needed = sum(stream_sizes(version, count, degree).values())
+        check_unpacked(what, len(data), needed)
         rest = unpacker.decompress(unpacker.unconsumed_tail, needed) if needed else b""
     except zlib.error as error:
         raise DigsError(
@@ -184,7 +181,7 @@ def _unpack_single(data: bytes, what: str) -> PackedSplats:
         )
     streams, start = {}, _HEADER.size
     for name, size in sizes.items():
-        streams[name] = data[start : start + size]
+        streams[name] = memoryview(data)[start : start + size]
         start += size
     return PackedSplats(version, count, degree, bits, bool(flags & FLAG_ANTIALIASED), streams)
 
@@ -205,7 +202,8 @@ def _unpack_streams(data: bytes, what: str) -> PackedSplats:
     start = table_start + found * _TABLE_ENTRY.size
     if table_start < _HEADER_4.size or start > len(data):
         raise DigsError(f"{what}: the table of streams is outside the file; truncated or damaged")
-    streams: dict[str, bytes] = dict.fromkeys(ATTRIBUTES, b"")
+    check_unpacked(what, len(data), sum(sizes.values()))
+    streams: dict[str, bytes | memoryview] = dict.fromkeys(ATTRIBUTES, b"")
     for number, (name, size) in enumerate(sizes.items()):
         packed, unpacked = _TABLE_ENTRY.unpack_from(data, table_start + number * _TABLE_ENTRY.size)
         if unpacked != size or start + packed > len(data):

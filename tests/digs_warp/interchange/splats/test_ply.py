@@ -8,9 +8,9 @@ import trimesh
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.data.ply_table import read_ply_header
 from digs_warp.interchange.splats.files import read_splat_file
 from digs_warp.interchange.splats.ply import read_ply, write_ply
-from digs_warp.interchange.splats.ply_table import read_ply_header
 from digs_warp.sh import C0
 from reference.optional import open3d_or_skip
 from reference.splat_files import random_gaussians

@@ -1,0 +1,147 @@
+"""What the header of a mesh file promises, against what the file holds: checked before memory is taken."""
+
+import struct
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from digs_warp.bounds import FREE_UNPACKED, TRIANGLES
+from digs_warp.checks import DigsError, MeshError
+from digs_warp.data.ply_table import ASCII, PlyElement, PlyHeader, read_ply_header
+
+# glTF 2.0, section 3.6.2: bytes per component, components per element.
+_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+# Views of the same bytes: attributes that lie between each other, or that several meshes share.
+_MOST_VIEWS = 8
+# Nodes may show a mesh many times; each time it takes memory. The wheels of a train do not reach this.
+_MOST_COPIES, _FREE_TRIANGLES = 16, 1 << 20
+# A binary STL file: a header of 80 bytes, a count, 50 bytes per triangle.
+_STL_COUNT = struct.Struct("<80xI")
+
+
+def check_promises(path: Path, header: dict[str, Any]) -> None:
+    """Check the counts of a mesh file.
+
+    Args:
+        path: of a known format.
+        header: of glTF; else empty.
+
+    Raises:
+        MeshError: more triangles than `digs_warp.bounds.TRIANGLES`, or more data than the file holds.
+    """
+    where = f"mesh '{path}'"
+    suffix = path.suffix.lower()
+    try:
+        if suffix == ".ply":
+            _check_ply(path, where)
+        elif suffix == ".stl":
+            _check_stl(path, where)
+        elif header:
+            _check_gltf(path, header, where)
+    except DigsError as error:
+        raise MeshError(str(error)) from None
+    except (AttributeError, IndexError, KeyError, TypeError, OverflowError) as error:
+        raise MeshError(
+            f"{where}: its header is broken ({error!r}); copy or export the file again"
+        ) from error
+
+
+def _check_ply(path: Path, where: str) -> None:
+    header = read_ply_header(path)
+    for element in header.elements:
+        if element.name == "face":
+            TRIANGLES.check(where, element.count)
+    least = sum(element.count * _least_bytes(element, header) for element in header.elements)
+    held = path.stat().st_size - header.data_start
+    if least > held + 1:  # the last line of a text may lack its end
+        raise MeshError(
+            f"{where}: its header promises at least {least:,} bytes, the file holds {held:,}; truncated or "
+            "damaged, copy or export it again"
+        )
+
+
+def _least_bytes(element: PlyElement, header: PlyHeader) -> int:
+    """Return the fewest bytes that a row can have: in text a digit and a blank for each column."""
+    if header.encoding == ASCII:
+        return 2 * len(element.columns)
+    return sum(1 if kind == "list" else int(kind[1:]) for kind in element.columns.values())
+
+
+def _check_stl(path: Path, where: str) -> None:
+    with path.open("rb") as file:
+        start = file.read(_STL_COUNT.size)
+    size = path.stat().st_size
+    if len(start) == _STL_COUNT.size and not start.startswith(b"solid"):
+        TRIANGLES.check(where, min(_STL_COUNT.unpack(start)[0], size))
+
+
+def _check_gltf(path: Path, header: dict[str, Any], where: str) -> None:
+    accessors = header.get("accessors", [])
+    views = header.get("bufferViews", [])
+    lengths = [_element_bytes(each) * _count(each) for each in accessors]
+    unfounded = sum(
+        length for each, length in zip(accessors, lengths, strict=True) if "bufferView" not in each
+    )
+    if unfounded > FREE_UNPACKED:
+        raise MeshError(
+            f"{where}: its accessors promise {unfounded:,} bytes of zeros without data, expected up to "
+            f"{FREE_UNPACKED:,}; export it again"
+        )
+    held = _buffer_bytes(path, header)
+    for each, length in zip(accessors, lengths, strict=True):
+        if "bufferView" in each and length > (size := views[each["bufferView"]]["byteLength"]):
+            raise MeshError(
+                f"{where}: an accessor promises {length:,} bytes, its view has {size:,}; "
+                "truncated or damaged, copy or export it again"
+            )
+    most = FREE_UNPACKED + _MOST_VIEWS * held
+    promised = sum(lengths) + sum(each["byteLength"] for each in views)
+    if promised > most:
+        raise MeshError(
+            f"{where}: its accessors and views promise {promised:,} bytes, expected up to {most:,} of "
+            f"buffers with {held:,}; truncated or damaged, copy or export it again"
+        )
+    of_mesh = [_triangles(mesh, accessors) for mesh in header.get("meshes", [])]
+    shown = sum(of_mesh[node["mesh"]] for node in header.get("nodes", []) if "mesh" in node)
+    TRIANGLES.check(where, shown)
+    most = _FREE_TRIANGLES + _MOST_COPIES * sum(of_mesh)
+    if shown > most:
+        raise MeshError(
+            f"{where}: its nodes show {shown:,} triangles, expected up to {most:,} of meshes with "
+            f"{sum(of_mesh):,}; export only the object to record"
+        )
+
+
+def _element_bytes(accessor: dict[str, Any]) -> int:
+    return _COMPONENT_BYTES[accessor["componentType"]] * _COMPONENTS[accessor["type"]]
+
+
+def _count(accessor: dict[str, Any]) -> int:
+    """Return the elements of an accessor; of a sparse one, those that replace zeros count, too."""
+    counts = [accessor["count"], accessor.get("sparse", {}).get("count", 0)]
+    if not all(isinstance(count, int) and count >= 0 for count in counts):
+        raise TypeError(f"{counts} elements")
+    return sum(counts)
+
+
+def _buffer_bytes(path: Path, header: dict[str, Any]) -> int:
+    """Return the length of all buffers, as the files have it, not as the header claims."""
+    total = 0
+    for buffer in header.get("buffers", []):
+        uri = buffer.get("uri")
+        if uri is None:
+            total += path.stat().st_size
+        elif uri.startswith("data:"):
+            total += len(uri)
+        else:
+            total += (path.parent / unquote(uri)).stat().st_size
+    return total
+
+
+def _triangles(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
+    counts = (
+        primitive.get("indices", primitive["attributes"].get("POSITION"))
+        for primitive in mesh["primitives"]
+    )
+    return sum(accessors[each]["count"] // 3 for each in counts if each is not None)
