@@ -25,6 +25,7 @@ from digs_warp.init.scale import ScaleEstimate, estimate_scale
 from digs_warp.init.start import Initialization
 from digs_warp.init.strategies import STRATEGIES
 from digs_warp.pipeline.results import Results
+from digs_warp.plausibility.check import check_capture
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
@@ -69,12 +70,14 @@ class Prepared:
         start: the points, and where they come from.
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses; None for given ones.
+        doubts: what does not fit together in the capture; see `digs_warp.plausibility`.
     """
 
     frames: PosedFrames
     start: Initialization
     sfm: SfmQuality | None = None
     scale: ScaleEstimate | None = None
+    doubts: tuple[str, ...] = ()
 
     @staticmethod
     def load(capture: Capture, folder: Path) -> "Prepared":
@@ -86,7 +89,8 @@ class Prepared:
         record = RunRecord.find(folder)
         results = Results.read(record, folder / RUN_RECORD) if record else Results()
         start = results.start(PointCloud.load(folder / INITIAL_POINTS))
-        return Prepared(PosedFrames.load(capture, folder), start, results.sfm, results.scale)
+        frames = PosedFrames.load(capture, folder)
+        return Prepared(frames, start, results.sfm, results.scale, results.doubts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +120,8 @@ def front_end(
             f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
         )
     frames = _split(capture, config.test_every)
+    with log.stage("check"):
+        doubts = _doubts(capture, config)
     sparse = None
     if config.needs_sfm:
         with log.stage("structure from motion"):
@@ -137,7 +143,11 @@ def front_end(
             baseline=capture.rig.baseline if capture.rig else None,
         )
     prepared = Prepared(
-        frames, start, sparse.quality if sparse else None, model.estimate if model else None
+        frames,
+        start,
+        sfm=sparse.quality if sparse else None,
+        scale=model.estimate if model else None,
+        doubts=doubts,
     )
     _save(prepared, capture, folder, log)
     return prepared
@@ -146,10 +156,20 @@ def front_end(
 def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> None:
     """Save everything to the folder; the points come last, to tell a resumed run that all is there."""
     results = Results.of_start(capture.stored_in, prepared.start, prepared.sfm, prepared.scale)
-    log.results = results.to_json()
+    log.results = replace(results, doubts=prepared.doubts).to_json()
     log.save(folder / RUN_RECORD)
     prepared.frames.save(folder)
     prepared.start.points.save(folder / INITIAL_POINTS)
+
+
+def _doubts(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
+    """Look at what the capture contributes, and warn of what does not fit together."""
+    found = check_capture(
+        capture, poses=config.sfm.poses != "sfm", masks=config.segment.masks == "capture"
+    )
+    for doubt in found.doubts:
+        logger.warning("%s: %s", capture, doubt)
+    return found.doubts
 
 
 def _split(capture: Capture, test_every: int) -> PosedFrames:

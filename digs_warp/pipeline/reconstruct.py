@@ -106,6 +106,7 @@ def _reconstruct(
             stopped_by=trained.stopped_by,
             folder=folder,
             capture=capture.stored_in,
+            doubts=prepared.doubts,
         )
         log.results = result.results.to_json()
     with log.stage("evaluate"):

@@ -65,6 +65,7 @@ class Reconstruction:
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.
         capture: folder of the recording; None if it is not known, or only in memory.
+        doubts: what does not fit together in the recording; empty for a good one.
     """
 
     gaussians: Gaussians
@@ -78,6 +79,7 @@ class Reconstruction:
     run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
     folder: Path | None = None
     capture: Path | None = None
+    doubts: tuple[str, ...] = ()
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -105,6 +107,7 @@ class Reconstruction:
         last = self.course[-1] if self.course else None
         return replace(
             Results.of_start(self.capture, self.start, self.sfm, self.scale),
+            doubts=self.doubts,
             gaussians=len(self.gaussians),
             iterations=last.iteration if last else None,
             stopped_by=self.stopped_by,
@@ -235,6 +238,7 @@ class Reconstruction:
             run=run or RunRecord("", {}, {}),
             folder=folder,
             capture=place,
+            doubts=results.doubts,
         )
 
     @staticmethod

@@ -19,6 +19,7 @@ class Results:
 
     Attributes:
         capture: folder of the recording.
+        doubts: what does not fit together in the recording.
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses, where there are such.
         sources: number of initial points by where they came from: "depth", "sfm", "random".
@@ -31,6 +32,7 @@ class Results:
     """
 
     capture: Path | None = None
+    doubts: tuple[str, ...] = ()
     sfm: SfmQuality | None = None
     scale: ScaleEstimate | None = None
     sources: dict[str, int] | None = None
@@ -67,6 +69,7 @@ class Results:
             start = {"sources": self.sources, **(asdict(self.depth) if self.depth else {})}
         content = {
             "capture": str(self.capture) if self.capture else None,
+            "doubts": list(self.doubts) or None,
             "sfm": asdict(self.sfm) if self.sfm else None,
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
@@ -91,6 +94,7 @@ class Results:
         try:
             return Results(
                 capture=Path(content["capture"]) if "capture" in content else None,
+                doubts=tuple(map(str, content.get("doubts", ()))),
                 sfm=SfmQuality(**content["sfm"]) if "sfm" in content else None,
                 scale=ScaleEstimate(**content["scale"]) if "scale" in content else None,
                 sources=start.pop("sources", None),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -35,8 +36,13 @@ class _Column:
     paint: Callable[[Frame], np.ndarray]
 
 
-def capture_section(capture: Capture) -> str:
-    """Return the section; columns whose files no shown frame has are left out."""
+def capture_section(capture: Capture, doubts: Sequence[str] = ()) -> str:
+    """Return the section; columns whose files no shown frame has are left out.
+
+    Args:
+        capture: the recording.
+        doubts: what does not fit together in it.
+    """
     frames = _evenly(capture.frames, MAX_FRAMES)
     depths = _depth_scale(frames)
     errors = _error_scale(frames)
@@ -53,10 +59,12 @@ def capture_section(capture: Capture) -> str:
     needed = {key for column in columns for key in column.needs}
     legends = [legend(depths, missing=True)] if needed & {_TRUE, _SENSED} else []
     legends += [legend(errors, missing=True)] if needed >= {_TRUE, _SENSED} else []
+    warnings = "".join(f"<p><strong>Warning:</strong> {escape(doubt)}</p>" for doubt in doubts)
     return section(
         "Capture",
         f"{len(frames)} of {len(capture)} frames, evenly spaced. Depths share one colour scale that is "
         "fitted to the object; what lies farther has its darkest colour. Errors are shown on the object.",
+        warnings,
         picture_grid(headings, rows),
         f"<div class=legends>{''.join(legends)}</div>",
         swatches(causes) if (causes := describe_causes(capture, frames)) else "",

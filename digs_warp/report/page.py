@@ -33,7 +33,7 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
             views_section(capture, result),
             course_section(result),
             start_section(result),
-            capture_section(capture),
+            capture_section(capture, result.doubts),
             sensor_section(capture),
             times_section(records),
             settings_section(records),

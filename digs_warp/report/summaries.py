@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import INDEX_NAME, Frame, read_capture
+from digs_warp.data.capture import INDEX_NAME, Capture, Frame, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.pipeline.reconstruction import Reconstruction
@@ -75,7 +75,13 @@ def of_capture(folder: Path) -> Facts:
         if capture.knows_poses
         else "unknown; reconstruct with --poses sfm",
     }
-    return facts | _of_object(folder) | _of_frame(first) | _of_record(folder)
+    return (
+        facts
+        | _of_object(folder)
+        | _of_frame(first)
+        | _of_plausibility(capture)
+        | _of_record(folder)
+    )
 
 
 def _of_object(folder: Path) -> Facts:
@@ -108,6 +114,18 @@ def _of_frame(frame: Frame) -> Facts:
             near, far = np.nanpercentile(depth, [1, 99])
             facts["depth"] += f", {near:.3f} m to {far:.3f} m (1st to 99th percentile)"
     return facts
+
+
+def _of_plausibility(capture: Capture) -> Facts:
+    """Whether depth, poses, focal length and masks fit together."""
+    from digs_warp.plausibility.check import check_capture
+
+    found = check_capture(capture)
+    if found.doubts:
+        return {"doubts": " ".join(found.doubts)}
+    if found.agreement is None:
+        return {}
+    return {"agreement": f"{found.agreement.score:.0%} between neighboring frames; nothing odd"}
 
 
 def of_gaussians(path: Path) -> Facts:

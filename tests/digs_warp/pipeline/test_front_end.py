@@ -19,6 +19,7 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 from reference.sfm_views import arc, record
+from reference.wrong_captures import other_focal
 
 # The photographs are small: features are also sought in the image enlarged twice.
 SFM = SfmConfig(double_size=True, features=1500, pairing="sequential", overlap=4, loop_images=0)
@@ -135,6 +136,22 @@ def test_given_poses_and_depth_need_no_matching(capture: Capture, tmp_path: Path
     front_end(capture, FrontEndConfig(test_every=4), tmp_path, log)
     assert "structure from motion" not in log.seconds
     assert not (tmp_path / "sfm").exists()
+
+
+def test_a_capture_that_does_not_fit_together_is_doubted_and_the_doubt_recorded(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = FrontEndConfig(test_every=4)
+    log = RunLog("test", config)
+    assert front_end(capture, config, tmp_path / "good", log).doubts == ()
+    assert "doubts" not in log.results and caplog.text == ""
+    wrong = other_focal(capture, 1.3)
+    prepared = front_end(wrong, config, tmp_path / "wrong", log)
+    (doubt,) = prepared.doubts
+    assert "focal length (about 0.77 times the given one fits)" in doubt
+    assert doubt in caplog.text and log.results["doubts"] == [doubt]
+    log.save(tmp_path / "wrong/run.json")
+    assert Prepared.load(wrong, tmp_path / "wrong").doubts == (doubt,)
 
 
 def test_frames_that_were_not_registered_are_left_out(

@@ -126,6 +126,14 @@ def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> No
     assert "4.00 mm" in text and "second mode" in text
 
 
+def test_doubts_about_the_capture_are_shown(run: tuple[Capture, Path, Path]) -> None:
+    assert "Warning:" not in write_and_parse(run).text
+    record = json.loads((run[1] / "run.json").read_text())
+    record["results"]["doubts"] = ["The depth is <odd>."]
+    (run[1] / "run.json").write_text(json.dumps(record))
+    assert re.search(r"Warning:\s+The depth is <odd>\.", write_and_parse(run).text)
+
+
 def test_columns_that_the_capture_lacks_are_left_out(tmp_path: Path) -> None:
     capture = write_capture(tmp_path / "capture", full=False)
     write_reconstruction(tmp_path / "reconstruction", capture)

@@ -1,0 +1,96 @@
+"""How well neighboring frames agree: the depth of one, seen by the camera of the other."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.geometry import invert_rigid, transform_points
+from digs_warp.plausibility.small_frames import SmallFrame
+
+# Points looked at in each frame of a pair.
+SAMPLES = 500
+
+# Relative differences of depth that count as agreement; a fine and a coarse one, for good and noisy sensors.
+FINE, COARSE = 0.02, 0.05
+
+# Fewer points that agree say nothing about their brightness.
+ENOUGH = 50
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What the pairs of a capture say.
+
+    Attributes:
+        overlap: share of the points of one frame that the other one looks at and has depth for, 0 to 1.
+        depth: share of points at the depth that the other frame measured, among those that it does not hide;
+            mean of the shares within FINE and COARSE.
+        brightness: correlation of the brightness that both frames give those points, -1 to 1.
+    """
+
+    overlap: float
+    depth: float
+    brightness: float
+
+    @property
+    def score(self) -> float:
+        """Depth and brightness together, 0 to 1."""
+        return self.depth * max(self.brightness, 0.0)
+
+
+def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> Agreement:
+    """Return how well the pairs agree, each looked at from both sides."""
+    seen = [
+        _reproject(frames[first], frames[second])
+        for pair in pairs
+        for first, second in (pair, pair[::-1])
+    ]
+    nearer, here, there = (np.concatenate([part[i] for part in seen]) for i in range(3))
+    looked_at = sum(part[3] for part in seen)
+    close = np.abs(nearer) < COARSE
+    brightness = _correlation(here[close], there[close])
+    depth = (_share(nearer, FINE) + _share(nearer, COARSE)) / 2
+    return Agreement(len(nearer) / max(looked_at, 1), depth, brightness)
+
+
+def _reproject(
+    first: SmallFrame, second: SmallFrame
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Return what the second frame says about points of the first.
+
+    Returns:
+        The log of depth in the second camera over measured depth, below 0 where the second frame sees through
+        the point; the brightness in either frame, all of shape (n,); and the number of points looked at.
+    """
+    rows, columns = np.nonzero(np.isfinite(first.depth))
+    step = max(1, len(rows) // SAMPLES)
+    rows, columns = rows[::step], columns[::step]
+    k = first.camera.intrinsics
+    z = first.depth[rows, columns].astype(np.float64)
+    rays = np.stack(
+        [(columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy, np.ones(len(z))], axis=1
+    )
+    second_from_first = invert_rigid(second.camera.world_from_cam) @ first.camera.world_from_cam
+    x, y, depth = transform_points(second_from_first, rays * z[:, None]).T
+    k = second.camera.intrinsics
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = k.fx * x / depth + k.cx, k.fy * y / depth + k.cy
+        inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
+    at = v[inside].astype(np.intp), u[inside].astype(np.intp)
+    nearer = np.log(depth[inside] / second.depth[at])
+    known = np.isfinite(nearer)
+    here = first.green[rows, columns][inside]
+    return nearer[known], here[known], second.green[at][known], len(z)
+
+
+def _share(nearer: np.ndarray, tolerance: float) -> float:
+    """Return the share of points that agree, among those that agree or are seen through."""
+    agree = np.count_nonzero(np.abs(nearer) < tolerance)
+    return float(agree) / max(agree + np.count_nonzero(nearer <= -tolerance), 1)
+
+
+def _correlation(here: np.ndarray, there: np.ndarray) -> float:
+    if len(here) < ENOUGH or here.std() == 0 or there.std() == 0:
+        return 0.0
+    return float(np.corrcoef(here, there)[0, 1])

@@ -1,0 +1,102 @@
+"""A few pairs of neighboring frames at thumbnail size: all that the checks look at."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.data.capture import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.device.parallel import default_threads
+
+# Thumbnails have at most this many columns.
+WIDTH = 160
+
+# So many pairs, evenly spread over the recording.
+PAIRS = 8
+
+# The second frame of a pair is the next one that the camera has turned this far from [degrees], or moved this
+# share of the extent of its path. With less motion, wrong depth and right depth look the same.
+TURN, MOVE = 10.0, 0.1
+
+# It is among the next frames; together they are at most this share of the recording.
+REACH = 0.25
+
+# If it turned farther than this [degrees], the two frames see little in common: the least turned frame of the
+# recording is taken instead, for example one of the orbit above. Angles are right in any pose convention.
+TOO_FAR = 25.0
+
+
+@dataclass(frozen=True, eq=False)
+class SmallFrame:
+    """A frame at thumbnail size.
+
+    Attributes:
+        number: in the recording.
+        camera: of the thumbnail.
+        depth: planar z [m], (height, width), float32, NaN where unknown; every n-th pixel of the frame.
+        green: brightness of the green channel, 0 to 255, (height, width), float32; means over n x n pixels.
+        mask: of the object, (height, width), bool; None if the frame has none.
+    """
+
+    number: int
+    camera: Camera
+    depth: np.ndarray
+    green: np.ndarray
+    mask: np.ndarray | None
+
+
+def small_frame(frame: Frame, number: int) -> SmallFrame:
+    """Return the thumbnail of a frame that has depth."""
+    depth, image = frame.load_depth(), frame.load_image()
+    step = max(1, int(np.ceil(depth.shape[1] / WIDTH)))
+    height, width = max(1, depth.shape[0] // step), max(1, depth.shape[1] // step)
+    picked = np.s_[step // 2 : height * step : step, step // 2 : width * step : step]
+    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
+    k = frame.camera.intrinsics
+    # The center of the first thumbnail pixel is the center of the first picked pixel.
+    cx, cy = ((center - step // 2 - 0.5) / step + 0.5 for center in (k.cx, k.cy))
+    intrinsics = Intrinsics(width, height, k.fx / step, k.fy / step, cx, cy)
+    return SmallFrame(
+        number=number,
+        camera=Camera(intrinsics, frame.camera.world_from_cam),
+        depth=depth[picked],
+        green=blocks.mean(axis=(1, 3), dtype=np.float32),
+        mask=frame.load_mask()[picked] > 127 if frame.has(Layer.MASK) else None,
+    )
+
+
+def small_frames(frames: Sequence[Frame], numbers: Sequence[int]) -> dict[int, SmallFrame]:
+    """Load the thumbnails of these frames on all cores; frames without depth are left out."""
+    numbers = [number for number in numbers if frames[number].has(Layer.DEPTH)]
+    with ThreadPoolExecutor(default_threads()) as pool:
+        loaded = pool.map(lambda number: small_frame(frames[number], number), numbers)
+        return dict(zip(numbers, loaded, strict=True))
+
+
+def neighbors(frames: Sequence[Frame]) -> list[tuple[int, int]]:
+    """Return pairs of numbers of neighboring frames, evenly spread, with some motion between them."""
+    if len(frames) < 2:
+        return []
+    starts = np.linspace(0, len(frames) - 2, min(PAIRS, len(frames) - 1)).round().astype(int)
+    poses = np.stack([frame.camera.world_from_cam for frame in frames])
+    extent = float(np.linalg.norm(np.ptp(poses[:, :3, 3], axis=0)))
+    reach = max(1, int(REACH * len(frames)))
+    pairs = [(i, _partner(poses, i, MOVE * extent, reach)) for i in starts.tolist()]
+    return sorted({(min(pair), max(pair)) for pair in pairs})
+
+
+def _partner(poses: np.ndarray, first: int, far: float, reach: int) -> int:
+    """Return the number of the frame that is compared with the frame ``first``."""
+    moved = np.linalg.norm(poses[:, :3, 3] - poses[first, :3, 3], axis=1)
+    cosines = (np.einsum("ij,nij->n", poses[first, :3, :3], poses[:, :3, :3]) - 1) / 2
+    turned = np.rad2deg(np.arccos(np.clip(cosines, -1, 1)))
+    ahead = slice(first + 1, first + 1 + reach)
+    enough = (turned[ahead] > TURN) | (moved[ahead] > far)
+    following = first + 1 + int(np.argmax(enough)) if enough.any() else len(enough) + first
+    if turned[following] <= TOO_FAR:
+        return following
+    turned[turned < TURN] = np.inf
+    return int(np.argmin(turned))

@@ -1,0 +1,166 @@
+"""The check of a capture names what is wrong with it, and says nothing about a good one."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.images import read_image
+from digs_warp.data.layers import Layer
+from digs_warp.interchange.captures.to_capture import nearly_rigid
+from digs_warp.plausibility.check import check_capture
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.record import simulate_in_memory
+from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.tiers import Tier, depth_of, sense
+from reference import wrong_captures as wrong
+
+CONFIG = SimulateConfig(frames=18, width=160, height=90)
+EVERY_EFFECT = tuple(Choice(effect.name, True, "", "", "") for effect in EFFECTS)
+
+
+@pytest.fixture(scope="module")
+def rendered() -> list[RenderedFrame]:
+    maker = FrameMaker.of(CONFIG)
+    return [maker.render(number) for number in range(CONFIG.frames)]
+
+
+def sensed(rendered: list[RenderedFrame], tier: Tier, strength: float = 1.0) -> Capture:
+    """The built-in capture as a sensor measures it; 'planned' with all its effects on depth."""
+    frames = []
+    for number, frame in enumerate(rendered):
+        truth = frame.truth
+        depth = depth_of(sense(truth, tier, EVERY_EFFECT, strength=strength), truth)
+        layers = {Layer.IMAGE: truth.image, Layer.DEPTH: depth, Layer.MASK: frame.mask}
+        frames.append(Frame(f"{number:04d}", truth.camera, float(number), layers))
+    return Capture(None, tuple(frames), None)
+
+
+@pytest.fixture(scope="module")
+def good(rendered: list[RenderedFrame]) -> Capture:
+    return sensed(rendered, "planned")
+
+
+@pytest.mark.parametrize(
+    ("tier", "strength"),
+    [("truth", 0), ("law", 1), ("law", 2), ("planned", 1), ("planned", 2), ("matcher", 1)],
+)
+def test_good_captures_of_every_tier_draw_no_doubt(
+    rendered: list[RenderedFrame], tier: Tier, strength: float
+) -> None:
+    found = check_capture(sensed(rendered, tier, strength))
+    assert found.doubts == ()
+    assert found.agreement is not None and found.agreement.score > 0.25
+
+
+def test_a_rolling_shutter_at_twice_its_time_draws_no_doubt() -> None:
+    shaken = replace(CONFIG, frames=12, effects="rolling-shutter,image-blur", strength=2.0)
+    assert check_capture(simulate_in_memory(shaken)).doubts == ()
+
+
+WRONG: dict[str, tuple[Callable[[Capture], Capture], str]] = {
+    "x1000": (lambda c: wrong.scaled_depth(c, 1000), "the depth is in millimetres"),
+    "/1000": (lambda c: wrong.scaled_depth(c, 1e-3), "the poses are in millimetres"),
+    "x100": (lambda c: wrong.scaled_depth(c, 100), "the depth is in centimetres"),
+    "x10": (lambda c: wrong.scaled_depth(c, 10), "the depth is in tenths of its unit"),
+    "/10": (lambda c: wrong.scaled_depth(c, 0.1), "the depth is 10 times too small"),
+    "inches": (lambda c: wrong.scaled_depth(c, 1 / 0.0254), "the depth is in inches"),
+    "unit of SfM": (lambda c: wrong.scaled_depth(c, 2.5), r"different units \(depth x 0.4 fits\)"),
+    "focal x10": (lambda c: wrong.other_focal(c, 10), r"focal length \(about 0.1 times"),
+    "focal x1.3": (lambda c: wrong.other_focal(c, 1.3), r"focal length \(about 0.77 times"),
+    "focal x1.1": (lambda c: wrong.other_focal(c, 1.1), r"focal length \(about 0.91 times"),
+    "focal x0.7": (lambda c: wrong.other_focal(c, 0.7), r"focal length \(about 1.43 times"),
+    "OpenCV axes": (wrong.opencv_axes, "the poses have OpenCV camera axes"),
+    "inverted": (wrong.inverted, r"the poses are inverted \(camera from world\)\. "),
+    "inverted, OpenCV": (wrong.inverted_opencv, "are inverted .* and have OpenCV camera axes"),
+    "late poses": (lambda c: wrong.poses_of(c, [0, *range(17)]), "those 1 frame.s. later fit"),
+    "shuffled": (
+        lambda c: wrong.poses_of(c, np.random.default_rng(1).permutation(18).tolist()),
+        "images, depth and poses do not belong together",
+    ),
+    "masks": (wrong.inverted_masks, "masks .* seem to be inverted"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_named(good: Capture, name: str) -> None:
+    spoil, cause = WRONG[name]
+    found = check_capture(spoil(good))
+    assert len(found.doubts) == 1, found
+    assert found.agreement is not None
+    assert re.search(cause, found.doubts[0]), found.doubts
+
+
+def test_depth_along_the_ray_is_named_where_the_sensor_is_precise(
+    rendered: list[RenderedFrame],
+) -> None:
+    (doubt,) = check_capture(wrong.depth_along_rays(sensed(rendered, "truth"))).doubts
+    assert "the distance along the ray" in doubt
+
+
+def test_without_poses_the_range_of_the_depth_and_the_masks_are_checked(good: Capture) -> None:
+    lost = replace(good, about=replace(good.about, poses_known=False))
+    assert check_capture(lost).doubts == ()
+    for factor in (1000, 1e-3):
+        (doubt,) = check_capture(wrong.scaled_depth(lost, factor)).doubts
+        assert "it seems to be in another unit" in doubt
+    assert len(check_capture(wrong.inverted_masks(lost)).doubts) == 1
+
+
+def test_what_is_not_used_is_not_doubted(good: Capture) -> None:
+    assert check_capture(wrong.inverted(good), poses=False).doubts == ()
+    assert check_capture(wrong.inverted_masks(good), masks=False).doubts == ()
+
+
+def test_captures_with_nothing_to_compare_are_left_alone(good: Capture) -> None:
+    bare = wrong.each_frame(good, lambda f: replace(f, layers={Layer.IMAGE: f.layers[Layer.IMAGE]}))
+    blind = wrong.scaled_depth(good, np.nan)
+    single = replace(good, frames=good.frames[:1])
+    for capture in (bare, blind, single, replace(good, frames=good.frames[:1] * 5)):
+        assert check_capture(capture).doubts == ()
+
+
+def recorded(folder: Path, kind: str) -> Capture:
+    """A real recording: 'hololens_room_sequence' or 'tum_cabinet_orbit'."""
+    if kind == "hololens_room_sequence":
+        k = np.loadtxt(folder / "K.txt")
+        intrinsics = Intrinsics(540, 360, k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5)
+        poses = np.loadtxt(folder / "poses.txt").reshape(-1, 4, 4)
+        colors, scale = "images", 1000
+    else:
+        from scipy.spatial.transform import Rotation
+
+        intrinsics = Intrinsics(640, 480, 535.4, 539.2, 320.6, 248.1)
+        rows = np.loadtxt(folder / "truth_cam_poses.txt")
+        poses = np.tile(np.eye(4), (len(rows), 1, 1))
+        poses[:, :3, :3] = Rotation.from_quat(rows[:, 4:8]).as_matrix()
+        poses[:, :3, 3] = rows[:, 1:4]
+        colors, scale = "rgb", 5000
+    images, depths = (sorted((folder / name).iterdir()) for name in (colors, "depth"))
+    frames = []
+    for image, depth, pose in zip(images, depths, poses, strict=True):
+        metres = read_image(depth, "depth")[..., 0].astype(np.float32) / scale
+        layers = {Layer.IMAGE: image, Layer.DEPTH: metres}
+        camera = Camera(intrinsics, nearly_rigid(pose, image.name))
+        frames.append(Frame(image.stem, camera, float(len(frames)), layers))
+    return Capture(None, tuple(frames), None)
+
+
+@pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
+def test_real_recordings_draw_no_doubt_until_they_are_spoiled(sample_data: Path, kind: str) -> None:
+    capture = recorded(sample_data / "rgbd" / kind, kind)
+    assert check_capture(capture).doubts == ()
+    for spoil, cause in (
+        (lambda c: wrong.scaled_depth(c, 1000), "the depth is in millimetres"),
+        (lambda c: wrong.other_focal(c, 2), "about 0.5 times the given one fits"),
+        (wrong.opencv_axes, "the poses have OpenCV camera axes"),
+    ):
+        (doubt,) = check_capture(spoil(capture)).doubts
+        assert cause in doubt

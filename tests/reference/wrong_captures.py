@@ -1,0 +1,79 @@
+"""Captures in memory with one thing wrong: a unit, the focal length, a convention, an order."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics, pixel_centers
+from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.layers import Layer
+from digs_warp.geometry import OPENCV_FROM_OPENGL, invert_rigid
+
+
+def each_frame(capture: Capture, change: Callable[[Frame], Frame]) -> Capture:
+    return replace(capture, frames=tuple(map(change, capture.frames)))
+
+
+def scaled_depth(capture: Capture, factor: float) -> Capture:
+    return each_frame(
+        capture, lambda f: f.with_layer(Layer.DEPTH, f.load_depth() * np.float32(factor))
+    )
+
+
+def other_focal(capture: Capture, factor: float) -> Capture:
+    def change(frame: Frame) -> Frame:
+        k = frame.camera.intrinsics
+        k = Intrinsics(k.width, k.height, k.fx * factor, k.fy * factor, k.cx, k.cy)
+        return replace(frame, camera=replace(frame.camera, intrinsics=k))
+
+    return each_frame(capture, change)
+
+
+def with_poses(capture: Capture, change: Callable[[np.ndarray], np.ndarray]) -> Capture:
+    """Change what the index holds: world from camera, OpenGL axes."""
+
+    def read(frame: Frame) -> Frame:
+        wrong = change(frame.camera.world_from_cam @ OPENCV_FROM_OPENGL) @ OPENCV_FROM_OPENGL
+        return replace(frame, camera=replace(frame.camera, world_from_cam=wrong))
+
+    return each_frame(capture, read)
+
+
+def opencv_axes(capture: Capture) -> Capture:
+    return with_poses(capture, lambda matrix: matrix @ OPENCV_FROM_OPENGL)
+
+
+def inverted(capture: Capture) -> Capture:
+    return with_poses(capture, invert_rigid)
+
+
+def inverted_opencv(capture: Capture) -> Capture:
+    return with_poses(capture, lambda matrix: invert_rigid(matrix @ OPENCV_FROM_OPENGL))
+
+
+def depth_along_rays(capture: Capture) -> Capture:
+    def change(frame: Frame) -> Frame:
+        k = frame.camera.intrinsics
+        rays = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
+        lengths = np.sqrt(1 + np.square(rays).sum(-1)).astype(np.float32)
+        return frame.with_layer(Layer.DEPTH, frame.load_depth() * lengths)
+
+    return each_frame(capture, change)
+
+
+def poses_of(capture: Capture, numbers: list[int]) -> Capture:
+    """Frame i gets the pose of frame numbers[i]."""
+    cameras = [frame.camera for frame in capture.frames]
+    frames = zip(capture.frames, numbers, strict=True)
+    return replace(capture, frames=tuple(replace(f, camera=cameras[n]) for f, n in frames))
+
+
+def depth_of_next(capture: Capture) -> Capture:
+    depths = [frame.load_depth() for frame in capture.frames]
+    frames = zip(capture.frames, [*depths[1:], depths[-1]], strict=True)
+    return replace(capture, frames=tuple(f.with_layer(Layer.DEPTH, d) for f, d in frames))
+
+
+def inverted_masks(capture: Capture) -> Capture:
+    return each_frame(capture, lambda f: f.with_layer(Layer.MASK, 255 - f.load_mask()))
