@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from digs_warp.commands.command import Command, Group, Preset
+from digs_warp.commands.output import check_output_file
 from digs_warp.record.files import write_atomically
 from digs_warp.study.benchmarks import BENCHMARKS, Benchmark, find_benchmark
 
@@ -24,16 +25,24 @@ class Bench(Command):
     json: Path | None = None
     """Also write the results to this file: one JSON object per case and line with labels and values."""
 
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace files that exist."""
+
     def execute(self) -> str:
         """Measure, write the files, return the tables."""
         from digs_warp.study.results import format_tables, write_json_lines
 
+        for path in self._files():
+            check_output_file(path, self.overwrite)
         results = find_benchmark(self.name).run()
         parts = [format_tables(results)]
         if self.json is not None:
             write_json_lines(results, self.json)
             parts.append(f"{len(results)} results, also in {self.json}")
         return "\n\n".join([*parts, *self._draw(results)])
+
+    def _files(self) -> list[Path]:
+        return [self.json] if self.json else []
 
     def _draw(self, results: "Sequence[Result]") -> list[str]:
         return []
@@ -45,6 +54,9 @@ class BenchWithPicture(Bench):
 
     plot: Path | None = None
     """Also draw the results into this PNG file."""
+
+    def _files(self) -> list[Path]:
+        return [path for path in (self.json, self.plot) if path]
 
     def _draw(self, results: "Sequence[Result]") -> list[str]:
         from digs_warp.study.charts import side_by_side

@@ -10,9 +10,8 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
-from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.output import NewFolder
 from digs_warp.data.capture import INDEX_NAME
-from digs_warp.record.files import whole_folder
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
 
@@ -45,7 +44,7 @@ class Convert(Command):
     """The file or folder to write. A folder must be new or empty, unless --overwrite is given."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace the file if it exists, or first delete the results of an earlier run in the folder."""
+    """Replace the file, or the results of an earlier run in the folder, once the new ones are complete."""
 
     to: CaptureFormat | None = None
     """For a capture: the format to write. COLMAP (binary, or as text), nerfstudio (also for OpenSplat), TUM
@@ -92,15 +91,14 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
     from digs_warp.data.capture import read_capture
     from digs_warp.interchange.captures.formats import export_capture
 
-    folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source])
     capture = read_capture(source)
     log = RunLog("convert", {"capture": source, "to": form}, results={"frames": len(capture)})
-    with whole_folder(folder) as unfinished:
+    with NewFolder(out=out, overwrite=overwrite).opened([source]) as folder:
         with log.stage("export"):
-            export_capture(capture, form, unfinished)
+            export_capture(capture, form, folder)
             if form == "bop":
-                _add_bop_model(capture, unfinished)
-        log.save(unfinished / RUN_RECORD)
+                _add_bop_model(capture, folder)
+        log.save(folder / RUN_RECORD)
     return f"{out}: {len(capture)} frames as {form}, {log.seconds['export']:.1f} s"
 
 
@@ -119,17 +117,16 @@ def _add_bop_model(capture: "Capture", folder: Path) -> None:
 
 
 def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: bool) -> str:
-    """Write the capture of a recording; its index comes last, so a capture that opens is complete."""
+    """Write the capture of a recording; the folder is complete or not there."""
     from digs_warp.interchange.captures.formats import read_recording
     from digs_warp.interchange.captures.to_capture import write_capture
 
     recording = read_recording(source, form)
-    folder = OutputFolder(out=out, overwrite=overwrite).prepare(inputs=[source])
     log = RunLog("convert", {"recording": source, "from": form})
-    log.save(folder / RUN_RECORD)  # from here on --overwrite may delete the folder
-    with log.stage("convert"):
-        capture = write_capture(recording, form, folder)
-    log.results = {"frames": len(capture), "poses_known": capture.knows_poses}
-    log.save(folder / RUN_RECORD)
+    with NewFolder(out=out, overwrite=overwrite).opened([source]) as folder:
+        with log.stage("convert"):
+            capture = write_capture(recording, form, folder)
+        log.results = {"frames": len(capture), "poses_known": capture.knows_poses}
+        log.save(folder / RUN_RECORD)
     hint = "" if capture.knows_poses else "; poses unknown: structure from motion has to find them"
     return f"{out}: {len(capture)} frames from {form}, {log.seconds['convert']:.1f} s{hint}"

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from digs_warp.checks import DigsError
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_options import SplatOptions
+from digs_warp.record.layout import find_gaussians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +32,7 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     from digs_warp.pipeline.scene_files import check_target, write_scene_file
 
     check_target(target)
-    check_output_file(target, overwrite)
-    if target.exists() and source.exists() and target.samefile(source):
-        raise DigsError(f"'{target}': is the source itself; name another file")
+    check_output_file(target, overwrite, [find_gaussians(source)])
     result = options.read(source)
     write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
     gaussians = result.gaussians

@@ -54,7 +54,8 @@ class ExportUsd(Command):
         from digs_warp.pipeline.scene_files import read_scene
         from digs_warp.pipeline.usd_scene import write_capture_package, write_scene
 
-        check_output_file(self.out, self.overwrite)
+        inputs = [self.source, self.capture, *self.also]
+        check_output_file(self.out, self.overwrite, inputs)
         capture = read_capture(self.capture) if self.capture else None
         results = [read_scene(path, capture=capture) for path in (self.source, *self.also)]
         if capture is not None:

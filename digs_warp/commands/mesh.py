@@ -68,7 +68,7 @@ class Mesh(Command):
             raise DigsError(
                 f"--out '{self.out}': suffix '{self.out.suffix}', expected {' or '.join(SUFFIXES)}"
             )
-        check_output_file(self.out, self.overwrite)
+        check_output_file(self.out, self.overwrite, [self.source, self.capture])
         start = perf_counter()
         capture = read_capture(self.capture) if self.capture else None
         result = self.scene.read(self.source, capture)

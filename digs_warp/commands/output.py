@@ -1,7 +1,10 @@
-"""The rules for writing results: no file of the user's is deleted unless a flag says so."""
+"""The rules for writing results: old results go when new ones are complete, files of others stay."""
 
+import logging
+import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +13,53 @@ import tyro
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.record.files import read_json
-from digs_warp.record.layout import MANIFEST, RUN_RECORD
+from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
+from digs_warp.record.leftovers import remove_leftovers_of
+from digs_warp.record.lock import sole_writer
+from digs_warp.record.manifest import recorded_files
+from digs_warp.record.replacement import check_place, finish_replacement, replace_result
 from digs_warp.record.run_log import RunRecord
 
 OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewFolder:
+    """Where the results of a command go that starts from the beginning each time."""
+
+    out: Path
+    """Folder for the results. It must be new or empty, unless --overwrite is given."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace the results of an earlier run in this folder once the new ones are complete. Files that no run
+    wrote stay."""
+
+    @contextmanager
+    def opened(self, inputs: Sequence[Path | None] = ()) -> Iterator[Path]:
+        """Yield a folder to write into, whose content becomes the result at the end; an error deletes it.
+
+        Args:
+            inputs: what the command reads; it must be there, and not in the folder that is written.
+
+        Raises:
+            DigsError: an input is missing, the folder is in use and no flag says what to do, or it cannot be
+                overwritten.
+        """
+        needed = _check_inputs(self.out, inputs)
+        with sole_writer(self.out):
+            _finish(self.out)
+            _check_free(self.out, self.overwrite, needed)
+            work = self.out / UNFINISHED
+            shutil.rmtree(work, ignore_errors=True)  # of a command that was killed
+            try:
+                with _written_for(self.out, work), recorded_files(work):
+                    yield work
+                replace_result(self.out)
+            finally:
+                if not (self.out / REPLACING).is_file():  # else the next run finishes it
+                    shutil.rmtree(work, ignore_errors=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,49 +73,81 @@ class OutputFolder:
     """Continue an interrupted run that had the same settings."""
 
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """First delete the results of an earlier run in this folder."""
+    """Replace the results of an earlier run in this folder once the new ones are complete. Files that no run
+    wrote stay."""
 
     def __post_init__(self) -> None:
         if self.resume and self.overwrite:
             raise DigsError("--resume and --overwrite contradict each other; give one of them")
 
-    def prepare(self, inputs: Sequence[Path | None] = ()) -> Path:
-        """Make the folder ready to be written and return it.
+    @contextmanager
+    def opened(
+        self, inputs: Sequence[Path | None] = (), writes: Sequence[str] = ()
+    ) -> Iterator[Path]:
+        """Yield the folder to write into, which an interrupted run can continue in.
+
+        It is ``out`` itself, or a hidden folder in it whose content replaces an old result at the end.
 
         Args:
-            inputs: what the command reads; it has to be there, and --overwrite must not delete it.
+            inputs: what the command reads; it must be there, and not in the folder that is written.
+            writes: the names that results may have, relative to the folder, as patterns with ``*``.
 
         Raises:
-            DigsError: an input is missing, the folder is in use and no flag says what to do, or it cannot
-                be overwritten.
+            DigsError: an input is missing, the folder is in use and no flag says what to do, or it cannot be
+                overwritten.
         """
-        needed = [path for path in inputs if path is not None]
-        for path in needed:
-            if not path.exists():  # found out now, before anything is deleted
-                raise DigsError(f"'{path}': no such file or folder. Check the path.")
-        if self.out.exists() and not self.out.is_dir():
-            raise DigsError(f"--out '{self.out}': this is a file; name a folder")
-        if self.overwrite and _is_used(self.out):
-            _check_may_delete(self.out, needed)
-            shutil.rmtree(self.out)
-        elif _is_used(self.out) and not self.resume:
-            raise DigsError(
-                f"--out '{self.out}': the folder is not empty. Add --resume to go on with an "
-                "interrupted run, --overwrite to start again, or name another folder."
-            )
-        return self.out
+        needed = _check_inputs(self.out, inputs)
+        with sole_writer(self.out):
+            _finish(self.out)
+            work = self._workplace(needed, writes)
+            try:
+                with _written_for(self.out, work), recorded_files(work, self.resume):
+                    yield work
+            except BaseException:
+                _remove_mere_records(work)
+                raise
+            if work != self.out:
+                replace_result(self.out)
+
+    def _workplace(self, needed: Sequence[Path], writes: Sequence[str]) -> Path:
+        unfinished = self.out / UNFINISHED
+        if self.resume:
+            if not _holds_results(unfinished):
+                return self.out
+            _log.info("'%s': going on with the new result that --overwrite began", self.out)
+            return unfinished
+        _check_free(self.out, self.overwrite, needed)
+        shutil.rmtree(unfinished, ignore_errors=True)
+        if not _is_used(self.out):
+            return self.out
+        check_place(self.out, writes)
+        return unfinished
 
 
 # Stands for a folder that is still to be named.
 ANY_FOLDER = OutputFolder(out=tyro.MISSING)
 
 
-def check_output_file(path: Path, overwrite: bool) -> None:
-    """Raise a `DigsError` when ``path`` exists and may not be replaced."""
+def check_output_file(path: Path, overwrite: bool, inputs: Sequence[Path | None] = ()) -> None:
+    """Check that a file may be written, and delete what killed processes left of it.
+
+    Args:
+        path: the file.
+        overwrite: whether it may exist.
+        inputs: what the command reads, which cannot be the file.
+
+    Raises:
+        DigsError: it may not be written.
+    """
     if path.is_dir():
         raise DigsError(f"--out '{path}': this is a folder; name a file")
     if path.exists() and not overwrite:
         raise DigsError(f"--out '{path}': the file exists; add --overwrite or name another file")
+    for source in inputs:
+        if source is not None and source.exists() and path.exists() and path.samefile(source):
+            raise DigsError(f"'{path}': is the source itself; name another file")
+    _check_writable(path)
+    remove_leftovers_of(path)
 
 
 def is_ours(folder: Path) -> bool:
@@ -82,23 +160,101 @@ def is_ours(folder: Path) -> bool:
         return False
 
 
+def _check_inputs(out: Path, inputs: Sequence[Path | None]) -> list[Path]:
+    """Return the inputs that there are, after all checks that change nothing."""
+    needed = _existing(inputs)
+    if out.exists() and not out.is_dir():
+        raise DigsError(f"--out '{out}': this is a file; name a folder")
+    _check_writable(out)
+    return needed
+
+
+def _existing(inputs: Sequence[Path | None]) -> list[Path]:
+    needed = [path for path in inputs if path is not None]
+    for path in needed:
+        if not path.exists():
+            raise DigsError(f"'{path}': no such file or folder. Check the path.")
+    return needed
+
+
+def _check_writable(path: Path) -> None:
+    """Check that a file or folder can be made, without making it."""
+    path = path.absolute()
+    place = next(each for each in (path, *path.parents) if each.exists())
+    if place != path and not place.is_dir():
+        raise DigsError(f"--out '{path}': '{place}' is a file; name another place")
+    folder = place if place.is_dir() else place.parent
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise DigsError(f"--out '{path}': '{folder}' is not writable; name another place")
+
+
+def _finish(out: Path) -> None:
+    if finish_replacement(out):
+        _log.info("'%s': put the new result in place, which a killed run had finished", out)
+
+
+def _check_free(out: Path, overwrite: bool, needed: Sequence[Path]) -> None:
+    """Check that new results may be written into a folder."""
+    is_used = _is_used(out)
+    if not overwrite and (is_used or _holds_results(out / UNFINISHED)):
+        raise DigsError(
+            f"--out '{out}': the folder is not empty. Add --resume to go on with an "
+            "interrupted run, --overwrite to start again, or name another folder."
+        )
+    if not is_used:
+        return
+    if not is_ours(out):
+        raise DigsError(
+            f"--out '{out}': --overwrite replaces only results that digs-warp wrote, and this folder has no "
+            f"{RUN_RECORD} of ours. Name another folder."
+        )
+    if not any(out.rglob(MANIFEST)):
+        raise DigsError(
+            f"--out '{out}': an earlier version wrote this folder, without a list of its files "
+            f"({MANIFEST}). Delete it yourself or name another folder."
+        )
+    for path in [*needed, Path.cwd()]:
+        if path.resolve().is_relative_to(out.resolve()):
+            raise DigsError(
+                f"--out '{out}': --overwrite would delete '{path}', which this run needs; "
+                "name another folder"
+            )
+
+
 def _is_used(folder: Path) -> bool:
     """Whether there is more in it than the record of a run that failed before it made anything."""
     if not folder.is_dir():
         return False
-    names = {path.name for path in folder.iterdir()}
+    names = {path.name for path in folder.iterdir()} - {LOCK, REPLACING, UNFINISHED}
     return bool(names) and not (names <= {RUN_RECORD, MANIFEST} and is_ours(folder))
 
 
-def _check_may_delete(folder: Path, inputs: Sequence[Path]) -> None:
-    if not is_ours(folder):
-        raise DigsError(
-            f"--out '{folder}': --overwrite deletes only folders that digs-warp wrote, and this one "
-            f"has no {RUN_RECORD} of ours. Delete it yourself or name another folder."
-        )
-    for path in [*inputs, Path.cwd()]:
-        if path.resolve().is_relative_to(folder.resolve()):
-            raise DigsError(
-                f"--out '{folder}': --overwrite would delete '{path}', which this run needs; "
-                "name another folder"
-            )
+def _holds_results(folder: Path) -> bool:
+    no_results = (RUN_RECORD, MANIFEST, LOCK)
+    return any(path.name not in no_results for path in folder.rglob("*") if not path.is_dir())
+
+
+def _remove_mere_records(folder: Path) -> None:
+    """Delete the records of a run that failed before it made anything."""
+    if _holds_results(folder):
+        return
+    for place, _, _ in os.walk(folder, topdown=False):
+        parent = Path(place)
+        if is_ours(parent):
+            (parent / RUN_RECORD).unlink()
+            (parent / MANIFEST).unlink(missing_ok=True)
+            with suppress(OSError):  # the folder of a run, with its lock
+                parent.rmdir()
+
+
+@contextmanager
+def _written_for(out: Path, work: Path) -> Iterator[None]:
+    """Name the folder that the user named in errors of the block, which writes into ``work``."""
+    try:
+        yield
+    except (DigsError, OSError) as error:
+        if work == out or str(work) not in str(error):
+            raise
+        text = str(error).replace(str(work), str(out))
+        kept = f" What was begun is in '{work}'." if _holds_results(work) else ""
+        raise DigsError(f"{text}{kept}") from error

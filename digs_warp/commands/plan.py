@@ -53,7 +53,8 @@ class Plan(SettingsCommand):
         from digs_warp.sim.session import load_inputs, prepare_session
 
         if self.json is not None:
-            check_output_file(self.json, self.overwrite)
+            inputs = [self.recording.mesh, self.recording.environment]
+            check_output_file(self.json, self.overwrite, inputs)
         check_effects(self.recording)
         session = prepare_session(self.recording, load_inputs(self.recording))
         plan = make_plan(session)

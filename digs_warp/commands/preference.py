@@ -8,7 +8,7 @@ import tyro
 
 from digs_warp.checks import DigsError, check_positive, check_within
 from digs_warp.commands.command import Command, Group
-from digs_warp.commands.output import OutputFolder
+from digs_warp.commands.output import NewFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class MakeKit(Command):
     """Folders, one per question. Each has the same four subfolders with reconstructions of one object, named
     after what is compared, for example default, highdepth, fusion and random."""
 
-    output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
+    output: Annotated[NewFolder, tyro.conf.OmitArgPrefixes]
 
     seconds: float = 8.0
     """Length of a turn around the object [s]."""
@@ -50,12 +50,12 @@ class MakeKit(Command):
         from digs_warp.study.preference.kit import find_items, make_kit
 
         items = find_items(self.items)
-        folder = self.output.prepare(self.items)
         size = (self.width, self.height)
-        make_kit(items, folder, size=size, seconds=self.seconds, frame_rate=self.fps)
+        with self.output.opened(self.items) as folder:
+            make_kit(items, folder, size=size, seconds=self.seconds, frame_rate=self.fps)
         return (
-            f"{folder}: {VERSIONS} versions of {len(items)} questions. Give the next participant the next "
-            f"version (sheet.html and its videos), fill in answers.csv, and keep {KEY} to yourself."
+            f"{self.output.out}: {VERSIONS} versions of {len(items)} questions. Give the next participant "
+            f"the next version (sheet.html and its videos), fill in answers.csv, and keep {KEY} to yourself."
         )
 
 

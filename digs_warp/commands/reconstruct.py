@@ -11,6 +11,7 @@ import tyro
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.record import layout
 from digs_warp.record.settings import settings_from_json
 
@@ -67,12 +68,12 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
 
         start = time.perf_counter()
         capture = read_capture(self.capture)
-        require_device(self.train.device)
-        folder = self.output.prepare(inputs=[self.capture])
         config = self.reconstruct_config(self.seed)
-        result = reconstruct(capture, config, folder, resume=self.output.resume)
+        require_device(config.train.device)  # a wrong flag is named first
+        with self.output.opened([self.capture], reconstruction_files()) as folder:
+            result = reconstruct(capture, config, folder, resume=self.output.resume)
         seconds = time.perf_counter() - start
         return (
-            f"{folder / layout.GAUSSIANS}: {len(result.gaussians):,} Gaussians from {len(capture)} frames, "
-            f"{result.scores}, {seconds:.1f} s"
+            f"{self.output.out / layout.GAUSSIANS}: {len(result.gaussians):,} Gaussians from {len(capture)} "
+            f"frames, {result.scores}, {seconds:.1f} s"
         )

@@ -10,9 +10,8 @@ import tyro
 
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.commands.command import Command
-from digs_warp.commands.output import OutputFolder, check_output_file
+from digs_warp.commands.output import NewFolder, check_output_file
 from digs_warp.commands.splat_options import SplatOptions
-from digs_warp.record.files import whole_folder
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
@@ -93,7 +92,7 @@ class Render(Command):
                 "folder for frames"
             )
         if is_file:
-            check_output_file(self.out, self.overwrite)
+            check_output_file(self.out, self.overwrite, [self.source, self.follow])
         gaussians = self.scene.read(self.source).gaussians
         subject = find_subject(gaussians)
         cameras = self._cameras(subject)
@@ -123,12 +122,12 @@ class Render(Command):
     def _write_folder(self, frames: "Iterator[np.ndarray]", clock: "Clock") -> int:
         from digs_warp.film.video import write_frames
 
-        output = OutputFolder(out=self.out, overwrite=self.overwrite)
+        output = NewFolder(out=self.out, overwrite=self.overwrite)
         log = RunLog("render", self)
-        with whole_folder(output.prepare([self.source])) as unfinished:
-            count = write_frames(unfinished, frames)
+        with output.opened([self.source, self.follow]) as folder:
+            count = write_frames(folder, frames)
             log.seconds["render"] = sum(clock.seconds)
-            log.save(unfinished / RUN_RECORD)
+            log.save(folder / RUN_RECORD)
         return count
 
     def _cameras(self, subject: "Subject") -> "list[Camera]":

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import tyro
 
@@ -11,12 +11,16 @@ from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.commands.result_files import run_files
 from digs_warp.commands.simulate import RECORDING_FLAGS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.usd.convert import WriteOptions
+
+if TYPE_CHECKING:
+    from digs_warp.pipeline.reconstruct import ReconstructConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,15 +60,24 @@ class Run(ReconstructionOptions, SettingsCommand):
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
         from digs_warp.device.warp_start import require_device
+        from digs_warp.segment.masks import check_source
+
+        config = self.reconstruct_config(self.recording.seed)
+        require_device(config.train.device)  # now, not after the recording
+        check_source(config.segment)
+        log = RunLog("run", {"recording": self.recording, "reconstruction": config})
+        inputs = [self.recording.mesh, self.recording.environment]
+        with self.output.opened(inputs, run_files()) as folder:
+            what = self._run_stages(folder, config, log)
+        return _summary(self.output.out, log, what)
+
+    def _run_stages(self, folder: Path, config: "ReconstructConfig", log: RunLog) -> str:
+        """Write everything into ``folder``; return the result in a phrase."""
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.usd_scene import write_capture_package
         from digs_warp.report import write_report
         from digs_warp.sim.record import simulate
 
-        require_device(self.train.device)
-        folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
-        config = self.reconstruct_config(self.recording.seed)
-        log = RunLog("run", {"recording": self.recording, "reconstruction": config})
         record = folder / layout.RUN_RECORD
         reconstruction = folder / layout.RECONSTRUCTION
         if self.output.resume:
@@ -82,8 +95,7 @@ class Run(ReconstructionOptions, SettingsCommand):
             write_capture_package(capture, [result], folder / layout.SCENE, WriteOptions())
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)
-        what = f"{len(result.gaussians):,} Gaussians from {len(capture)} frames, {result.scores}"
-        return _summary(folder, log, what)
+        return f"{len(result.gaussians):,} Gaussians from {len(capture)} frames, {result.scores}"
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:

@@ -13,7 +13,8 @@ from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts
 from digs_warp.commands.many_scenes import ManyScenes
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
-from digs_warp.record.layout import DATA_SET, RUN_RECORD
+from digs_warp.commands.result_files import capture_files
+from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
@@ -73,13 +74,14 @@ class Simulate(SettingsCommand):
         from digs_warp.sim.record import simulate
 
         start = time.perf_counter()
-        folder = self.output.prepare(inputs=[self.recording.mesh, self.recording.environment])
-        capture = simulate(self.recording, folder, resume=self.output.resume)
+        inputs = [self.recording.mesh, self.recording.environment]
+        with self.output.opened(inputs, capture_files()) as folder:
+            capture = simulate(self.recording, folder, resume=self.output.resume)
         k = capture.frames[0].camera.intrinsics
         seconds = time.perf_counter() - start
         return (
-            f"{folder}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s\n"
-            f"object: {recorded_object(folder)}"
+            f"{self.output.out}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s\n"
+            f"object: {recorded_object(self.output.out)}"
         )
 
     def _record_many(self) -> str:
@@ -90,19 +92,24 @@ class Simulate(SettingsCommand):
         meshes, environments = self.many.find()
         jobs = plan_jobs(self.recording, meshes, environments, self.many.trajectories)
         one: list[Path | None] = [self.recording.mesh, self.recording.environment]
-        folder = self.output.prepare(inputs=[*one, *meshes, *environments])
+        names = (*capture_files(), RUN_RECORD, MANIFEST)
+        writes = [DATA_SET, *(f"{job.name}/{name}" for job in jobs for name in names)]
         log = RunLog("simulate", {"recording": self.recording, "scenes": self.many})
-        record = folder / RUN_RECORD
-        if self.output.resume:
-            log.continue_from(record)
-        log.save(record)
-        with log.stage("simulate"):
-            results = simulate_many(jobs, folder, self.output.resume)
-        failed = [each.name for each in results if each.error]
-        log.results = {"scenes": len(results), "failed": failed}
-        log.save(record)
-        lines = format_facts({result.name: str(result) for result in results})
-        summary = f"{lines}\n\nAlso in {folder / DATA_SET}"
-        if failed:
-            raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{summary}")
-        return f"{summary}. {len(results)} scenes in {log.seconds['simulate']:.0f} s"
+        with self.output.opened([*one, *meshes, *environments], writes) as folder:
+            record = folder / RUN_RECORD
+            if self.output.resume:
+                log.continue_from(record)
+            log.save(record)
+            with log.stage("simulate"):
+                results = simulate_many(jobs, folder, self.output.resume)
+            failed = [each.name for each in results if each.error]
+            log.results = {"scenes": len(results), "failed": failed}
+            log.save(record)
+            lines = format_facts({result.name: str(result) for result in results})
+            if failed:  # before an old result is replaced
+                text = f"{lines}\n\nAlso in {folder / DATA_SET}"
+                raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{text}")
+        return (
+            f"{lines}\n\nAlso in {self.output.out / DATA_SET}. {len(results)} scenes in "
+            f"{log.seconds['simulate']:.0f} s"
+        )

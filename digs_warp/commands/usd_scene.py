@@ -25,10 +25,10 @@ class JsonFile:
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace that file if it exists."""
 
-    def check(self) -> None:
-        """Raise a `DigsError` when the file exists and may not be replaced."""
+    def check(self, *inputs: Path) -> None:
+        """Raise a `DigsError` when the file exists and may not be replaced, or is one of the inputs."""
         if self.json is not None:
-            check_output_file(self.json, self.overwrite)
+            check_output_file(self.json, self.overwrite, inputs)
 
     def write(self, text: str) -> None:
         """Write the file, if there is to be one."""
@@ -51,7 +51,7 @@ class UsdInfo(JsonFile, Command):
         from digs_warp.report.summaries import facts_of_usd
         from digs_warp.usd.info import describe
 
-        self.check()
+        self.check(self.scene)
         scene = describe(self.scene, self.prim)
         self.write(to_json(scene))
         return format_facts(facts_of_usd(scene))
@@ -72,7 +72,7 @@ class UsdValidate(JsonFile, Command):
         """Check; a scene with errors is raised, so that the exit code tells."""
         from digs_warp.usd.validate import validate
 
-        self.check()
+        self.check(self.scene)
         report = validate(self.scene)
         self.write(report.json())
         if not report.ok:
@@ -97,7 +97,7 @@ class UsdDiff(JsonFile, Command):
         """Compare and return the differences, one per line."""
         from digs_warp.usd.diff import differences
 
-        self.check()
+        self.check(self.first, self.second)
         found = differences(self.first, self.second, self.prim)
         self.write(to_json([asdict(each) for each in found]))
         return "\n".join(map(str, found)) or "the scenes hold the same"

@@ -30,7 +30,7 @@ from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.segment.config import SegmentConfig
-from digs_warp.segment.masks import segment, with_masks
+from digs_warp.segment.masks import check_inputs, segment, with_masks
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.words import counted
@@ -102,6 +102,21 @@ class _Model:
     estimate: ScaleEstimate | None = None
 
 
+def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
+    """Check what can be checked before any work.
+
+    Raises:
+        DigsError: no poses, too few frames, or masks or their source are missing.
+    """
+    if not capture.knows_poses and config.sfm.poses != "sfm":
+        raise DigsError(
+            f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
+        )
+    training = _split(capture, config.test_every).training
+    if config.segment.masks != "capture":
+        check_inputs(training, config.segment)
+
+
 def front_end(
     capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog, resume: bool = False
 ) -> Prepared:
@@ -115,10 +130,7 @@ def front_end(
     """
     if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
         return Prepared.load(capture, folder)
-    if not capture.knows_poses and config.sfm.poses != "sfm":
-        raise DigsError(
-            f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
-        )
+    check_front_end(capture, config)
     frames = _split(capture, config.test_every)
     with log.stage("check"):
         doubts = _doubts(capture, config)

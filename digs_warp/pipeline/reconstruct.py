@@ -13,7 +13,14 @@ from digs_warp.data.posed_frames import CAMERAS
 from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.front_end import MASKS, SFM, FrontEndConfig, Prepared, front_end
+from digs_warp.pipeline.front_end import (
+    MASKS,
+    SFM,
+    FrontEndConfig,
+    Prepared,
+    check_front_end,
+    front_end,
+)
 from digs_warp.pipeline.reconstruction import Reconstruction, write_render, write_scores
 from digs_warp.pipeline.results import Results
 from digs_warp.record.files import remove
@@ -59,6 +66,8 @@ def reconstruct(
     """
     require_device(config.train.device)
     folder = Path(folder)
+    if not resume:  # else finished stages need nothing, and the others check
+        check_front_end(capture, config)
     log = RunLog("reconstruct", config)
     with sole_writer(folder):
         before = log.continue_from(folder / RUN_RECORD) if resume else None

@@ -14,7 +14,7 @@ from digs_warp.bounds import JSON, LEVELS, SETTINGS, TEXT, Bound
 from digs_warp.checks import DigsError, require_regular
 from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
 from digs_warp.record.fields import parse_json
-from digs_warp.record.manifest import Content, manifest_of, recorded_files
+from digs_warp.record.manifest import Content, manifest_of
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -101,23 +101,6 @@ def claim(path: Path) -> None:
     manifest = manifest_of(path)
     if manifest is not None:
         manifest.claim(path)
-
-
-@contextmanager
-def whole_folder(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder to write into, then rename it to ``folder``: complete or absent.
-
-    It gets a manifest. ``folder`` must be new or empty.
-    """
-    folder = Path(folder).resolve()
-    unfinished = temporary_beside(folder)
-    try:
-        with recorded_files(unfinished):
-            yield unfinished
-        with reported(folder):
-            rename(unfinished, folder)
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 @contextmanager

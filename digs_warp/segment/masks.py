@@ -21,7 +21,7 @@ from digs_warp.record.progress import progress
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.degrade import degrade_mask
 from digs_warp.segment.from_depth import mask_from_depth
-from digs_warp.segment.network import MaskNetwork, default_model_path
+from digs_warp.segment.network import MaskNetwork, default_model_path, require_network
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
         DigsError: a frame lacks what the source needs, a mask has another size than its image or not 8
             or 16 bits, or the network is missing or cannot be loaded.
     """
-    _check_inputs(frames, config)
+    check_inputs(frames, config)
     if config.masks == "capture":
         return [frame.path(Layer.MASK) for frame in frames]
     paths = [folder / f"{frame.name}.png" for frame in frames]
@@ -139,7 +139,17 @@ def _mask_from_folder(folder: Path, _: int, frame: Frame) -> np.ndarray:
     return np.ascontiguousarray(pixels[..., -1 if has_alpha else 0])
 
 
-def _check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
+def check_source(config: SegmentConfig) -> None:
+    """Raise a `DigsError` when the network or the folder that the settings name is missing."""
+    if config.masks == "isnet":
+        require_network(config.mask_model or default_model_path())
+    if config.mask_folder is not None and not config.mask_folder.is_dir():
+        raise DigsError(f"--mask-folder '{config.mask_folder}': no such folder. Check the path.")
+
+
+def check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
+    """Raise a `DigsError` when something that `segment` reads is missing."""
+    check_source(config)
     for layer in _INPUTS[config.masks]:
         lacking = [frame.name for frame in frames if not frame.has(layer)]
         if lacking:

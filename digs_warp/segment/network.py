@@ -30,6 +30,12 @@ def default_model_path() -> Path:
     )
 
 
+def require_network(path: Path) -> None:
+    """Raise a `DigsError` when the file of the network is missing."""
+    hint = f"Download {MODEL_URL} there, or name a file with --mask-model"
+    require_file(path, "mask network", hint)
+
+
 class MaskNetwork:
     """A loaded network; `mask` may be called from several threads.
 
@@ -40,9 +46,7 @@ class MaskNetwork:
     """
 
     def __init__(self, path: Path, threads: int) -> None:
-        require_file(
-            path, "mask network", f"Download {MODEL_URL} there, or name a file with --mask-model"
-        )
+        require_network(path)
         self._path = path
         self._session = _open_session(path, threads)
         self._input = self._session.get_inputs()[0].name

@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, EXIT_WRONG_USAGE, main
-from digs_warp.commands.output import OutputFolder, is_ours
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 
@@ -102,37 +100,6 @@ def test_info_on_an_unusable_file_names_it(
     assert name in capsys.readouterr().err
 
 
-# The output folder
-
-
-def test_a_new_and_an_empty_folder_are_fine(tmp_path: Path) -> None:
-    (tmp_path / "empty").mkdir()
-    for name in ("new", "empty"):
-        assert OutputFolder(out=tmp_path / name).prepare() == tmp_path / name
-
-
-def test_a_folder_in_use_is_refused_and_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = our_folder(tmp_path / "out")
-    assert main(["simulate", "--out", str(folder)]) == EXIT_BAD_INPUT
-    message = capsys.readouterr().err
-    assert str(folder) in message
-    assert "--resume" in message
-    assert "--overwrite" in message
-    assert (folder / "old.txt").exists()
-
-
-def test_a_run_that_failed_at_once_leaves_its_folder_free(tmp_path: Path) -> None:
-    """Only its record lies there; the corrected command needs no flag."""
-    record = tmp_path / "run.json"
-    RunLog("run", {"frames": 3}).save(record)
-    assert OutputFolder(out=tmp_path).prepare() == tmp_path and record.is_file()
-    record.write_text("{}")  # somebody else's
-    with pytest.raises(DigsError, match="not empty"):
-        OutputFolder(out=tmp_path).prepare()
-
-
 def test_a_folder_of_pictures_needs_from_to_be_converted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -140,68 +107,6 @@ def test_a_folder_of_pictures_needs_from_to_be_converted(
     command = ["convert", str(tmp_path / "pictures"), "--out", str(tmp_path / "capture")]
     assert main(command) == EXIT_BAD_INPUT
     assert "recording of a real camera add --from with one of nerf" in capsys.readouterr().err
-
-
-def test_resume_keeps_what_is_there(tmp_path: Path) -> None:
-    folder = our_folder(tmp_path / "out")
-    OutputFolder(out=folder, resume=True).prepare()
-    assert (folder / "old.txt").exists()
-
-
-def test_overwrite_deletes_what_we_wrote(tmp_path: Path, capture_folder: Path) -> None:
-    for folder in (our_folder(tmp_path / "out"), capture_folder):
-        OutputFolder(out=folder, overwrite=True).prepare()
-        assert not folder.exists() or not any(folder.iterdir())
-
-
-@pytest.mark.parametrize(
-    "record", [None, "", "{", "[]", '{"command": "train"}', '{"frames": [], "h": 3}']
-)
-@pytest.mark.parametrize("name", ["run.json", "transforms.json"])
-def test_overwrite_refuses_a_folder_that_we_did_not_write(
-    record: str | None, name: str, tmp_path: Path
-) -> None:
-    (tmp_path / "photo.jpg").write_text("precious")
-    if record is not None:
-        (tmp_path / name).write_text(record)
-    assert not is_ours(tmp_path)
-    assert main(["simulate", "--out", str(tmp_path), "--overwrite"]) == EXIT_BAD_INPUT
-    assert (tmp_path / "photo.jpg").read_text() == "precious"
-
-
-def test_overwrite_refuses_to_delete_its_own_input(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = our_folder(tmp_path / "out")
-    mesh = folder / "object.glb"
-    mesh.write_text("the user's mesh")
-    arguments = ["simulate", "--mesh", str(mesh), "--out", str(folder), "--overwrite"]
-    assert main(arguments) == EXIT_BAD_INPUT
-    assert str(mesh) in capsys.readouterr().err
-    assert mesh.exists()
-
-
-def test_overwrite_deletes_nothing_when_an_input_is_missing(tmp_path: Path) -> None:
-    folder = our_folder(tmp_path / "out")
-    arguments = ["simulate", "--mesh", str(tmp_path / "typo.glb"), "--out", str(folder)]
-    assert main([*arguments, "--overwrite"]) == EXIT_BAD_INPUT
-    assert (folder / "old.txt").exists()
-
-
-def test_overwrite_refuses_to_delete_the_working_directory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = our_folder(tmp_path / "out")
-    monkeypatch.chdir(folder)
-    assert main(["simulate", "--out", str(folder), "--overwrite"]) == EXIT_BAD_INPUT
-    assert (folder / "old.txt").exists()
-
-
-def test_a_file_is_no_output_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "file").write_text("")
-    assert main(["simulate", "--out", str(tmp_path / "file"), "--overwrite"]) == EXIT_BAD_INPUT
-    assert "name a folder" in capsys.readouterr().err
-    assert (tmp_path / "file").exists()
 
 
 # The process

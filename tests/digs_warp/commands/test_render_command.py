@@ -49,6 +49,7 @@ def test_the_same_scene_from_every_format_looks_the_same(
             "0000.png",
             "0001.png",
             "0002.png",
+            "files.jsonl",
             "run.json",
         ]
         first[source] = read_image(out / "0001.png").astype(float)

@@ -157,7 +157,7 @@ def test_two_runs_on_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert first.poll() is None and time.monotonic() < deadline
         time.sleep(0.01)
     first.send_signal(signal.SIGSTOP)
-    for flags in (["--resume"],):
+    for flags in ([], ["--resume"], ["--overwrite"]):
         assert main([*arguments, str(folder), *flags]) == 1
         assert f"'{folder}': another run is writing to this folder" in capsys.readouterr().err
     first.send_signal(signal.SIGCONT)

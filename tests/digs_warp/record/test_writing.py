@@ -20,19 +20,6 @@ def test_a_write_replaces_the_whole_file_and_leaves_nothing_else(tmp_path: Path)
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_folder_is_complete_or_not_there(tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    with pytest.raises(ZeroDivisionError), files.whole_folder(folder) as unfinished:
-        write_atomically(unfinished / "half.bin", b"half")
-        raise ZeroDivisionError
-    assert list(tmp_path.iterdir()) == []
-    with files.whole_folder(folder) as unfinished:
-        write_atomically(unfinished / "x.bin", b"all")
-        assert not folder.exists()
-    assert sorted(path.name for path in folder.iterdir()) == ["files.jsonl", "x.bin"]
-    assert list(tmp_path.iterdir()) == [folder]
-
-
 @pytest.mark.parametrize(("code", "says"), [(errno.EIO, "Free space"), (errno.EROFS, "unchanged")])
 def test_a_failed_write_keeps_the_old_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, says: str

@@ -1,0 +1,198 @@
+"""A new result takes the place of an old one in the same folder; files that no run wrote stay.
+
+The new result is made in FOLDER/.digs-warp.unfinished, on the same disk. When it is complete, a note in
+FOLDER/.digs-warp.replacing says which files go and which come; then the old ones are deleted and the new
+ones renamed. A process that is killed before the note leaves the old result, one that is killed after it the
+new one: `finish_replacement` does what is left to do. In between, files are missing, but old and new
+ones are never mixed.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from digs_warp.checks import DigsError
+from digs_warp.record.disk import sync
+from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.record.interruption import deferred_interrupt
+from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
+from digs_warp.record.manifest import Content, Manifest, recorded_files
+from digs_warp.record.run_log import RunRecord
+
+# What a run needs while it writes; no part of a result.
+_TOOLS = (LOCK, REPLACING)
+
+# Names in a message about files in the way.
+_NAMED = 3
+
+
+def our_files(folder: Path) -> set[str]:
+    """Return the files below ``folder`` that runs of ours wrote and nobody changed; reads them all.
+
+    The names are relative, with "/".
+    """
+    there = _all_files(folder)  # nothing behind a link to a folder
+    ours: set[str] = set()
+    for parent, _, names in _walk(folder):
+        if MANIFEST not in names and RUN_RECORD not in names:
+            continue
+        manifest = Manifest.read(parent)
+        inner = {(parent / name).relative_to(folder).as_posix() for name in manifest.files}
+        found = {name for name in inner & there if manifest.is_whole(folder / name)}
+        found.add((parent / MANIFEST).relative_to(folder).as_posix())
+        if _is_our_record(parent):
+            found.add((parent / RUN_RECORD).relative_to(folder).as_posix())
+        ours |= {name for name in found & there if not (folder / name).is_symlink()}
+    return ours
+
+
+def check_place(folder: Path, writes: Sequence[str]) -> None:
+    """Check that a new result would take no name of a file that no run of ours wrote.
+
+    Args:
+        folder: holds an old result.
+        writes: the names that the new result may have, relative to the folder, as patterns with ``*``.
+
+    Raises:
+        DigsError: a file is in the way.
+    """
+    patterns = {*writes, RUN_RECORD, MANIFEST}
+    for pattern in writes:  # no file may stand where a folder is needed
+        patterns |= {str(parent) for parent in PurePosixPath(pattern).parents}
+    foreign = _all_files(folder) - our_files(folder)
+    _refuse(folder, [name for name in foreign if any(fnmatchcase(name, each) for each in patterns)])
+
+
+def replace_result(folder: Path) -> None:
+    """Put the complete result in ``folder``/.digs-warp.unfinished into the place of the old one.
+
+    Raises:
+        DigsError: a file that no run of ours wrote is in the way, or the disk is full. The old result is
+            unchanged, and the new one stays where it is.
+    """
+    unfinished = folder / UNFINISHED
+    _rename_in_records(unfinished, folder)
+    _list_all(unfinished)
+    new, old = _all_files(unfinished), our_files(folder)
+    others = _all_files(folder) - old
+    above = {str(parent) for name in new for parent in PurePosixPath(name).parents}
+    blocked = {name for name in new if (folder / name).is_dir() and _holds(others, name)}
+    _refuse(folder, others & (new | above) | blocked)
+    plan = json.dumps({"old": sorted(old), "new": sorted(new)})
+    with deferred_interrupt() as interruption:
+        write_atomically(folder / REPLACING, plan.encode())
+        finish_replacement(folder)
+    if interruption.asked is not None:
+        interruption.end()
+
+
+def finish_replacement(folder: Path) -> bool:
+    """Finish what `replace_result` began before its process was killed; return whether there was anything.
+
+    Raises:
+        DigsError: somebody has put a file in the way since.
+    """
+    note, unfinished = folder / REPLACING, folder / UNFINISHED
+    if not note.is_file():
+        return False
+    plan = read_json(note, "replacement of a result")
+    old, new = (
+        {name for name in plan[group] if _is_inside(folder, name)} for group in ("old", "new")
+    )
+    waiting = {name for name in new if (unfinished / name).exists()}
+    _delete(folder, (old - new) | (old & waiting))
+    _refuse(folder, [name for name in waiting if os.path.lexists(folder / name)])
+    for name in sorted(waiting):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(unfinished / name, folder / name)
+    for parent in {(folder / name).parent for name in new}:
+        sync(parent)
+    shutil.rmtree(unfinished, ignore_errors=True)
+    note.unlink()
+    return True
+
+
+def _delete(folder: Path, names: Collection[str]) -> None:
+    """Delete files, and the folders that are empty without them."""
+    for name in sorted(names):
+        if not (folder / name).is_dir():  # a folder of the new result, after a kill
+            (folder / name).unlink(missing_ok=True)
+    above = {parent for name in names for parent in PurePosixPath(name).parents if parent.name}
+    for parent in sorted(above, key=lambda each: len(each.parts), reverse=True):
+        with suppress(OSError):  # not empty, or gone
+            (folder / parent).rmdir()
+
+
+def _rename_in_records(unfinished: Path, folder: Path) -> None:
+    """Let the records of runs name files where they will be."""
+    for path in unfinished.rglob(RUN_RECORD):
+        before = read_json(path, "run record")
+        after = _renamed(before, str(unfinished), str(folder))
+        if after != before:
+            write_atomically(path, to_json(after).encode())
+
+
+def _renamed(value: Any, old: str, new: str) -> Any:
+    if isinstance(value, dict):
+        return {name: _renamed(each, old, new) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_renamed(each, old, new) for each in value]
+    return value.replace(old, new) if isinstance(value, str) else value
+
+
+def _list_all(unfinished: Path) -> None:
+    """List what libraries wrote by themselves, such as COLMAP's database, in the manifest of a result."""
+    listed = our_files(unfinished)
+    with recorded_files(unfinished, resume=True) as manifest:
+        for name in sorted(_all_files(unfinished) - listed):
+            path = unfinished / name
+            with manifest.replacing(path, Content.of_file(path)):
+                pass
+
+
+def _all_files(folder: Path) -> set[str]:
+    """Return the names of all files and links below ``folder``, without those of a run in progress."""
+    return {
+        (parent / name).relative_to(folder).as_posix()
+        for parent, folders, files in _walk(folder)
+        for name in (*files, *(each for each in folders if (parent / each).is_symlink()))
+        if name not in _TOOLS
+    }
+
+
+def _walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
+    for parent, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if name != UNFINISHED]
+        yield Path(parent), folders, files
+
+
+def _is_inside(folder: Path, name: str) -> bool:
+    """Whether a name that was read from a file means something in the folder, also where there are links."""
+    return (folder / name).parent.resolve().is_relative_to(folder.resolve())
+
+
+def _holds(names: Collection[str], folder: str) -> bool:
+    return any(name.startswith(f"{folder}/") for name in names)
+
+
+def _is_our_record(folder: Path) -> bool:
+    try:
+        return RunRecord.find(folder) is not None
+    except DigsError:  # damaged: nobody can say whose it is
+        return False
+
+
+def _refuse(folder: Path, in_the_way: Collection[str]) -> None:
+    if not in_the_way:
+        return
+    names = sorted(in_the_way)
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    raise DigsError(
+        f"'{folder}': the new result needs the names {', '.join(names[:_NAMED])}{more}, but those files were "
+        "not written by a run, or were changed since; move them away or name another folder"
+    )
