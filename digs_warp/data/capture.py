@@ -22,6 +22,7 @@ from digs_warp.data.index_rules import (
     require_pinhole,
 )
 from digs_warp.data.layers import Layer
+from digs_warp.data.other_folders import OF_A_CAMERA, what_it_is
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields, shown
 from digs_warp.record.files import read_json
@@ -30,7 +31,6 @@ INDEX_NAME = "transforms.json"
 
 # Holding out every view would leave none to train on.
 FEWEST_TEST_EVERY = 2
-OF_A_CAMERA = "'digs-warp convert FOLDER --from FORM --out CAPTURE' makes one of a real recording."
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray
@@ -237,8 +237,7 @@ def read_capture(folder: Path) -> Capture:
     folder = require_folder(folder, "capture", f"'digs-warp simulate' writes one. {OF_A_CAMERA}")
     if not (folder / INDEX_NAME).is_file():
         raise CaptureError(
-            f"capture '{folder}': no {INDEX_NAME} in it. Was 'digs-warp simulate' interrupted? "
-            f"Run it again with --resume. {OF_A_CAMERA}"
+            f"capture '{folder}': no {INDEX_NAME} in it. {what_it_is(folder, INDEX_NAME)}"
         )
     index = read_json(folder / INDEX_NAME, "capture index")
     entries = index.get("frames")
@@ -296,7 +295,16 @@ def _read_camera(own: Fields, index: dict[str, Any]) -> Camera:
     k = replace(own, shared=index)
     size = k.whole("w", 1), k.whole("h", 1)
     fx, fy = (k.number(name, ABOVE_ZERO, what="pixels above 0") for name in ("fl_x", "fl_y"))
-    intrinsics = Intrinsics(*size, fx, fy, k.number("cx"), k.number("cy"))
+    cx, cy = (
+        k.number(
+            name,
+            -side,
+            2 * side,
+            what=f"pixels from {-side} to {2 * side}, for images of {side}",
+        )
+        for name, side in zip(("cx", "cy"), size, strict=True)
+    )
+    intrinsics = Intrinsics(*size, fx, fy, cx, cy)
     try:
         return Camera(intrinsics, own.array("transform_matrix", (4, 4)) @ OPENCV_FROM_OPENGL)
     except DigsError as error:

@@ -17,6 +17,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
 from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
+from digs_warp.init.dropped import what_was_dropped
 from digs_warp.init.start import DepthReport
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
@@ -89,6 +90,11 @@ def depth_points(
     report.voxels["occupied"] = len(voxels)
     voxels = voxels.well_supported(config.min_support)
     report.voxels["well supported"] = len(voxels)
+    if report.voxel_size == size and len(voxels) < (config.target_points or 0):
+        logger.warning(
+            "--target-points: %d wanted, %d found; %s",
+            *(config.target_points, len(voxels), what_was_dropped(report)),
+        )
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
             visible = not_seen_through(voxels.points_world, seen, report.voxel_size)

@@ -49,7 +49,10 @@ def first_voxel_size(
 
 
 def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> float:
-    """Return the requested edge length [m], at least ``size``, that of the current grid."""
+    """Return the requested edge length [m], at least ``size``, that of the current grid.
+
+    For more ``target_points`` than there are voxels it is ``size``; the caller says what became of them.
+    """
     if config.target_points is not None:
         return _size_for_count(voxels, size, config)
     if config.voxel_unit != "object":
@@ -87,14 +90,16 @@ def _size_for_count(voxels: VoxelSums, size: float, config: InitConfig) -> float
         return len(voxels.coarser(edge).well_supported(config.min_support))
 
     if count(size) <= config.target_points:
-        logger.warning(
-            "--target-points: %d wanted, but the depth maps resolve only %d",
-            config.target_points,
-            count(size),
-        )
         return size
     fine, coarse = size, max(2 * size, object_size(voxels))
+    largest = 2 * float(np.abs(voxels.points_world).max())
     while count(coarse) > config.target_points:
+        if coarse > largest:  # one voxel in each octant around the origin: no grid has fewer
+            logger.warning(
+                "--target-points: %d wanted, but the coarsest grid has %d",
+                *(config.target_points, count(coarse)),
+            )
+            return coarse
         coarse *= 2
     for _ in range(SEARCH_STEPS):
         middle = float(np.sqrt(fine * coarse))

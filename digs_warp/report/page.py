@@ -3,6 +3,7 @@
 from html import escape
 from pathlib import Path
 
+from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import write_atomically
@@ -23,9 +24,17 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
     that the report is written to, if it has one.
 
     Raises:
-        DigsError: the renders are missing, or the reconstruction belongs to another capture.
+        DigsError: the recording or the reconstruction is only in memory, the renders are missing, or the
+            reconstruction belongs to another capture.
     """
     path = Path(path)
+    for what, folder in (("recording", capture.stored_in), ("reconstruction", result.folder)):
+        if folder is None:
+            command = "simulate" if what == "recording" else "reconstruct"
+            raise DigsError(
+                f"report '{path}': the {what} is only in memory, and a report reads its files; call "
+                f"{command}(..., out=FOLDER)"
+            )
     records = RunRecords.find(capture, result, path)
     body = "\n".join(
         [

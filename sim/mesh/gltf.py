@@ -51,7 +51,25 @@ def read_gltf_header(path: Path) -> dict[str, Any]:
         ) from error
     if not isinstance(header, dict) or "asset" not in header:
         raise MeshError(f"mesh '{path}': not glTF 2.0 (no 'asset' in its header); export it again")
+    _check_scene(path, header)
     return header
+
+
+def _check_scene(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` for a file without a scene: by the specification it shows nothing."""
+    scenes, number = header.get("scenes"), header.get("scene", 0)
+    if not isinstance(scenes, list) or not scenes:
+        meshes = header.get("meshes")
+        count = len(meshes) if isinstance(meshes, list) else 0
+        raise MeshError(
+            f"mesh '{path}': no scene in it (meshes: {count}), expected one that shows the object; export it "
+            "again as a scene"
+        )
+    if not (isinstance(number, int) and 0 <= number < len(scenes)):
+        raise MeshError(
+            f"mesh '{path}': scene {number!r} of {len(scenes)} is to be shown, expected 0 to "
+            f"{len(scenes) - 1}; export it again"
+        )
 
 
 def _glb_json(path: Path, data: bytes) -> bytes:

@@ -12,6 +12,7 @@ from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
+from digs_warp.record.run_log import RunLog
 from reference.noise_capture import INTRINSICS, change_frame, change_index, write_capture
 
 
@@ -68,9 +69,7 @@ def test_a_file_the_capture_lacks_is_named(tmp_path: Path) -> None:
 def test_no_folder_no_index_no_json(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="gone': no such folder"):
         read_capture(tmp_path / "gone")
-    with pytest.raises(
-        CaptureError, match=r"no transforms\.json.*interrupted.*convert FOLDER --from"
-    ):
+    with pytest.raises(CaptureError, match=r"no transforms\.json.*convert FOLDER --from"):
         read_capture(tmp_path)
     (tmp_path / "walk.mp4").write_bytes(b"film")
     with pytest.raises(CaptureError, match=r"walk\.mp4': expected a folder, found a file"):
@@ -83,6 +82,42 @@ def test_no_folder_no_index_no_json(tmp_path: Path) -> None:
         read_capture(tmp_path)
     (tmp_path / "transforms.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DigsError, match="not UTF-8"):
+        read_capture(tmp_path)
+
+
+def test_a_folder_of_results_says_what_it_is_and_where_its_capture_is(tmp_path: Path) -> None:
+    capture = tmp_path / "demo" / "capture"
+    write_capture(capture, 1)
+    with pytest.raises(CaptureError, match=rf"results of 'digs-warp run'; .*'{capture}'"):
+        read_capture(tmp_path / "demo")
+    beside, elsewhere = tmp_path / "demo" / "reconstruction", tmp_path / "mine"
+    RunLog("reconstruct", {}).save(beside / "run.json")
+    RunLog("reconstruct", {}, results={"capture": str(capture)}).save(elsewhere / "run.json")
+    for folder in (beside, elsewhere):
+        with pytest.raises(CaptureError, match=f"'digs-warp reconstruct'; .*'{capture}'"):
+            read_capture(folder)
+    (tmp_path / "demo" / "summary.json").write_text("{}")
+    (tmp_path / "many").mkdir()
+    capture.rename(tmp_path / "many" / "a")
+    (tmp_path / "many" / "summary.json").write_text("{}")
+    with pytest.raises(CaptureError, match=r"holds 1 capture; .*many/a'"):
+        read_capture(tmp_path / "many")
+
+
+def test_an_interrupted_recording_says_how_to_go_on(tmp_path: Path) -> None:
+    RunLog("simulate", {}).save(tmp_path / "run.json")
+    with pytest.raises(CaptureError, match=r"interrupted here; .*--resume"):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize("changes", [{"cx": 1e6}, {"cy": -1e3}])
+def test_a_principal_point_far_outside_the_image_is_refused(
+    tmp_path: Path, changes: dict[str, float]
+) -> None:
+    write_capture(tmp_path, 1)
+    change_index(tmp_path, **changes)
+    (key,) = changes
+    with pytest.raises(CaptureError, match=f"frame 0: {key} is .*expected pixels from -"):
         read_capture(tmp_path)
 
 

@@ -213,7 +213,29 @@ def test_more_points_than_there_are_pixels_gives_what_there_is(
 ) -> None:
     found = initialize(capture.frames, InitConfig(target_points=10**6))
     assert "--target-points: 1000000 wanted" in caplog.text
+    assert "the edge filter dropped most" in caplog.text
     assert 1000 < len(found.points) < 10**5
+
+
+def test_the_filter_that_dropped_the_points_is_named(
+    capture: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    white = np.full((INTRINSICS.height, INTRINSICS.width), 255, np.uint8)
+    frames = [frame.with_layer(Layer.MASK, white) for frame in capture.frames]
+    found = initialize(frames, InitConfig(target_points=10**6))
+    assert found.depth is not None
+    (line,) = (line for line in caplog.messages if "--target-points" in line)
+    for count in (*found.depth.pixels.values(), found.depth.voxels["well supported"]):
+        assert f"{count:,} " in line
+    assert "the foreground filter dropped most" in line
+
+
+def test_one_point_is_as_few_as_the_coarsest_grid_has(
+    capture: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = initialize(capture.frames, InitConfig(target_points=1))
+    assert 1 <= len(found.points) <= 8
+    assert "1 wanted, but the coarsest grid has" in caplog.text
 
 
 def test_voxels_larger_than_the_object_leave_eight_points(capture: Capture) -> None:

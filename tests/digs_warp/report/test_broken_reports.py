@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.report import write_report
 from reference.report_folder import report_on, write_and_parse
 
 NEEDED = ["evaluation.json", "training.jsonl", "gaussians.npz", "run.json"]
@@ -63,3 +66,19 @@ def test_a_broken_sensor_plan_is_named(run: tuple[Capture, Path, Path]) -> None:
     (run[0].folder / "sensor_plan.json").write_text('{"depth": [{}]}')
     with pytest.raises(DigsError, match=r"sensor_plan\.json'.*expected lists"):
         write_and_parse(run)
+
+
+def test_what_is_only_in_memory_has_no_report(run: tuple[Capture, Path, Path]) -> None:
+    capture, folder, page = run
+    result = Reconstruction.load(folder, capture)
+    for known, found, words in (
+        (
+            capture,
+            replace(result, folder=None),
+            r"the reconstruction is only in memory.*reconstruct\(",
+        ),
+        (replace(capture, stored_in=None), result, r"the recording is only in memory.*simulate\("),
+    ):
+        with pytest.raises(DigsError, match=words):
+            write_report(known, found, page)
+    assert not page.exists()

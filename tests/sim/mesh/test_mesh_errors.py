@@ -2,6 +2,7 @@
 
 import json
 import logging
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,27 @@ def test_a_missing_or_empty_file_or_a_folder_is_named(tmp_path: Path) -> None:
     expect_error(tmp_path / "empty.glb", "0 bytes")
     (tmp_path / "folder.glb").mkdir()
     expect_error(tmp_path / "folder.glb", "found a folder")
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ({}, "no scene in it (meshes: 0)"),
+        ({"scenes": [], "meshes": [{}, {}]}, "no scene in it (meshes: 2)"),
+        ({"scenes": [{"nodes": []}], "scene": 3}, "scene 3 of 1"),
+    ],
+)
+def test_gltf_without_a_scene_is_refused(
+    tmp_path: Path, content: dict[str, Any], reason: str
+) -> None:
+    (tmp_path / "library.gltf").write_text(json.dumps({"asset": {"version": "2.0"}} | content))
+    expect_error(tmp_path / "library.gltf", reason)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".obj", ".ply", ".stl"])
+def test_a_named_pipe_is_not_waited_for(tmp_path: Path, suffix: str) -> None:
+    os.mkfifo(tmp_path / f"pipe{suffix}")
+    expect_error(tmp_path / f"pipe{suffix}", "expected a file, found a named pipe")
 
 
 def test_an_unknown_suffix_lists_the_known_ones(tmp_path: Path) -> None:
