@@ -1,20 +1,19 @@
 """Any mesh file as a `Scene`: z up, in its real size, centered on the origin."""
 
 import logging
-import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from digs_warp.checks import DigsError, MeshError, check_positive, require_file
+from digs_warp.sim.mesh.files_beside import ply_textures, resolver_beside
 from digs_warp.sim.mesh.gltf import (
     check_gltf,
     check_textures,
     read_extras,
     read_gltf_header,
+    undecodable_images,
     unmodelled_features,
 )
 from digs_warp.sim.mesh.materials import materials_of_parts
@@ -45,9 +44,9 @@ def load_scene(
 ) -> Scene:
     """Load a GLB, glTF, OBJ, PLY or STL file.
 
-    A logged warning names parts that the renderer cannot show as intended (glass that bends light), and
-    faces that are dropped because they have no area or are not finite. Vertex colors are linear in glTF,
-    as its standard says, and sRGB in the other formats.
+    A logged warning names parts that the renderer cannot show as intended (glass that bends light), textures
+    of OBJ and PLY files that cannot be used, and faces that are dropped because they have no area or are not
+    finite. Vertex colors are linear in glTF, as its standard says, and sRGB in the other formats.
 
     Args:
         path: the file; its textures and buffers are read relative to its folder.
@@ -85,10 +84,13 @@ def _read_mesh(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     check_promises(path, header)
     for sentence in unmodelled_features(header):
         logger.warning("mesh '%s': %s", path.name, sentence)
-    if suffix == ".obj":
-        for name in _missing_obj_files(path):
-            logger.warning("mesh '%s': '%s' is missing beside it", path.name, name)
+    if suffix == ".ply" and len(names := ply_textures(path)) > 1:
+        logger.warning(
+            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), names[-1]
+        )
     try:
+        for sentence in undecodable_images(path, header):
+            logger.warning("mesh '%s': %s", path.name, sentence)
         parts = parts_of_scene(_read(path), linear_colors=suffix in GLTF_SUFFIXES)
         check_textures(path, header, (part.material for part in parts))
         extras = read_extras(path, header)
@@ -136,31 +138,14 @@ def _checked_suffix(path: Path) -> str:
 def _read(path: Path) -> Any:
     """Return the file as a `trimesh.Scene`, vertices and faces as they are stored."""
     import trimesh
-    from trimesh.resolvers import FilePathResolver
 
-    class Beside(FilePathResolver):
-        """Finds files by URL-encoded names (glTF)."""
-
-        def get(self, name: str) -> bytes:
-            return super().get(name if (path.parent / name).is_file() else unquote(name))
-
-    # Textures often lie in a folder next to that of the mesh.
-    resolver = Beside(str(path), allow_anywhere=True)
-    file_type = path.suffix[1:].lower()
-    return trimesh.load_scene(path, file_type=file_type, resolver=resolver, process=False)
-
-
-def _missing_obj_files(path: Path) -> Iterator[str]:
-    """Yield the missing material file and textures of an OBJ file."""
-    for library in re.findall(rb"^mtllib[ \t]+(.+?)[ \t\r]*$", path.read_bytes(), re.MULTILINE):
-        material_file = path.parent / library.decode(errors="replace")
-        if not material_file.is_file():
-            yield material_file.name
-            continue
-        text = material_file.read_bytes().decode(errors="replace")
-        for texture in re.findall(r"^\s*map_Kd[ \t]+(.+?)\s*$", text, re.MULTILINE | re.IGNORECASE):
-            if not (path.parent / texture).is_file():
-                yield texture
+    file_type, resolver = path.suffix[1:].lower(), resolver_beside(path)
+    log = trimesh.util.log
+    usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
+    try:
+        return trimesh.load_scene(path, file_type=file_type, resolver=resolver, process=False)
+    finally:
+        log.disabled = usual
 
 
 def _usable(path: Path, triangles: Triangles) -> Triangles:

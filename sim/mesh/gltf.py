@@ -16,6 +16,7 @@ from urllib.parse import unquote
 
 from digs_warp.bounds import GLTF_TEXT, JSON
 from digs_warp.checks import MeshError
+from digs_warp.sim.mesh.files_beside import UndecodableError, check_texture
 
 # glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
 GLB_MAGIC = b"glTF"
@@ -137,6 +138,22 @@ def check_textures(path: Path, header: dict[str, Any], loaded: Iterable[Any]) ->
             )
 
 
+def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
+    """Yield a sentence for every image that is damaged; trimesh leaves it out without a word.
+
+    For a base color that is an error, which `check_textures` raises; other maps are missed less.
+
+    Raises:
+        DigsError: an image is larger than `digs_warp.bounds.TEXTURE`.
+    """
+    for number, image in enumerate(header.get("images", [])):
+        what = f"image {number} '{image.get('name') or image.get('uri', '')[:40]}'"
+        try:
+            check_texture(what, _image_bytes(path, header, image), decode=False)
+        except UndecodableError as error:
+            yield f"{error}; drawn without it"
+
+
 def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence for every material that will look different from what its author intended."""
     for index, material in enumerate(header.get("materials", [])):
@@ -192,13 +209,18 @@ def _image(path: Path, header: dict[str, Any], texture: int) -> Any:
     from PIL import Image
 
     entry = header["images"][header["textures"][texture]["source"]]
+    return Image.open(BytesIO(_image_bytes(path, header, entry)))
+
+
+def _image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> bytes:
+    """Return the file in one of the header's ``images``."""
     if "uri" in entry:
-        return Image.open(BytesIO(_uri_bytes(path, entry["uri"])))
+        return _uri_bytes(path, entry["uri"])
     view = header["bufferViews"][entry["bufferView"]]
     buffer = header["buffers"][view["buffer"]]
     data = _uri_bytes(path, buffer["uri"]) if "uri" in buffer else glb_binary(path)
     start = view.get("byteOffset", 0)
-    return Image.open(BytesIO(data[start : start + view["byteLength"]]))
+    return data[start : start + view["byteLength"]]
 
 
 def _uri_bytes(path: Path, uri: str) -> bytes:

@@ -62,7 +62,8 @@ def _material(parts: list[MeshPart], extras: Mapping[str, GltfExtras]) -> Materi
 
 def _is_empty(source: Any) -> bool:
     """Whether trimesh invented a material for a mesh that has texture coordinates but no material."""
-    return source.image is None and not source.kwargs and source.name == "material_0"
+    from_no_file = source.image is None or source.image.format is None  # its own gray image
+    return from_no_file and not source.kwargs and source.name == "material_0"
 
 
 def _simple_material(source: Any, parts: list[MeshPart]) -> Material:

@@ -152,14 +152,16 @@ def read_as_opensplat(folder: Path) -> Iterator[np.ndarray]:
         assert images("I") in ids
         assert (folder / "images" / images.name()).is_file()
         for _ in range(images("Q")):
-            images("d"), images("d"), images("Q")
+            for kind in "ddQ":
+                images(kind)
     for _ in range(points("Q")):
         points("Q")
         yield np.array([points("d") for _ in range(3)])
         for kind in "BBBd":
             points(kind)
         for _ in range(points("Q")):
-            points("I"), points("I")
+            for kind in "II":
+                points(kind)
     assert [r.position for r in (cameras, images, points)] == [
         len(r.data) for r in (cameras, images, points)
     ]

@@ -1,0 +1,160 @@
+"""The files that a mesh file names: materials and textures, found by names that other systems wrote.
+
+trimesh leaves out what it cannot find or read, without a word. Windows does not care about upper and lower
+case or which way slashes lean, so names that worked there need not work here.
+"""
+
+import logging
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+from digs_warp.bounds import TEXTURE
+from digs_warp.checks import DigsError
+
+logger = logging.getLogger(__name__)
+
+MATERIAL_SUFFIX = ".mtl"
+MAX_PLY_HEADER = 1 << 16  # bytes
+
+
+def resolver_beside(path: Path) -> Any:
+    """Return the `trimesh.resolvers.Resolver` of a mesh file.
+
+    It logs a warning for a file that is missing, for a name that must mean a file with another name, and, of
+    OBJ and PLY files, for a texture that is too large or cannot be decoded. The mesh is drawn without it.
+    """
+    from trimesh.resolvers import FilePathResolver
+
+    files = _FilesBeside(path)
+
+    class Beside(FilePathResolver):
+        def get(self, name: str) -> bytes:
+            return files.read(name.strip())
+
+    # Textures often lie in a folder next to that of the mesh.
+    return Beside(str(path), allow_anywhere=True)
+
+
+def ply_textures(path: Path) -> list[str]:
+    """Return the textures that the header of a PLY file names; trimesh uses the last one."""
+    with path.open("rb") as file:
+        header = file.read(MAX_PLY_HEADER).partition(b"end_header")[0]
+    names = re.findall(rb"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE | re.IGNORECASE)
+    return [name.decode("latin-1") for name in names]
+
+
+class _FilesBeside:
+    """Reads the files that the mesh file ``path`` names, and says once what is wrong with each."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._said: set[str] = set()
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            OSError, DigsError: it is missing or no usable texture, which a warning has said.
+        """
+        is_material = name.lower().endswith(MATERIAL_SUFFIX)
+        what = f"{'material file' if is_material else 'texture'} '{name}'"
+        found = locate(self.path.parent, name)
+        if found is None:
+            self._say(f"{what} is missing; drawn without it")
+            raise FileNotFoundError(name)
+        if name.startswith("-"):
+            self._say(f"{what}: its options have no effect")
+        elif found != self.path.parent / name and found != self.path.parent / unquote(name):
+            self._say(f"{what} does not exist; using '{found}'")
+        data = found.read_bytes()
+        if self.path.suffix.lower() in (".obj", ".ply") and not is_material:
+            try:
+                check_texture(what, data)
+            except DigsError as error:
+                self._say(f"{error}; drawn without it")
+                raise
+        return data
+
+    def _say(self, sentence: str) -> None:
+        if sentence not in self._said:
+            self._said.add(sentence)
+            logger.warning("mesh '%s': %s", self.path.name, sentence)
+
+
+def locate(folder: Path, name: str) -> Path | None:
+    """Return the file that a mesh file in ``folder`` means by ``name``; None: there is none.
+
+    Tried in this order: the name as it is; URL-decoded, as in glTF; without the options that MTL allows
+    before it; with slashes for backslashes; each of these in any case; the last part of it alone.
+    """
+    words = name.split()
+    # Names may have spaces: the longest end of the line that is a file.
+    ends = [" ".join(words[n:]) for n in range(1, len(words))] if name.startswith("-") else []
+    names = [name, unquote(name), *ends]
+    spellings = dict.fromkeys([*names, *(each.replace("\\", "/") for each in names)])
+    exact = [folder / spelling for spelling in spellings]
+    found = next((path for path in exact if path.is_file()), None)
+    loose = (*spellings, *(PurePosixPath(spelling).name for spelling in spellings))
+    return found or next(filter(None, (_in_any_case(folder, each) for each in loose)), None)
+
+
+def _in_any_case(folder: Path, name: str) -> Path | None:
+    """Return the file with this relative name, upper and lower case aside."""
+    path = folder
+    for part in PurePosixPath(name).parts:
+        if not (path / part).exists():
+            names = sorted(entry.name for entry in path.iterdir()) if path.is_dir() else []
+            part = next((each for each in names if each.casefold() == part.casefold()), None)
+            if part is None:
+                return None
+        path = path / part
+    return path if path.is_file() else None
+
+
+class UndecodableError(DigsError):
+    """An image file is damaged, or of an unknown kind."""
+
+
+def check_texture(what: str, data: bytes, decode: bool = True) -> None:
+    """Check that an image file is of a bounded size and can be decoded.
+
+    Args:
+        what: names it in the message.
+        data: the content of the file.
+        decode: whether to decode all of it, not only its header.
+
+    Raises:
+        UndecodableError: it is damaged.
+        DigsError: it is larger than `digs_warp.bounds.TEXTURE`.
+    """
+    from PIL import Image
+
+    with _decoding(what):
+        image = Image.open(BytesIO(data))
+    TEXTURE.check(what, image.width * image.height)
+    if decode:
+        with _decoding(what):
+            image.load()
+
+
+@contextmanager
+def _decoding(what: str) -> Iterator[None]:
+    """Turn what PIL raises into the errors of `check_texture`; its own bound for pixels is above ours."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            yield
+    except Image.DecompressionBombError as error:
+        raise DigsError(f"{what}: {error}; {TEXTURE.remedy}") from None
+    except UnidentifiedImageError:
+        raise UndecodableError(f"{what} cannot be decoded (no known kind of image)") from None
+    except (OSError, ValueError, SyntaxError, EOFError, IndexError) as error:
+        raise UndecodableError(f"{what} cannot be decoded ({error})") from None
