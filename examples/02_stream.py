@@ -14,7 +14,7 @@ width, frames = map(int, sys.argv[1:3] or (320, 20))
 counts = np.zeros(256, dtype=np.int64)
 missing = 0
 for frame in dw.stream(frames=frames, width=width, seed=7):
-    assert frame.cause is not None  # known for the tiers 'planned' and 'matcher'
+    assert frame.cause is not None  # not known for the tiers 'truth' and 'law'
     lost = np.isnan(frame.depth)
     counts += np.bincount(frame.cause[lost], minlength=256)
     missing += np.count_nonzero(lost)

@@ -5,19 +5,27 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.color import COLOR_EFFECTS, IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
 from digs_warp.sim.sensor.color.protocol import PixelEffect
-from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
-from digs_warp.sim.sensor.planner import override, plan, wanted_effects
+from digs_warp.sim.sensor.planner import EFFECT_NAMES, override, plan, wanted_effects
 from digs_warp.sim.session import Session
 from digs_warp.sim.shutter import Shutter
 
 # Frames that are rendered for the plan, evenly spaced: two on each of the three orbits.
 SAMPLE_FRAMES = 6
+
+# Effects that act on depth in the tiers that plan effects. Matching makes its own errors.
+_DEPTH_EFFECTS = {
+    "planned": frozenset(EFFECT_NAMES),
+    "guided": AFTER_MATCHING,
+    "matcher": frozenset(),
+}
 
 # Effects on the photographs, then those on depth.
 ALL_EFFECT_NAMES = tuple(effect.name for effect in (*COLOR_EFFECTS, *EFFECTS))
@@ -89,16 +97,24 @@ def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) ->
     """Return the plan for a scene that has been measured."""
     wanted = _wanted(config.effects)
     color = tuple(effect.choose(facts, rig) for effect in COLOR_EFFECTS)
-    # The matcher makes its own errors on the depth path.
-    depth = plan(facts, rig) if config.tier == "planned" else ()
+    acting = _DEPTH_EFFECTS[config.tier]
+    depth = tuple(choice for choice in plan(facts, rig) if choice.effect in acting)
     if wanted is not None:
         color, depth = override(color, wanted), override(depth, wanted)
     return SensorPlan(depth, color, facts)
 
 
 def check_effects(config: SimulateConfig) -> None:
-    """Raise a `DigsError` if the settings name an effect that does not exist."""
-    _wanted(config.effects)
+    """Raise a `DigsError` if the settings name an effect that does not exist, or not in their tier."""
+    wanted = _wanted(config.effects)
+    if wanted is None or config.effects in ("all", "none"):
+        return
+    idle = wanted & frozenset(EFFECT_NAMES) - _DEPTH_EFFECTS[config.tier]
+    if idle:
+        raise DigsError(
+            f"--effects {', '.join(sorted(idle))}: the tier '{config.tier}' gets such errors from the images "
+            "that it matches; leave them out, or choose --tier planned"
+        )
 
 
 def _wanted(selection: str) -> frozenset[str] | None:

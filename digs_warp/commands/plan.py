@@ -18,8 +18,9 @@ from digs_warp.sim.config import SimulateConfig
 class _PlanOptions(SimulateConfig):
     """The recording that is planned."""
 
-    tier: Literal["planned", "matcher"] = "planned"
-    """Sensor: 'planned' has effects on depth and images, 'matcher' on images alone."""
+    tier: Literal["planned", "guided", "matcher"] = "planned"
+    """Sensor: 'planned' has effects on depth and images; 'guided' on images, and on depth those that no image
+    shows; 'matcher' on images alone."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,7 +44,7 @@ WIDTH = 1280
 FRAMES = 7  # of the walk; the third one is taken: from half above
 
 ROUNDS = 5
-TIERS: tuple[Tier, ...] = ("truth", "law", "planned", "matcher")
+TIERS: tuple[Tier, ...] = ("truth", "law", "planned", "guided", "matcher")
 
 TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
 

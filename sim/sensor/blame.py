@@ -21,7 +21,7 @@ def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
 
     Args:
         disparity: from a matcher [px], (height, width), NaN where it found nothing.
-        truth: of the frame; its rays tell what the right eye sees.
+        truth: of the frame.
     """
     true = truth.disparity
     cause = np.full(true.shape, Cause.OK, dtype=np.uint8)
@@ -44,7 +44,7 @@ def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
         ((gray > SATURATED) | (gray < DARK), Cause.EXPOSURE),
         (pixels_of(truth, is_transparent), Cause.TRANSPARENT),
         (pixels_of(truth, is_mirror), Cause.MIRROR),
-        (~truth.rays.right_visibility(), Cause.OCCLUDED),
+        (truth.hidden, Cause.OCCLUDED),
         (true > columns, Cause.BAND),
         (truth.depth > rig.max_depth, Cause.FAR),
         (true > rig.largest_disparity, Cause.NEAR),

@@ -50,7 +50,9 @@ def search_range(rig: StereoRig) -> int:
     return FIXED_POINT * max(1, int(np.ceil(nearest / FIXED_POINT)))
 
 
-def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5) -> np.ndarray:
+def match(
+    left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5, checks: bool = True
+) -> np.ndarray:
     """Return the disparity of a rectified pair [px], shape (height, width), float32, NaN: no match.
 
     Args:
@@ -58,6 +60,7 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
         right: of the same size.
         disparities: end of the search range, which begins at 0 [px], exclusive; a multiple of 16.
         window: width of the square block, odd.
+        checks: whether to drop matches that are not unique, differ between the eyes, or are islands.
     """
     import cv2
 
@@ -80,9 +83,9 @@ def match(left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5
         blockSize=window,
         P1=SMALL_STEP * window * window,
         P2=LARGE_STEP * window * window,
-        disp12MaxDiff=LEFT_RIGHT,
-        uniquenessRatio=UNIQUENESS,
-        speckleWindowSize=ISLAND,
+        disp12MaxDiff=LEFT_RIGHT if checks else -1,
+        uniquenessRatio=UNIQUENESS if checks else 0,
+        speckleWindowSize=ISLAND if checks else 0,
         speckleRange=ISLAND_STEP,
     )
     found = matcher.compute(pair[0], pair[1])[:, disparities : disparities + width]

@@ -10,14 +10,14 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.occlusion import Occlusion
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.law import sense_depth
 from digs_warp.sim.sensor.limit import round_into_range, within_range
 
-Tier = Literal["truth", "law", "planned", "matcher"]
+Tier = Literal["truth", "law", "planned", "guided", "matcher"]
 
 
 def sense(
@@ -35,12 +35,14 @@ def sense(
     Args:
         truth: of the frame.
         tier: "truth": perfect; "law": the closed-form law of stereo; "planned": the effects that the
-            plan switches on; "matcher": semi-global matching of the two recorded images.
-        plan: for the planned tier.
+            plan switches on; "guided": matching of the two recorded images near the true disparity, then the
+            effects that no image shows; "matcher": matching of the two images over the full range.
+        plan: for the tiers "planned" and "guided".
         seed: of the recording, >= 0.
-        strength: factor on all effects, >= 0; 0 is the truth within the range.
-        recorded: left and right image as the camera records them, for the matcher; None: the images of the
-            truth, without noise.
+        strength: factor on all effects, >= 0; 0 is the truth within the range, except in the tiers that
+            match images.
+        recorded: left and right image as the camera records them, for the tiers that match them; None: the
+            images of the truth, without noise.
 
     Raises:
         DigsError: an unknown tier.
@@ -56,27 +58,39 @@ def _measured(
     strength: float,
     recorded: tuple[np.ndarray, np.ndarray] | None,
 ) -> Sensed:
-    if tier == "truth" or (strength == 0 and tier != "matcher"):
-        return Sensed.of(truth)
-    if tier == "law":
-        return _sense_law(truth, seed, strength)
-    if tier == "planned":
-        names = [choice.effect for choice in plan if choice.on]
-        return sense_effects(truth, names, seed, strength)
+    names = {choice.effect for choice in plan if choice.on}
     if tier == "matcher":
         from digs_warp.sim.sensor.matcher import sense_by_matching
 
         return sense_by_matching(truth, recorded)
-    raise DigsError(f"tier '{tier}': expected truth, law, planned or matcher")
+    if tier == "guided":
+        from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
+
+        matched = sense_by_guided_matching(truth, recorded)
+        return sense_effects(truth, names & AFTER_MATCHING, seed, strength, matched)
+    if tier == "truth" or strength == 0:
+        return Sensed.of(truth)
+    if tier == "law":
+        return _sense_law(truth, seed, strength)
+    if tier == "planned":
+        return sense_effects(truth, names, seed, strength)
+    raise DigsError(f"tier '{tier}': expected truth, law, planned, guided or matcher")
 
 
 def sense_effects(
-    truth: FrameTruth, names: Iterable[str], seed: int = 0, strength: float = 1.0
+    truth: FrameTruth,
+    names: Iterable[str],
+    seed: int = 0,
+    strength: float = 1.0,
+    measured: Sensed | None = None,
 ) -> Sensed:
-    """Return the frame after the named effects, in their physical order; see `sense`."""
+    """Return the frame after the named effects, in their physical order; see `sense`.
+
+    They act on what was ``measured`` before; None: on the truth.
+    """
     wanted = set(names)
     effects = [effect for effect in EFFECTS if effect.name in wanted]
-    sensed = Sensed.of(truth).own()
+    sensed = (measured or Sensed.of(truth)).changeable()
     with ThreadPoolExecutor(1, thread_name_prefix="look-ahead") as ahead:
         # The longest piece of work does not depend on the effects before it.
         hidden = ahead.submit(lambda: truth.hidden) if Occlusion.name in wanted else None

@@ -49,3 +49,7 @@ EFFECTS: tuple[DepthEffect, ...] = (
     DepthRange(),
     RandomInvalid(),
 )
+
+# What no image shows: errors of the calibration, and what the device does after matching. They act on
+# measurements by the tier "guided", too.
+AFTER_MATCHING = frozenset((MisRectification.name, StaticField.name, FlyingPixels.name))

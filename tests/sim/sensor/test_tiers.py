@@ -177,5 +177,5 @@ def test_every_effect_bears_an_empty_frame() -> None:
 
 
 def test_unknown_tier_is_refused() -> None:
-    with pytest.raises(DigsError, match="expected truth, law, planned or matcher"):
+    with pytest.raises(DigsError, match="expected truth, law, planned, guided or matcher"):
         sense(make_frame(50.0), "kinect")  # pyright: ignore[reportArgumentType]

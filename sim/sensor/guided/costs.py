@@ -1,0 +1,123 @@
+"""Matching costs of the disparities that the pixels try: sums over a window, a tile at a time.
+
+The cost of one pixel pair is the smaller of the two distances between a pixel and the range around its
+partner (Birchfield and Tomasi 1998), of the slopes plus a quarter of that of the gray values, at most 93.
+"""
+
+import warp as wp
+
+# Rows and columns of a tile. Vectors have 64 columns; the rest are the margin of the largest window.
+TILE_ROWS = 16
+TILE_COLUMNS = 58
+LARGEST_WINDOW = 7
+
+# Written with Clang's vector types, which compile for any processor. Warp has no saturating subtraction,
+# no transposition and no vectors of 64 bytes; as loops over its arrays this takes several times as long.
+_TILE_COSTS = r"""
+typedef unsigned char Bytes __attribute__((ext_vector_type(64), aligned(1)));
+typedef short Shorts __attribute__((ext_vector_type(64), aligned(2)));
+typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
+const int plane = height * pitch;
+const int side = 2 * reach + 1;
+const int last_x = x0 + TILE_COLUMNS < width ? x0 + TILE_COLUMNS : width;
+const int last_lane = width - 1 - x0 + reach;  // of the image; it may lie beyond the vector
+
+// Which blocks any pixel of the tile tries.
+unsigned long long needed[2] = {0, 0};
+for (int y = y0; y < y0 + TILE_ROWS && y < height; ++y)
+    for (int x = x0; x < last_x; ++x)
+        for (int bits = blocks.data[y * width + x] & 0x0fffffff, i = 0; i < 4; ++i, bits >>= 7)
+            needed[(bits & 127) >> 6] |= 1ull << (bits & 63);
+
+auto minus = [](Bytes a, Bytes b) -> Bytes { return __builtin_elementwise_sub_sat(a, b); };
+// Distance between pixels and partners, of one kind of plane.
+auto distance = [&](const unsigned char* left, const unsigned char* right) -> Bytes {
+    Bytes u = *(const Bytes*)left, v = *(const Bytes*)right;
+    Bytes u0 = *(const Bytes*)(left + plane), u1 = *(const Bytes*)(left + 2 * plane);
+    Bytes v0 = *(const Bytes*)(right + plane), v1 = *(const Bytes*)(right + 2 * plane);
+    Bytes of_left = __builtin_elementwise_max(minus(u, v1), minus(v0, u));
+    Bytes of_right = __builtin_elementwise_max(minus(v, u1), minus(u0, v));
+    return __builtin_elementwise_min(of_left, of_right);
+};
+
+Bytes single[TILE_ROWS + LARGEST_WINDOW - 1];
+short sums[8][TILE_ROWS][64] __attribute__((aligned(64)));
+short line[64 + LARGEST_WINDOW] __attribute__((aligned(64)));
+for (int block = 0; block < 128; ++block) {
+    if (!((needed[block >> 6] >> (block & 63)) & 1))
+        continue;
+    for (int m = 0; m < 8; ++m) {
+        for (int r = 0; r < TILE_ROWS + 2 * reach; ++r) {
+            int y = y0 + r - reach;
+            y = y < 0 ? 0 : y > height - 1 ? height - 1 : y;
+            const int at = y * pitch + searched + x0 - reach;
+            const unsigned char* left = left_planes.data + at;
+            const unsigned char* right = right_planes.data + at - (block * 8 + m);
+            single[r] = distance(left, right) + (distance(left + 3 * plane, right + 3 * plane) >> (Bytes)2);
+        }
+        Shorts column = 0;
+        for (int r = 0; r < 2 * reach; ++r)
+            column += __builtin_convertvector(single[r], Shorts);
+        for (int r = 0; r < TILE_ROWS; ++r) {
+            column += __builtin_convertvector(single[r + 2 * reach], Shorts);
+            *(Shorts*)line = column;
+            // At the borders of the image the first and the last column are repeated.
+            if (x0 == 0)
+                for (int i = 0; i < reach; ++i)
+                    line[i] = line[reach];
+            for (int i = 1; last_lane < 64 && i <= reach; ++i)
+                line[last_lane + i] = line[last_lane];
+            Shorts sum = 0;
+            for (int i = 0; i < side; ++i)
+                sum += *(const Shorts*)(line + i);
+            *(Shorts*)sums[m][r] = sum;
+            column -= __builtin_convertvector(single[r], Shorts);
+        }
+    }
+    for (int r = 0; r < TILE_ROWS && y0 + r < height; ++r) {
+        const int* row_blocks = blocks.data + (y0 + r) * width;
+        short* row_costs = costs.data + first_cost + r * width * 32;
+        for (int x = x0; x < last_x; x += 8) {
+            // Eight disparities of eight pixels, transposed: each pixel stores its own together.
+            Block a[8], b[8];
+            for (int i = 0; i < 8; ++i)
+                a[i] = *(const Block*)&sums[i][r][x - x0];
+            for (int stage = 0; stage < 3; ++stage) {
+                for (int i = 0; i < 4; ++i) {
+                    b[2 * i] = __builtin_shufflevector(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+                    b[2 * i + 1] = __builtin_shufflevector(a[i], a[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+                }
+                for (int i = 0; i < 8; ++i)
+                    a[i] = b[i];
+            }
+            for (int i = 0; i < 8 && x + i < last_x; ++i)
+                for (int bits = row_blocks[x + i], slot = 0; slot < 4; ++slot, bits >>= 7)
+                    if ((bits & 127) == block)
+                        *(Block*)(row_costs + (x + i) * 32 + slot * 8) = a[i];
+        }
+    }
+}
+"""
+_CONSTANTS = f"""
+constexpr int TILE_ROWS = {TILE_ROWS}, TILE_COLUMNS = {TILE_COLUMNS};
+constexpr int LARGEST_WINDOW = {LARGEST_WINDOW};
+"""
+
+
+@wp.func_native(_CONSTANTS + _TILE_COSTS)
+def tile_costs(
+    left_planes: wp.array[wp.uint8],  # see planes.py
+    right_planes: wp.array[wp.uint8],
+    blocks: wp.array[int],  # per pixel, packed; see blocks.py
+    costs: wp.array[wp.int16],  # [TILE_ROWS, width, 32], in the order of the pixel's blocks
+    first_cost: int,  # where in ``costs`` the row y0 begins
+    x0: int,
+    y0: int,
+    width: int,
+    height: int,
+    pitch: int,
+    searched: int,  # end of the search range, and columns in front of the planes
+    reach: int,  # of the window to either side
+):
+    """Write the costs of the blocks of each pixel of the tile that begins at (x0, y0)."""
+    ...

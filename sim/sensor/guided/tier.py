@@ -1,0 +1,29 @@
+"""The 'guided' tier on a frame of the simulator."""
+
+import numpy as np
+
+from digs_warp.sim.sensor.blame import blame
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS
+from digs_warp.sim.sensor.guided.confidence import confidence_of
+from digs_warp.sim.sensor.guided.search import search
+from digs_warp.sim.sensor.matcher import search_range
+
+
+def sense_by_guided_matching(
+    truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None
+) -> Sensed:
+    """Match the two images of a frame near the truth, which the confidence does not know.
+
+    Args:
+        truth: of the frame; it also tells the cause of what is missing or wrong.
+        recorded: left and right image after the effects on images, sRGB, each (height, width, 3),
+            uint8; None: the images of the truth.
+    """
+    rig = truth.rig
+    left, right = map(gray_of, recorded or (truth.image, truth.right))
+    disparities = min(max(search_range(rig), BLOCKS * BLOCK), MAX_BLOCKS * BLOCK)
+    found = search(left, right, truth.disparity, disparities, rig.window)
+    confidence = confidence_of(left, found.disparity, found.cost, found.rival, rig.window)
+    return Sensed(found.disparity, blame(found.disparity, truth), confidence, owned=True)

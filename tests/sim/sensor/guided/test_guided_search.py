@@ -1,0 +1,123 @@
+"""The band-limited search equals its twin, and OpenCV's full search where the band is the full range."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from digs_warp.checks import DigsError
+from digs_warp.device import parallel
+from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.guided.blocks import choose_blocks
+from digs_warp.sim.sensor.guided.confidence import confidence_of
+from digs_warp.sim.sensor.guided.search import STRIP_ROWS, WARM_UP, search, search_blocks
+from reference.guided_twin import tried_disparities, twin_costs, twin_matches, twin_sums
+from reference.stereo_frames import broadband
+from reference.stereo_pairs import plane_pair
+
+
+def stepped_pair(
+    shape: tuple[int, int], seed: int = 0, noise: float = 2.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Two noisy images of a texture on a slope with a near box, and a surface that is about theirs."""
+    height, width = shape
+    rng = np.random.default_rng(seed)
+    texture = broadband((height, width + 128), seed)[..., 0].astype(np.float64)
+    surface = np.tile(np.linspace(6, 14, width), (height, 1))
+    surface[height // 4 : 3 * height // 4, width // 3 : 2 * width // 3] = 33.3
+    rows, columns = np.indices(shape)
+    moved = texture[rows, (columns + surface).astype(int)]
+    noisy = [image + noise * rng.standard_normal(shape) for image in (texture[:, :width], moved)]
+    left, right = (np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in noisy)
+    return left, right, surface.astype(np.float32)
+
+
+@pytest.mark.parametrize("window", [1, 3, 5, 7])
+def test_disparity_and_costs_equal_the_twin_to_the_bit(window: int) -> None:
+    left, right, surface = stepped_pair((35, 75), seed=window)
+    blocks = choose_blocks(surface, left, right, 10, window)
+    found = search_blocks(left, right, blocks, 80, window, uniqueness=13)
+    costs = twin_costs(left, right, 80, window)
+    steps = (8 * window * window, 32 * window * window)
+    sums = twin_sums(costs, tried_disparities(blocks.numpy(), 80), *steps)
+    for mine, twins in zip(found, twin_matches(sums, 13, 1), strict=True):
+        np.testing.assert_array_equal(mine, twins)
+    assert 0.3 < (found[0] >= 0).mean() < 1, "or the checks were not tested"
+
+
+def test_with_the_full_range_in_the_band_it_is_opencvs_search() -> None:
+    import cv2
+
+    left, right, _ = stepped_pair((120, 200))
+    surface = np.full(left.shape, 12.0, np.float32)  # 32 disparities: all are tried
+    blocks = choose_blocks(surface, left, right, 4, 5)
+    found, _, _ = search_blocks(left, right, blocks, 32, 5, uniqueness=10)
+    matcher = cv2.StereoSGBM.create(0, 32, 5, 200, 800, 1, 0, 10, 0, 0)
+    pair = [cv2.copyMakeBorder(i, 0, 0, 32, 0, cv2.BORDER_CONSTANT) for i in (left, right)]
+    full = matcher.compute(pair[0], pair[1])[:, 32:]
+    mine = cv2.medianBlur(found, 3)  # OpenCV's search ends with this median
+    inside = (slice(8, -8), slice(8, -16))  # OpenCV treats the right border in another way
+    assert (np.maximum(full, -16) == mine)[inside].mean() > 0.99
+    assert (full[inside] >= 0).mean() > 0.4
+
+
+def test_strips_hardly_differ_from_one_search_and_not_with_the_threads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left, right, surface = stepped_pair((2 * STRIP_ROWS, 120))
+    blocks = choose_blocks(surface, left, right, 10, 5)
+    both = search_blocks(left, right, blocks, 80, 5)[0]
+    monkeypatch.setattr(parallel, "default_threads", lambda: 1)
+    np.testing.assert_array_equal(both, search_blocks(left, right, blocks, 80, 5)[0])
+    # The lower half alone, with the rows above in which its paths warm up.
+    lower = slice(STRIP_ROWS - WARM_UP - 2, None)
+    alone = search_blocks(left[lower], right[lower], wp.array(blocks.numpy()[lower]), 80, 5)[0]
+    same = alone[WARM_UP + 4 :] == both[STRIP_ROWS + 2 :]
+    assert same[: STRIP_ROWS // 2].mean() > 0.97
+
+
+@pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
+def test_a_textured_plane_is_found_where_it_is(disparity: float) -> None:
+    truth = plane_pair(disparity)
+    found = search(gray_of(truth.image), gray_of(truth.right), truth.disparity, 128).disparity
+    inside = found[:, int(np.ceil(disparity)) + 8 :]
+    assert np.isfinite(inside).mean() > 0.95
+    # Pixel locking pulls fractional disparities by up to 0.2 px.
+    assert np.sqrt(np.nanmean((inside - disparity) ** 2)) < 0.25
+    band = found[:, : int(disparity) - 3]  # the right eye does not see it
+    assert band.shape[1] < 10 or np.isfinite(band).mean() < 0.15
+
+
+def test_without_texture_no_match_is_trusted() -> None:
+    flat = np.full((60, 120), 90, np.uint8)
+    found = search(flat, flat, np.full((60, 120), 20, np.float32), 64)
+    assert (confidence_of(flat, found.disparity, found.cost, found.rival) == 0).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (7, 9), (17, 59), (16, 58), (33, 117)])
+def test_images_of_any_size(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    left, right = rng.integers(0, 256, (2, *shape), np.uint8)
+    found = search(left, right, np.full(shape, 5, np.float32), 32)
+    assert found.disparity.shape == shape
+    assert np.isfinite(found.cost).all() and np.isfinite(found.rival).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -3.0, 1e9])
+def test_a_truth_that_is_nowhere_or_anywhere(value: float) -> None:
+    left, right, _ = stepped_pair((40, 80))
+    found = search(left, right, np.full((40, 80), value, np.float32), 64)
+    known = found.disparity[np.isfinite(found.disparity)]
+    assert ((known >= 0) & (known < 64)).all()
+
+
+def test_ranges_and_windows_that_cannot_be_searched_are_named() -> None:
+    gray = np.zeros((10, 10), np.uint8)
+    surface = np.zeros((10, 10), np.float32)
+    with pytest.raises(
+        DigsError, match="disparities: 24, expected a multiple of 8 from 32 to 1024"
+    ):
+        search(gray, gray, surface, 24)
+    with pytest.raises(DigsError, match="window: 9, expected 1, 3, 5 or 7"):
+        search(gray, gray, surface, 32, window=9)
+    with pytest.raises(DigsError, match="right image"):
+        search(gray, gray[:5], surface, 32)
