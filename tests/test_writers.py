@@ -74,7 +74,7 @@ def _called(function: ast.expr) -> tuple[str, str]:
 
 def _mode(call: ast.Call, owner: str) -> str:
     """The mode of `open(path, mode)` or `path.open(mode)`; "?" where the code decides it."""
-    if owner in ("os", "oiio", "webbrowser") or owner.endswith(
+    if owner in ("os", "oiio", "webbrowser", "archive") or owner.endswith(
         ("Stage", "Input", "Database", "Image")
     ):
         return "r"
