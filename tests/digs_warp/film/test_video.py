@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from full_disks.disk import largest_file
 from PIL import Image
 
 from digs_warp.camera import Intrinsics
@@ -15,7 +16,6 @@ from digs_warp.film.shoot import Clock, shoot
 from digs_warp.film.video import write_frames, write_video
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.render import render
-from reference.full_disk import largest_file
 from reference.tiny_capture import ball
 
 CAMERAS = orbit(find_subject(ball()), Intrinsics.from_fov(96, 64, 45.0), 6)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disks.disk import largest_file
 
 from digs_warp.checks import DigsError
 from digs_warp.interchange.splats.files import SUFFIXES, read_splat_file, write_splat_file
@@ -14,7 +15,6 @@ from digs_warp.interchange.splats.rows import (
     turned,
 )
 from digs_warp.sh import rgb_from_sh
-from reference.full_disk import largest_file
 from reference.splat_files import random_gaussians, shapes
 
 
