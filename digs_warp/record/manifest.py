@@ -125,8 +125,9 @@ class Manifest:
         if lost:
             more = f" and {len(lost) - _NAMED} more" if len(lost) > _NAMED else ""
             logger.warning(
-                "'%s': %d files are damaged or missing and are made again: %s%s",
-                *(self.folder, len(lost), ", ".join(lost[:_NAMED]), more),
+                "'%s': %s damaged or missing and made again: %s%s",
+                *(self.folder, "1 file is" if len(lost) == 1 else f"{len(lost)} files are"),
+                *(", ".join(lost[:_NAMED]), more),
             )
         return lost
 

@@ -47,7 +47,7 @@ CASES = (
     Case("reconstruct", f"reconstruct {{in}}/capture --out {{out}}/a {' '.join(SHORT)}", "--resume"),
     Case(
         "reconstruct, poses estimated",
-        f"reconstruct {{in}}/many --out {{out}}/a {' '.join(SHORT)} --poses sfm --sfm-seed 0",
+        f"reconstruct {{in}}/many --out {{out}}/a {' '.join(SHORT)} --poses sfm",
         "--resume",
     ),
     Case("run, with report", f"run --out {{out}}/a {' '.join((*SMALL, *SHORT))}", "--resume"),

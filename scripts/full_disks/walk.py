@@ -95,10 +95,9 @@ def _judge_failure(
     case: Case, disk: Path, code: int, said: str, expected: dict[str, bytes], walked: Walked
 ) -> None:
     walked.runs += 1
-    complaint = said.strip().splitlines()[-1] if said.strip() else ""
-    named = re.search(r"'([^']+)': cannot be written .*Free space", complaint)
-    if code != 1 or named is None:
-        walked.defects.append(f"{case.name}: exit code {code}, '{complaint[:300]}'")
+    named = re.search(r"'([^']+)': cannot be written .*Free space", said)
+    if code != 1 or named is None or "Traceback" in said:
+        walked.defects.append(f"{case.name}: exit code {code}, '{said[-300:]}'")
     else:
         walked.files.add(Path(named[1]).name)
     for name, content in _contents(disk).items():
@@ -134,7 +133,17 @@ def _is_whole(path: Path, content: bytes, expected: bytes | None) -> bool:
     """Whether a file holds what an undisturbed run wrote, or a complete earlier version of it."""
     if content == expected or path.name in (RUN_RECORD, MANIFEST) or path.name.startswith("."):
         return True
+    if path.suffix == ".json":  # a version of it: half an object is no JSON
+        return _is_json(content)
     return any(Manifest.read(folder).is_whole(path) for folder in path.parents if _has(folder))
+
+
+def _is_json(content: bytes) -> bool:
+    try:
+        json.loads(content)
+    except ValueError:
+        return False
+    return True
 
 
 def _has(folder: Path) -> bool:

@@ -133,8 +133,7 @@ def test_a_resumed_run_makes_damaged_frames_again(
     kept = (folder / "images/0000.png").stat().st_mtime_ns
     simulate(config, folder, resume=True)
     assert (
-        "2 files are damaged or missing and are made again: depth/0002.exr, masks/0001"
-        in caplog.text
+        "2 files are damaged or missing and made again: depth/0002.exr, masks/0001" in caplog.text
     )
     assert file_hashes(folder) == listed_hashes(folder) == file_hashes(recording)
     assert (folder / "images/0000.png").stat().st_mtime_ns == kept

@@ -57,7 +57,7 @@ def test_damaged_and_missing_files_are_dropped_and_named(
         assert manifest.drop_damaged() == ["flipped", "gone", "short"]
         assert is_kept(tmp_path / "good")
         assert not is_kept(tmp_path / "flipped") and not is_kept(tmp_path / "users")
-    assert "3 files are damaged or missing and are made again: flipped, gone, sh" in caplog.text
+    assert "3 files are damaged or missing and made again: flipped, gone, sh" in caplog.text
     assert {path.name for path in tmp_path.iterdir()} == {"good", "users", "files.jsonl"}
     assert Manifest.read(tmp_path).all_whole()
 

@@ -1,0 +1,98 @@
+"""A resumed reconstruction makes what is damaged or missing again, with the same result."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.record.manifest import Manifest
+from digs_warp.segment.config import SegmentConfig
+from digs_warp.train.config import Stop, TrainConfig
+from reference.tiny_capture import write_tiny_capture
+
+CONFIG = ReconstructConfig(
+    init=InitConfig(voxel_size=0.02),
+    segment=SegmentConfig(masks="depth"),
+    train=TrainConfig(stop=Stop(iterations=12), sh_degree=0, evaluate_at=(6,), keep_course=True),
+)
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture")
+
+
+@pytest.fixture(scope="module")
+def result(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("reconstruction")
+    reconstruct(capture, CONFIG, folder)
+    return folder
+
+
+def files(folder: Path) -> dict[str, object]:
+    """All files; of the records only what is the same in every run."""
+    found: dict[str, object] = {}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if name == "run.json":
+            found[name] = without_times(json.loads(path.read_text())["results"])
+        elif name == "training.jsonl":
+            rows = map(json.loads, path.read_text().splitlines())
+            found[name] = [without_times(row) for row in rows]
+        elif path.is_file() and name not in ("files.jsonl", "masks/settings.json"):
+            found[name] = path.read_bytes()
+    return found
+
+
+def without_times(value: Any) -> Any:
+    if not isinstance(value, dict):
+        return value
+    return {key: without_times(each) for key, each in value.items() if "seconds" not in key}
+
+
+@pytest.mark.parametrize("damage", ["emptied", "flipped", "deleted"])
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        *("masks/*.png", "cameras.json", "initial_points.npz", "gaussians.npz"),
+        *("training.jsonl", "course/*6.npz", "evaluation.json", "renders/*.png"),
+    ],
+)
+def test_what_is_damaged_is_made_again(
+    capture: Capture,
+    result: Path,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    pattern: str,
+    damage: str,
+) -> None:
+    folder = Path(shutil.copytree(result, tmp_path / "copy"))
+    victim = sorted(folder.glob(pattern))[0]
+    content = bytearray(victim.read_bytes())
+    content[-20] ^= 1
+    if damage == "deleted":
+        victim.unlink()
+    else:
+        victim.write_bytes(content if damage == "flipped" else b"")
+    reconstruct(capture, CONFIG, folder, resume=True)
+    name = victim.relative_to(folder).as_posix()
+    assert f"1 file is damaged or missing and made again: {name}" in caplog.text
+    assert files(folder) == files(result)
+    assert Manifest.read(folder).all_whole()
+
+
+def test_nothing_is_made_again_without_need(
+    capture: Capture, result: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = Path(shutil.copytree(result, tmp_path / "copy"))
+    kept = ("masks/0001.png", "initial_points.npz", "gaussians.npz", "training.jsonl")
+    before = [(folder / name).stat().st_mtime_ns for name in kept]
+    reconstruct(capture, CONFIG, folder, resume=True)
+    assert [(folder / name).stat().st_mtime_ns for name in kept] == before
+    assert "damaged" not in caplog.text
+    assert files(folder) == files(result)
