@@ -1,8 +1,8 @@
 """Run every command that writes on disks that run full at each successive write.
 
-    python scripts/full_disk.py                         # all commands, a page of 4096 bytes more each time
-    python scripts/full_disk.py --case simulate --pages 4
-    python scripts/full_disk.py --page                  # all, and the table in docs/stability.md
+    python scripts/full_disk.py                   # all commands, in some minutes
+    python scripts/full_disk.py --case simulate
+    python scripts/full_disk.py --page            # all, and the table in docs/stability.md
 
 Each run has to fail with a message that names a file and says what to do, and to leave nothing truncated
 under a final name. With room, the same command (with --resume where it has it) has to give the files of a
@@ -17,7 +17,6 @@ import tempfile
 from pathlib import Path
 
 from full_disks.cases import CASES, find_cases, make_inputs
-from full_disks.disk import PAGE
 from full_disks.walk import Walked, walk
 from page_marks import fill
 
@@ -46,7 +45,6 @@ def main() -> int:
     """Walk through the cases; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--case", action="append", default=[], help="a row of the table; several")
-    parser.add_argument("--pages", type=int, default=1, help="growth of the disk [4096 bytes]")
     parser.add_argument(
         "--page", action="store_true", help="write the table into docs/stability.md"
     )
@@ -61,7 +59,7 @@ def main() -> int:
         show_progress()
         with progress(len(cases), "Running disks full", "command") as bar:
             for case in cases:
-                walked[case.name] = walk(case, inputs, Path(name) / "out", options.pages * PAGE)
+                walked[case.name] = walk(case, inputs, Path(name) / "out")
                 bar.update()
                 for defect in walked[case.name].defects:
                     _say(defect)

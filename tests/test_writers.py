@@ -41,6 +41,10 @@ ALLOWED = {
     ("usd/splat_layer.py", "copyfileobj"): "below a temporary name of usd/files.py",
     ("usd/crate_splice.py", "pwrite"): "below a temporary name of usd/files.py",
     ("digs_warp/sfm/model_files.py", "write"): "below a temporary name, read back",
+    (
+        "digs_warp/record/replacement.py",
+        "replace",
+    ): "files that are synced, in an order that a note keeps",
     ("sim/testing/series.py", "rename"): "of record/disk.py: a folder whose files are synced",
     ("digs_warp/study/bench_usd.py", "save"): "what is measured, in a temporary folder",
     ("digs_warp/study/timing.py", "write_text"): "a switch of the system below /proc",

@@ -103,7 +103,7 @@ def make_inputs(folder: Path, cases: Sequence[Case]) -> Path:
         "run": f"run --out {{in}}/run {' '.join((*SMALL, *SHORT))}",
         "trained": "run --out {in}/trained --frames 8 --width 96 --iterations 150",
         "capture": f"simulate --out {{in}}/capture {' '.join(SMALL)}",
-        "many": "simulate --out {in}/many --frames 10 --width 160",
+        "many": "simulate --out {in}/many --frames 16 --width 320 --tier law",
         "tum": "convert {in}/capture --to tum --out {in}/tum",
     }
     _make_scene(folder)

@@ -1,6 +1,7 @@
 """One command on disks of growing size: it fails with a message, and with room gives the same result."""
 
 import json
+import math
 import os
 import re
 from collections.abc import Iterator
@@ -13,6 +14,11 @@ from full_disks.cases import Case, run_command
 from full_disks.disk import PAGE, largest_file, resize, small_disk
 
 ROOM = 1 << 30
+
+# Some messages do not say how much room is needed: then the disk grows by this share of the result.
+UNKNOWN_STEPS = 40
+
+UNITS = {"bytes": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
 
 # Values in results that differ between any two runs.
 _TIMES = re.compile(rb'"(training_)?seconds": [0-9.e-]+')
@@ -33,13 +39,13 @@ class Walked:
     defects: list[str] = field(default_factory=list)
 
 
-def walk(case: Case, inputs: Path, disk: Path, step: int = PAGE) -> Walked:
-    """Run a command on disks of one ``step`` [bytes], two, three ... until it has room."""
-    expected, _ = _undisturbed(case, inputs, disk)
+def walk(case: Case, inputs: Path, disk: Path) -> Walked:
+    """Run a command on a disk of one page, and then on disks with just the room for what failed before."""
+    expected, needed = _undisturbed(case, inputs, disk)
     walked = Walked()
-    size = PAGE
-    while not _try(case, inputs, disk, size, expected, walked):
-        size += step
+    size, step = PAGE, max(PAGE, needed // UNKNOWN_STEPS)
+    while least := _try(case, inputs, disk, size, expected, walked):
+        size = max(least, size + PAGE) if least > PAGE else size + step
     return walked
 
 
@@ -78,17 +84,25 @@ def _undisturbed(case: Case, inputs: Path, disk: Path) -> tuple[dict[str, bytes]
 
 def _try(
     case: Case, inputs: Path, disk: Path, size: int, expected: dict[str, bytes], walked: Walked
-) -> bool:
-    """Run once on a disk of ``size``; return whether there was room."""
+) -> int:
+    """Run once on a disk of ``size``.
+
+    Returns:
+        The least room for the next try [bytes], one page where it is not known; 0: there was enough room.
+    """
     with small_disk(disk, size):
         code, said = run_command(case.command(inputs, disk))
         if code == 0:
             _compare(case, f"with {size} bytes", _contents(disk), expected, walked)
-            return True
+            return 0
         _judge_failure(case, disk, code, said, expected, walked)
+        space = os.statvfs(disk)
         resize(disk, ROOM)
         _judge_repeat(case, inputs, disk, expected, walked)
-        return False
+    if (needs := re.search(r"needs ([0-9.]+) (\w+)", said)) is None:
+        return PAGE
+    needed = float(needs[1]) * UNITS[needs[2]]
+    return (space.f_blocks - space.f_bfree + math.ceil(needed / PAGE)) * PAGE
 
 
 def _judge_failure(
