@@ -19,6 +19,7 @@ from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.dropped import what_was_dropped
 from digs_warp.init.start import DepthReport
+from digs_warp.init.strays import in_company
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
 from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
@@ -100,6 +101,9 @@ def depth_points(
             visible = not_seen_through(voxels.points_world, seen, report.voxel_size)
         voxels = voxels.select(visible) if visible.any() else voxels
         report.voxels["not seen through"] = len(voxels)
+    with timed(report.seconds, "strays", time.process_time):
+        voxels = voxels.select(in_company(voxels.points_world, report.voxel_size))
+    report.voxels["not alone"] = len(voxels)
     if config.max_points is not None and len(voxels) > config.max_points:
         voxels = voxels.select(_drawn(len(voxels), config.max_points))
         report.voxels["drawn"] = len(voxels)

@@ -68,7 +68,7 @@ class VoxelSums:
         Raises:
             DigsError: the voxel size is not positive, or so small that voxel indices overflow.
         """
-        return _sum_by_key(_voxel_keys(self.points_world, voxel_size), self.counts, self.sums)
+        return _sum_by_key(voxel_keys(self.points_world, voxel_size), self.counts, self.sums)
 
 
 def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:
@@ -80,7 +80,12 @@ def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:
     )
 
 
-def _voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
+def voxel_keys(points_world: np.ndarray, voxel_size: float) -> np.ndarray:
+    """Return the packed voxel index of each point [m], shape (n,), int64.
+
+    Raises:
+        DigsError: the voxel size is not positive, or so small that voxel indices overflow.
+    """
     check_positive("voxel size", voxel_size)
     extent = float(np.abs(points_world).max(initial=0.0))
     if not extent / voxel_size < MAX_INDEX:

@@ -1,0 +1,68 @@
+"""Points alone in the air are dropped; surfaces, however thin or coarse, are not."""
+
+import numpy as np
+import pytest
+
+from digs_warp.init.config import InitConfig
+from digs_warp.init.depth_points import depth_points
+from digs_warp.init.strays import in_company
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate_in_memory
+
+VOXEL = 0.004
+
+
+def plate(side: float = 0.2, spacing: float = VOXEL) -> np.ndarray:
+    """A square of points, about as voxels leave them."""
+    steps = np.arange(0, side, spacing)
+    grid = np.stack(np.meshgrid(steps, steps, [0.0]), axis=-1).reshape(-1, 3)
+    return grid + np.random.default_rng(0).uniform(-0.3, 0.3, grid.shape) * spacing
+
+
+def test_points_away_from_everything_are_dropped() -> None:
+    strays = np.array([[2.0, 0, 0], [0, 0, -1.5], [0.1, 0.1, 0.2], [3, 3, 3], [3, 3, 3.01]])
+    points = np.concatenate([plate(), strays])
+    np.testing.assert_array_equal(in_company(points, VOXEL), np.arange(len(points)) < len(plate()))
+
+
+def test_a_wire_one_voxel_thick_stays() -> None:
+    wire = np.zeros((50, 3))
+    wire[:, 2] = 0.5 + VOXEL * np.arange(50)
+    assert in_company(np.concatenate([plate(), wire]), VOXEL).all()
+
+
+def test_a_small_part_that_stands_apart_stays() -> None:
+    part = plate(0.02) + [1.0, 0, 0]
+    assert len(part) == 25
+    assert in_company(np.concatenate([plate(), part]), VOXEL).all()
+
+
+@pytest.mark.parametrize("spacing", [0.004, 0.02, 0.1])
+def test_depth_maps_coarser_than_the_voxels_lose_nothing(spacing: float) -> None:
+    surface = plate(20 * spacing, spacing)
+    assert in_company(surface, VOXEL).all()
+    stray = np.concatenate([surface, [[0, 0, 100 * spacing]]])
+    np.testing.assert_array_equal(in_company(stray, VOXEL), np.arange(len(stray)) < len(surface))
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 8])
+def test_a_handful_of_points_is_kept(count: int) -> None:
+    points = np.random.default_rng(0).uniform(-1, 1, (count, 3))
+    assert in_company(points, VOXEL).all()
+
+
+def test_where_the_origin_lies_makes_no_difference() -> None:
+    points = np.concatenate([plate(), [[0.5, 0.5, 0.5]]])
+    for offset in ([0, 0, 0], [100.013, -50.7, 3.3]):
+        assert in_company(points + offset, VOXEL).tolist() == [True] * len(plate()) + [False]
+
+
+def test_the_start_of_a_small_recording_is_no_larger_than_its_object() -> None:
+    """In small images neither --min-support nor the visibility check drops the strays."""
+    capture = simulate_in_memory(SimulateConfig(frames=9, width=160, height=120))
+    frames = capture.split(8)[0]
+    points, report = depth_points(frames, InitConfig())
+    assert report.voxels["well supported"] == report.voxels["occupied"]
+    assert 10 <= report.voxels["not seen through"] - report.voxels["not alone"] <= 60
+    low, high = points.bounds
+    assert (high - low < [0.3, 0.3, 0.55]).all()
