@@ -1,7 +1,19 @@
 """Facts for the terminal: a name and what is known, one per line."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from digs_warp.pipeline.reconstruction import Reconstruction
+
 
 def format_facts(facts: dict[str, str]) -> str:
     """Return the facts as two aligned columns."""
     width = max(map(len, facts))
     return "\n".join(f"{name.ljust(width)}  {value}" for name, value in facts.items())
+
+
+def reconstruction_words(result: "Reconstruction", frames: int) -> str:
+    """Say how many Gaussians there are, from what, and how good they are."""
+    depth = result.start.depth if result.start else None
+    voxels = f" in voxels of {1e3 * depth.voxel_size:.3g} mm" if depth else ""
+    return f"{len(result.gaussians):,} Gaussians from {frames} frames{voxels}, {result.scores}"

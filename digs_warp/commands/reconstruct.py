@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Self
 import tyro
 
 from digs_warp.commands.command import SettingsCommand
+from digs_warp.commands.facts import reconstruction_words
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import reconstruction_files
@@ -73,7 +74,5 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         with self.output.opened([self.capture], reconstruction_files()) as folder:
             result = reconstruct(capture, config, folder, resume=self.output.resume)
         seconds = time.perf_counter() - start
-        return (
-            f"{self.output.out / layout.GAUSSIANS}: {len(result.gaussians):,} Gaussians from {len(capture)} "
-            f"frames, {result.scores}, {seconds:.1f} s"
-        )
+        words = reconstruction_words(result, len(capture))
+        return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"

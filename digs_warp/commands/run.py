@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 import tyro
 
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.facts import format_facts
+from digs_warp.commands.facts import format_facts, reconstruction_words
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import run_files
@@ -95,7 +95,7 @@ class Run(ReconstructionOptions, SettingsCommand):
             write_capture_package(capture, [result], folder / layout.SCENE, WriteOptions())
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)
-        return f"{len(result.gaussians):,} Gaussians from {len(capture)} frames, {result.scores}"
+        return reconstruction_words(result, len(capture))
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:

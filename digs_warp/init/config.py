@@ -22,7 +22,7 @@ class InitConfig:
 
     voxel_size: float | None = None
     """Edge length of the voxel grid: one point per occupied voxel. Smaller voxels give finer detail and
-    slower training. Default: 4 mm (depth: 10 mm), about 25,000 (4,000) points for an object of 0.5 m."""
+    slower training. Default: two pixels (depth: five) at the object's distance, at most 200,000 points."""
 
     voxel_unit: VoxelUnit = "metre"
     """Unit of the voxel size. metre; object: fraction of the object's longest side (default 0.008 and 0.02),
@@ -117,6 +117,11 @@ class InitConfig:
         return self.mask_threshold if self.mask_filter else -1
 
     @property
-    def voxel_edge(self) -> float:
-        """Edge length of the voxel grid in ``voxel_unit``."""
-        return self.voxel_size or STRATEGIES[self.strategy].voxel_sizes[self.voxel_unit]
+    def voxel_edge(self) -> float | None:
+        """Edge length of the voxel grid in ``voxel_unit``; None: ``voxel_pixels`` at the object."""
+        return self.voxel_size or STRATEGIES[self.strategy].voxel_sizes.get(self.voxel_unit)
+
+    @property
+    def voxel_pixels(self) -> float:
+        """Edge length of the voxel grid in pixels at the object, where nothing else is said."""
+        return STRATEGIES[self.strategy].voxel_pixels

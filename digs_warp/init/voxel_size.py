@@ -1,9 +1,10 @@
-"""The edge length of the voxel grid: in metres, as a fraction of the object, in SfM units, or by point count.
+"""The edge length of the voxel grid: from the recording, in metres, as a fraction of the object, or by count.
 
-The paper states its voxel sizes, 0.04 and 0.1, in the arbitrary unit of its structure from motion. A size
-in metres or in units of structure from motion is known at the start. A fraction of the object or a number of
-points is not: then the grid starts as fine as the depth maps resolve, and is coarsened after all views were
-added.
+By default a voxel is as large as two pixels at the object's distance: what the images resolve, for a cup and
+for a car. The paper states its voxel sizes, 0.04 and 0.1, in the arbitrary unit of its structure from motion.
+A size in metres or in units of structure from motion is known at the start. A fraction of the object or a
+number of points is not: then the grid starts as fine as the depth maps resolve, and is coarsened after all
+views were added.
 """
 
 import logging
@@ -14,12 +15,16 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.init.config import InitConfig
+from digs_warp.init.strategies import FINE_PIXELS
 from digs_warp.init.voxel import VoxelSums
 
 logger = logging.getLogger(__name__)
 
-# The fine grid's voxels in pixels at the object's distance.
-FINE_PIXELS = 2.0
+# Views that tell how large a pixel is at the object.
+LOOKED_AT = 8
+
+# More points than this are never wanted by default: a step of the training takes too long on a CPU.
+MOST_POINTS = 200_000
 
 # The object's box ignores this percentage of the voxels at either end of each axis.
 BOX_PERCENTILE = 0.5
@@ -37,7 +42,9 @@ def first_voxel_size(
         DigsError: a size in units of structure from motion, but no scale.
     """
     if config.target_points is not None or config.voxel_unit == "object":
-        return _fine_size(frames, config.mask_level)
+        return FINE_PIXELS * pixel_size(frames, config.mask_level)
+    if config.voxel_edge is None:
+        return config.voxel_pixels * pixel_size(frames, config.mask_level)
     if config.voxel_unit == "metre":
         return config.voxel_edge
     if sfm_per_metre is None:
@@ -54,8 +61,10 @@ def final_voxel_size(voxels: VoxelSums, size: float, config: InitConfig) -> floa
     For more ``target_points`` than there are voxels it is ``size``; the caller says what became of them.
     """
     if config.target_points is not None:
-        return _size_for_count(voxels, size, config)
-    if config.voxel_unit != "object":
+        return _size_for_count(voxels, size, config.target_points, config.min_support)
+    if config.voxel_edge is None and config.max_points is None:
+        return _size_for_most(voxels, size, config.min_support)
+    if config.voxel_unit != "object" or config.voxel_edge is None:
         return size
     wanted = config.voxel_edge * object_size(voxels.well_supported(config.min_support))
     if wanted < size:
@@ -73,35 +82,49 @@ def object_size(voxels: VoxelSums) -> float:
     return float((high - low).max())
 
 
-def _fine_size(frames: Sequence[Frame], mask_level: int) -> float:
-    """Return the size [m] of `FINE_PIXELS` pixels at the object, in the first view that shows it."""
-    for frame in frames:
+def pixel_size(frames: Sequence[Frame], mask_level: int) -> float:
+    """Return the width [m] of a pixel at the object: the median over a few views that show it."""
+    sizes = []
+    for number in range(0, len(frames), max(1, len(frames) // LOOKED_AT)):
+        frame = frames[number]
         depth = frame.load_depth()[frame.load_mask() > mask_level]
         depth = depth[~np.isnan(depth)]
         if depth.size:
-            return FINE_PIXELS * float(np.median(depth)) / frame.camera.intrinsics.fx
-    return 1.0  # no object pixel: the views will raise the error
+            sizes.append(float(np.median(depth)) / frame.camera.intrinsics.fx)
+    # Without an object pixel the views will raise the error.
+    return float(np.median(sizes)) if sizes else 1.0
 
 
-def _size_for_count(voxels: VoxelSums, size: float, config: InitConfig) -> float:
-    assert config.target_points is not None
+def _size_for_most(voxels: VoxelSums, size: float, min_support: float) -> float:
+    """Return ``size``, or the size that keeps the points below `MOST_POINTS`."""
+    count = len(voxels.well_supported(min_support))
+    if count <= MOST_POINTS:
+        return size
+    coarser = _size_for_count(voxels, size, MOST_POINTS, min_support)
+    logger.info(
+        "the depth maps resolve %s points; voxels of %.2g mm instead of %.2g mm keep %s. --voxel-size "
+        "chooses other ones",
+        *(f"{count:,}", 1e3 * coarser, 1e3 * size, f"{MOST_POINTS:,}"),
+    )
+    return coarser
 
+
+def _size_for_count(voxels: VoxelSums, size: float, wanted: int, min_support: float) -> float:
     def count(edge: float) -> int:
-        return len(voxels.coarser(edge).well_supported(config.min_support))
+        return len(voxels.coarser(edge).well_supported(min_support))
 
-    if count(size) <= config.target_points:
+    if count(size) <= wanted:
         return size
     fine, coarse = size, max(2 * size, object_size(voxels))
     largest = 2 * float(np.abs(voxels.points_world).max())
-    while count(coarse) > config.target_points:
+    while count(coarse) > wanted:
         if coarse > largest:  # one voxel in each octant around the origin: no grid has fewer
             logger.warning(
-                "--target-points: %d wanted, but the coarsest grid has %d",
-                *(config.target_points, count(coarse)),
+                "--target-points: %d wanted, but the coarsest grid has %d", wanted, count(coarse)
             )
             return coarse
         coarse *= 2
     for _ in range(SEARCH_STEPS):
         middle = float(np.sqrt(fine * coarse))
-        fine, coarse = (middle, coarse) if count(middle) > config.target_points else (fine, middle)
+        fine, coarse = (middle, coarse) if count(middle) > wanted else (fine, middle)
     return coarse

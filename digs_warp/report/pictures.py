@@ -57,7 +57,7 @@ def depth_scale(depths_in_mask: np.ndarray) -> ColorScale:
     known = depths_in_mask[~np.isnan(depths_in_mask)]
     # A few outliers must not compress the object into a few colors.
     low, high = np.percentile(known, [1, 99]) if known.size else (0.0, 1.0)
-    margin = max(0.05 * (high - low), 0.005)
+    margin = max(0.05 * (high - low), 0.005 * high)
     return ColorScale("depth [m]", max(0.0, low - margin), high + margin, "viridis_r")
 
 

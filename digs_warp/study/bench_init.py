@@ -23,6 +23,7 @@ from digs_warp.init.strategies import StrategyName
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case
 from digs_warp.study.results import Result
+from digs_warp.study.scenes import VOXEL, voxel_size
 from digs_warp.study.synthetic_sfm import sfm_from_truth
 from digs_warp.study.timing import Stopwatch, peak_memory
 
@@ -66,7 +67,7 @@ def bench_init(
     names = [f"{number:04d}" for number in range(frames)]
     many = [replace(held[i % distinct], name=name) for i, name in enumerate(names)]
     shared = {"frames": frames, "size": f"{width}x{height}", "threads": default_threads()}
-    initialize(many[:distinct], InitConfig())  # compiles the kernels
+    initialize(many[:distinct], InitConfig(voxel_size=VOXEL))  # compiles the kernels
     with Stopwatch() as watch:
         scale = estimate_scale(local_scales(sfm, held, InitConfig()))
     values = {
@@ -76,7 +77,8 @@ def bench_init(
     results = [Result(shared, values, "scale")]
     metric = sfm.in_metres(scale.sfm_per_metre)
     for strategy in STRATEGIES:
-        values = _measure(case, many, replace(InitConfig(), strategy=strategy), metric)
+        config = InitConfig(strategy=strategy, voxel_size=voxel_size(strategy))
+        values = _measure(case, many, config, metric)
         results.append(Result(shared | {"strategy": strategy}, values, "strategies"))
     return results
 

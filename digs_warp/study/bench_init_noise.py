@@ -25,7 +25,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.init_cases import InitCase, render_case, training_frames
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import OBJECT_SIZE, sample_data
+from digs_warp.study.scenes import OBJECT_SIZE, sample_data, voxel_size
 from digs_warp.study.synthetic_sfm import (
     sfm_from_truth,
     with_disparity_offset,
@@ -134,7 +134,8 @@ def _all_strategies(
 ) -> Iterator[Result]:
     seen = scaled(capture, sfm, SFM_PER_METRE)
     for strategy in STRATEGIES:
-        found = initialize(seen.frames, InitConfig(strategy=strategy), seen.sfm)
+        config = InitConfig(strategy=strategy, voxel_size=voxel_size(strategy))
+        found = initialize(seen.frames, config, seen.sfm)
         # The true metre: what the scale got wrong stays wrong relative to the object's size.
         score = case.score(found.points.points_world * np.float32(seen.true_per_metre))
         labels = {"object": case.name, "sensor": sensor, "strategy": strategy}

@@ -27,6 +27,7 @@ from digs_warp.pipeline.scene_files import SpzVersion, read_scene, write_scene_f
 from digs_warp.record.progress import progress
 from digs_warp.splat.render import render
 from digs_warp.study.results import Result
+from digs_warp.study.scenes import VOXEL
 from digs_warp.study.timing import Stopwatch
 from digs_warp.surface.extract import Scene, extract_surface
 from digs_warp.surface.true_surface import read_true_surface
@@ -77,7 +78,7 @@ def trained_object() -> TrainedObject:
     recording = SimulateConfig(
         frames=TRAINING_FRAMES, width=640, height=360, samples_per_pixel=1, tier="law"
     )
-    init = InitConfig()
+    init = InitConfig(voxel_size=VOXEL)
     train = TrainConfig(stop=Stop(iterations=TRAINING_STEPS), sh_degree=SH_DEGREE)
     with tempfile.TemporaryDirectory() as folder:
         capture = simulate(recording, Path(folder) / "capture")

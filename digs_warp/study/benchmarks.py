@@ -134,6 +134,12 @@ BENCHMARKS = (
         "initialization.md",
     ),
     Benchmark(
+        "size",
+        "objects of 6 cm to 2 m: Gaussians, seconds and quality by size and voxel",
+        "bench_size:bench_size",
+        "initialization.md",
+    ),
+    Benchmark(
         "init-noise",
         "all initializations under rising sensor noise and calibration errors, against true surfaces",
         "bench_init_noise:bench_init_noise",

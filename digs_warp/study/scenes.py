@@ -15,6 +15,8 @@ SAMPLE_OBJECTS = (
 # All objects have the built-in one's longest side [m]: results compare, and the camera is about a metre away,
 # where it measures well.
 OBJECT_SIZE = 0.5
+# Voxels [m] of studies and benchmarks where they do not vary: the same for all image sizes.
+VOXEL, COARSE_VOXEL = 0.004, 0.01
 # Rich in texture: structure from motion needs the surround.
 ENVIRONMENT = "forest_slope"
 
@@ -22,6 +24,11 @@ ENVIRONMENT = "forest_slope"
 def sample_data() -> Path:
     """Return the folder of the sample data: DIGS_WARP_SAMPLE_DATA, or ../shared/data."""
     return Path(os.environ.get("DIGS_WARP_SAMPLE_DATA", "../shared/data"))
+
+
+def voxel_size(strategy: str) -> float:
+    """Return the edge length [m] of the voxels that studies give a strategy of initialization."""
+    return COARSE_VOXEL if strategy == "depth" else VOXEL
 
 
 def objects(count: int, first: Sequence[str] = ()) -> dict[str, dict[str, Any]]:

@@ -21,7 +21,7 @@ from digs_warp.study.engine.records import (
     number,
 )
 from digs_warp.study.page import Section
-from digs_warp.study.scenes import objects
+from digs_warp.study.scenes import VOXEL, objects
 from digs_warp.study.table import Table
 
 # One is smooth and well textured; the other has thin legs, and parts that hide each other.
@@ -40,7 +40,10 @@ FEW_POINTS = 20_000
 
 RECIPE = "paper's Highdepth"
 AGAIN = "the same, other order of views"
-PAPER: dict[str, Any] = {"init.min_support": 0.0, "init.visibility_check": False}
+PAPER: dict[str, Any] = {
+    **{"init.min_support": 0.0, "init.visibility_check": False},
+    "init.voxel_size": VOXEL,
+}
 
 VARIANTS: dict[str, dict[str, Any]] = {
     RECIPE: {},
@@ -58,7 +61,10 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "+ confidence weights": {"init.weight_by_confidence": True},
     "+ flat Gaussians": {"init.shape": "flat"},
     "+ Gaussians along rays": {"init.shape": "ray"},
-    f"+ voxels for {FEW_POINTS:,} points": {"init.target_points": FEW_POINTS},
+    f"+ voxels for {FEW_POINTS:,} points": {
+        "init.voxel_size": None,
+        "init.target_points": FEW_POINTS,
+    },
 }
 
 

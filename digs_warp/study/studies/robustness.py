@@ -19,7 +19,7 @@ from digs_warp.study.engine.records import (
     tabulate,
 )
 from digs_warp.study.page import Section
-from digs_warp.study.scenes import objects
+from digs_warp.study.scenes import objects, voxel_size
 from digs_warp.study.table import Table
 
 # The largest first: it shows whether an effect matters at all.
@@ -67,6 +67,7 @@ def _case(
         | {"strength": strength, "effects": "all" if effect == ALL else effect},
         reconstruction={
             "init.strategy": strategy,
+            "init.voxel_size": voxel_size(strategy),
             "train.stop.iterations": iterations,
             "train.seed": seed,
         },

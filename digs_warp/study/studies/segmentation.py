@@ -14,7 +14,7 @@ from digs_warp.study.engine.records import (
     tabulate,
 )
 from digs_warp.study.page import Section
-from digs_warp.study.scenes import objects
+from digs_warp.study.scenes import objects, voxel_size
 
 ERRORS = (0.0, 1.0, 2.0, 4.0)
 STRATEGIES = ("highdepth", "fusion", "default")
@@ -29,6 +29,7 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> lis
             reconstruction={
                 **{"segment.masks": "degraded", "segment.mask_error": error},
                 **{"segment.mask_seed": seed, "init.strategy": strategy},
+                "init.voxel_size": voxel_size(strategy),
                 **{"train.stop.iterations": iterations, "train.seed": seed},
             },
         )

@@ -14,13 +14,13 @@ from digs_warp.study.engine.records import (
     pareto_front,
 )
 from digs_warp.study.page import Section
-from digs_warp.study.scenes import objects
+from digs_warp.study.scenes import OBJECT_SIZE, VOXEL, objects, voxel_size
 from digs_warp.study.studies.finishes import finish_sections
 from digs_warp.study.table import Table
 
 # The point that every knob starts from.
 RECORDING: dict[str, Any] = {"frames": 40, "width": 480, "height": 270, "samples_per_pixel": 4}
-RECONSTRUCTION: dict[str, Any] = {"train.stop.iterations": 500}
+RECONSTRUCTION: dict[str, Any] = {"train.stop.iterations": 500, "init.voxel_size": VOXEL}
 USUAL = "usual"
 
 # Knob -> (part of the chain, setting, values); the width also changes the height. The most important knobs
@@ -91,6 +91,8 @@ def _case(
     if knob != USUAL:
         part, setting, _ = KNOBS[knob]
         changes = {setting: value}
+        if knob == "initialization":
+            changes["init.voxel_size"] = voxel_size(value)
         if knob == "image width":
             changes["height"] = value * 9 // 16
         if knob == "voxel size [mm]":
@@ -152,6 +154,9 @@ def best_within(records: Sequence[Record], budget: float) -> Best | None:
     record = group_by(records, "knob", "value")[key][0]
     settings = {**record["recording"], **record["reconstruction"]}
     kept = {n: v for n, v in settings.items() if n not in OF_THE_SCENE}
+    if "init.voxel_size" in kept:  # objects of other sizes need other voxels
+        kept["init.voxel_size"] /= OBJECT_SIZE
+        kept["init.voxel_unit"] = "object"
     return Best(_name(key), kept, *within[key])
 
 
@@ -279,10 +284,10 @@ def _usual_value(knob: str) -> Any:
 
     part, setting, _ = KNOBS[knob]
     changed = RECORDING if part == "recording" else RECONSTRUCTION
+    if setting == "init.voxel_size":
+        return 1e3 * VOXEL
     if setting in changed:
         return changed[setting]
-    if setting == "init.voxel_size":
-        return 1e3 * ReconstructConfig().init.voxel_edge
     value: Any = SimulateConfig() if part == "recording" else ReconstructConfig()
     for name in setting.split("."):
         value = getattr(value, name)

@@ -17,7 +17,9 @@ def test_the_row_decides_the_defaults(name: StrategyName) -> None:
     row = STRATEGIES[name]
     config = InitConfig(strategy=name)
     assert (config.seed_opacity, config.seed_width) == (row.opacity, row.width)
-    assert set(row.voxel_sizes) == set(get_args(VoxelUnit))
+    # In metres the default follows the recording.
+    assert set(row.voxel_sizes) == set(get_args(VoxelUnit)) - {"metre"}
+    assert (config.voxel_edge, config.voxel_pixels) == (None, row.voxel_pixels)
     for unit, size in row.voxel_sizes.items():
         assert InitConfig(strategy=name, voxel_unit=unit).voxel_edge == size
     given = InitConfig(strategy=name, opacity=0.3, splat_width=2.0, voxel_size=0.5)
