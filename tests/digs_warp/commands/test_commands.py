@@ -56,7 +56,8 @@ def test_reconstruct_then_info_and_export_work_on_its_folder(
     assert main([*arguments, "--voxel-size", "0.05"]) == EXIT_OK
     summary = capsys.readouterr().out
     assert re.fullmatch(
-        rf"{folder}/gaussians.npz: [\d,]+ Gaussians from 3 frames, PSNR .* dB .*, [\d.]+ s\n",
+        rf"{folder}/gaussians.npz: [\d,]+ Gaussians from 3 frames in voxels of 50 mm, "
+        r"PSNR .* dB .*, [\d.]+ s\n",
         summary,
     )
     assert main(["info", str(folder)]) == EXIT_OK

@@ -75,7 +75,7 @@ def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(capture: Capture) -
     assert len(low.points) < len(high.points)
     for found in (high, low):
         # The mean of a curved patch lies below the surface, by the square of its width.
-        below = found.depth.voxel_size**2 / (4 * RADIUS)
+        below = edge_length(found) ** 2 / (4 * RADIUS)
         np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=below)
 
 
