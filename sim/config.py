@@ -62,7 +62,8 @@ class SimulateConfig:
     from the size and printed."""
 
     up: Literal["auto", "y", "z"] = "auto"
-    """Which axis of the mesh file points up."""
+    """Which axis of the mesh file points up. auto: that of the format, y for GLB, glTF and OBJ, z for PLY and
+    STL, with a warning if the object then lies where it could stand."""
 
     seed: int = 0
     """Seed of hand shake, pixel sampling and everything random in the sensor."""

@@ -29,6 +29,7 @@ from digs_warp.sim.mesh.placement import (
     stated_scale,
 )
 from digs_warp.sim.mesh.promises import check_promises
+from digs_warp.sim.mesh.resting import better_up_axis
 from digs_warp.sim.scene import Material, Scene
 
 logger = logging.getLogger(__name__)
@@ -166,7 +167,7 @@ def _placement(
     suffix = path.suffix.lower()
     low, high = box_of(triangles.vertices, triangles.faces)
     scale = stated_scale(size, unit, high - low, suffix in GLTF_SUFFIXES)
-    axis = UP_AXIS_BY_SUFFIX[suffix] if up == "auto" else up
+    axis = _usual_up_axis(path, triangles) if up == "auto" else up
     if scale is not None:
         return place(low, high, axis, scale)
     guess = guessed_scale(high - low, suffix[1:].upper())
@@ -175,6 +176,19 @@ def _placement(
     level = logging.INFO if guess.metres_per_unit == 1.0 else logging.WARNING
     logger.log(level, "mesh '%s': %s m; %s", path.name, in_metres, guess.origin)
     return placement
+
+
+def _usual_up_axis(path: Path, triangles: Triangles) -> str:
+    """Return the up axis of the format; warn of a mesh that lies with it."""
+    up = UP_AXIS_BY_SUFFIX[path.suffix.lower()]
+    better = better_up_axis(triangles.vertices[np.unique(triangles.faces)], up)
+    if better is not None:
+        logger.warning(
+            "mesh '%s': lies on its side with %s up, as is usual for %s, but would stand with %s up; turn it "
+            "with --up %s, or confirm with --up %s",
+            *(path.name, up, path.suffix[1:].upper(), better, better, up),
+        )
+    return up
 
 
 def _scene(

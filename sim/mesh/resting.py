@@ -1,0 +1,88 @@
+"""Whether a mesh stands on a base: a file whose up axis is not that of its format is recorded lying down.
+
+A pose is judged by the convex hull: the faces that look down carry the object if its center of mass is above
+them. How far it must tilt until it is not, is the angle of tipping: 20 degrees for a bottle that stands. A
+bottle that lies rests on a narrow strip, or rolls: faces that look only nearly down widen what carries it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+AXES = {"y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
+
+# A face looks down if it is within this angle of it [degrees]; scanned bases are uneven.
+LEVEL = 2.0
+# Faces within this angle widen the support of what rolls.
+ROUND = 12.0
+# What tips at less than this, and rolls, lies; what tips at more than the second stands [degrees]. Scanned
+# boxes on their uneven sides tip at 5.
+LIES_BELOW, STANDS_ABOVE = 3.0, 8.0
+ROLLS_FROM = 2.0  # the angle grows by this factor with the wider support
+
+# More vertices than this make the hull slow; every n-th is enough.
+MOST_VERTICES = 300_000
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """Of the mesh: corners of the faces, shape (m, 3, 3), their outer normals, and the center of mass."""
+
+    corners: np.ndarray
+    normals: np.ndarray
+    center: np.ndarray
+
+
+def better_up_axis(vertices: np.ndarray, up: str) -> str | None:
+    """Return the axis, "y" or "z", on which a mesh stands while it lies with ``up`` up; None: it is right.
+
+    Args:
+        vertices: those that the faces use, shape (n, 3), finite.
+        up: "y" or "z".
+    """
+    hull = hull_of(vertices[:: -(-len(vertices) // MOST_VERTICES)])
+    other = "z" if up == "y" else "y"
+    if hull is None or tipping_angle(hull, AXES[other], LEVEL) < STANDS_ABOVE:
+        return None
+    angle = tipping_angle(hull, AXES[up], LEVEL)
+    rolls = tipping_angle(hull, AXES[up], ROUND) > ROLLS_FROM * angle
+    return other if angle == 0.0 or (angle < LIES_BELOW and rolls) else None
+
+
+def hull_of(vertices: np.ndarray) -> Hull | None:
+    """Return the hull; None if it has no volume."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(vertices)
+    except (QhullError, ValueError):
+        return None
+    corners = vertices[hull.simplices]
+    inside = corners.mean(axis=(0, 1))
+    # Tetrahedra between the faces and a point inside.
+    volumes = np.abs(np.linalg.det(corners - inside))
+    centers = (corners.sum(axis=1) + inside) / 4
+    return Hull(corners, hull.equations[:, :3], np.average(centers, axis=0, weights=volumes))
+
+
+def tipping_angle(hull: Hull, up: np.ndarray, level: float) -> float:
+    """Return how far the object must tilt to tip over [degrees]; 0 if it does not stand at all.
+
+    Args:
+        hull: of the mesh.
+        up: unit vector, shape (3,).
+        level: a face within this angle of the horizontal carries [degrees].
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    carrying = hull.corners[hull.normals @ -up > np.cos(np.deg2rad(level))].reshape(-1, 3)
+    if not len(carrying):
+        return 0.0
+    sides = np.linalg.svd(up[None])[2][1:]  # two axes in the plane
+    try:
+        edges = ConvexHull(carrying @ sides.T).equations
+    except QhullError:
+        return 0.0
+    margin = float(-(edges @ [*(sides @ hull.center), 1.0]).max())
+    height = float((hull.center - carrying.mean(axis=0)) @ up)
+    return float(np.rad2deg(np.arctan2(max(margin, 0.0), height)))
