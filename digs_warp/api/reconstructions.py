@@ -7,10 +7,12 @@ from typing import Any
 from digs_warp.api.settings import with_settings
 from digs_warp.checks import DigsError
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
+from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.init.strategies import StrategyName
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.replacement import check_place
 
 
 def reconstruct(
@@ -41,7 +43,8 @@ def reconstruct(
             ``masks="depth"``, ``density="mcmc"``, ``time_budget=60.0`` (seconds), ...
 
     Raises:
-        DigsError: a capture that cannot be used, a wrong setting, or a folder that holds results.
+        DigsError: a capture that cannot be used, a wrong setting, or a folder that holds results or other
+            files with names that a reconstruction needs.
     """
     from digs_warp.pipeline import reconstruct as pipeline
 
@@ -56,6 +59,8 @@ def reconstruct(
                 f"'{out}': the folder already holds results; go on with resume=True if they are of a run "
                 "that was cut off, or choose another folder"
             )
+        if not resume:
+            check_place(Path(out), reconstruction_files())
         return pipeline.reconstruct(capture, config, Path(out), resume)
     with TemporaryDirectory(prefix="digs-warp-") as folder:
         return pipeline.reconstruct(capture, config, Path(folder)).in_memory()

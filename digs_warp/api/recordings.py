@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.api.settings import with_settings
+from digs_warp.commands.result_files import capture_files
 from digs_warp.data.capture import Capture
+from digs_warp.record.replacement import check_place
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.stream import StereoFrame
 
@@ -31,13 +33,16 @@ def simulate(
             ``width``, ``tier``, ``effects``, ``seed``.
 
     Raises:
-        DigsError: bad input, or a folder that holds another recording.
+        DigsError: bad input, or a folder that holds another recording or other files with names that a
+            recording needs.
     """
     from digs_warp.sim import record
 
     config = _config(mesh, frames, settings)
     if out is None:
         return record.simulate_in_memory(config)
+    if not resume:
+        check_place(Path(out), capture_files())
     return record.simulate(config, Path(out), resume)
 
 

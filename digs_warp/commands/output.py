@@ -103,8 +103,11 @@ class OutputFolder:
             try:
                 with _written_for(self.out, work), recorded_files(work, self.resume):
                     yield work
-            except BaseException:
-                _remove_mere_records(work)
+            except BaseException as error:
+                # Of an interrupted --overwrite the folder stays, also empty: --resume must not take the old
+                # result for the new one.
+                if work == self.out or not isinstance(error, KeyboardInterrupt):
+                    _remove_mere_records(work)
                 raise
             if work != self.out:
                 replace_result(self.out)
@@ -112,7 +115,7 @@ class OutputFolder:
     def _workplace(self, needed: Sequence[Path], writes: Sequence[str]) -> Path:
         unfinished = self.out / UNFINISHED
         if self.resume:
-            if not _holds_results(unfinished):
+            if not unfinished.is_dir():
                 return self.out
             _log.info("'%s': going on with the new result that --overwrite began", self.out)
             return unfinished
@@ -121,6 +124,7 @@ class OutputFolder:
         if not _is_used(self.out):
             return self.out
         check_place(self.out, writes)
+        unfinished.mkdir()
         return unfinished
 
 
@@ -238,6 +242,8 @@ def _remove_mere_records(folder: Path) -> None:
     """Delete the records of a run that failed before it made anything."""
     if _holds_results(folder):
         return
+    if folder.name == UNFINISHED:
+        shutil.rmtree(folder, ignore_errors=True)
     for place, _, _ in os.walk(folder, topdown=False):
         parent = Path(place)
         if is_ours(parent):

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.checks import check_within
+from digs_warp.checks import DigsError, check_within
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
@@ -64,6 +64,7 @@ class RunStudy(Command):
         from digs_warp.study.engine.runner import run_cases
 
         study = find_study(self.name)
+        self._check_folder()
         outcome = run_cases(
             study.cases(self.objects, self.seeds, self.iterations),
             self.out,
@@ -72,6 +73,18 @@ class RunStudy(Command):
             budget=self.time_budget,
         )
         return f"{outcome}\nreport: {study.report(self.out)}"
+
+    def _check_folder(self) -> None:
+        """Refuse a folder that holds something else: the report would replace files of the same names."""
+        from digs_warp.study.engine.chain import CAPTURES
+        from digs_warp.study.engine.store import RESULTS
+
+        if not self.out.is_dir() or not any(self.out.iterdir()):
+            return
+        if not any((self.out / name).exists() for name in (RESULTS, CAPTURES)):
+            raise DigsError(
+                f"--out '{self.out}': the folder is not empty and holds no study; name another folder"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

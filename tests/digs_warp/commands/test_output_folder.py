@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import digs_warp
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.commands.output import NewFolder, OutputFolder, is_ours
@@ -243,6 +244,19 @@ def test_resume_goes_on_with_an_interrupted_overwrite_and_says_so(
     assert names(folder) == ["files.jsonl", "half", "run.json"]
 
 
+def test_resume_never_takes_the_old_result_for_the_new_one(tmp_path: Path) -> None:
+    """Interrupted before anything was made, with the settings of the old result."""
+    folder = our_folder(tmp_path / "out")
+    with pytest.raises(KeyboardInterrupt):
+        with OutputFolder(out=folder, overwrite=True).opened():
+            raise KeyboardInterrupt
+    with OutputFolder(out=folder, resume=True).opened() as work:
+        assert work != folder and not any(work.iterdir())
+        RunLog("simulate", {"frames": 3}).save(work / "run.json")
+        write_atomically(work / "new.txt", b"new")
+    assert names(folder) == ["files.jsonl", "new.txt", "run.json"]
+
+
 # The same with whole commands
 
 
@@ -344,6 +358,27 @@ def test_a_result_that_replaced_another_nowhere_names_the_hidden_folder(
     files = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
     assert [path for path in files if UNFINISHED.encode() in path.read_bytes()] == []
     assert main(["info", str(tmp_path / "out")]) == EXIT_OK
+
+
+def test_the_functions_of_the_package_replace_no_file_of_others(
+    capture: Path, tmp_path: Path
+) -> None:
+    for name in ("masks/0001.png", "images/0000.png"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text("precious")
+    before = state(tmp_path)
+    with pytest.raises(DigsError, match="move them away"):
+        digs_warp.reconstruct(capture, out=tmp_path, iterations=2, masks="depth")
+    with pytest.raises(DigsError, match="move them away"):
+        digs_warp.simulate(out=tmp_path, frames=2, width=32, height=18)
+    assert state(tmp_path) == before
+
+
+def test_a_study_replaces_no_page_of_others(tmp_path: Path) -> None:
+    (tmp_path / "report.md").write_text("precious")
+    arguments = ["study", "run", "segmentation", "--time-budget", "0.0000001s"]
+    assert main([*arguments, "--out", str(tmp_path)]) == EXIT_BAD_INPUT
+    assert names(tmp_path) == ["report.md"]
 
 
 # Files
