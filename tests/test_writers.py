@@ -30,10 +30,6 @@ ALLOWED = {
     ("digs_warp/record/arrays.py", "open ?"): "reads a member of a zip file",
     ("digs_warp/data/image_bytes.py", "open ?"): "into memory, checked",
     ("digs_warp/record/files.py", "rename"): "of record/disk.py",
-    (
-        "digs_warp/record/replacement.py",
-        "replace",
-    ): "renames synced files, then syncs their folders",
     ("digs_warp/data/image_bytes.py", "write_image"): "into memory, checked",
     ("digs_warp/film/video.py", "VideoWriter"): "below a temporary name, read back",
     ("digs_warp/film/video.py", "write_bytes"): "below a temporary name, to learn what is wrong",

@@ -184,7 +184,10 @@ class Manifest:
                     put(path, data)
 
     def _name(self, path: Path) -> str:
-        return _absolute(path).relative_to(self.folder).as_posix()
+        place = _absolute(path)
+        if not place.is_relative_to(self.folder):  # behind a link to a folder elsewhere
+            place = path
+        return place.relative_to(self.folder).as_posix()
 
     def _take(self, line: dict[str, str | int | None]) -> None:
         name = line["path"]

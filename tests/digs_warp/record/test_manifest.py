@@ -117,3 +117,14 @@ def test_a_full_disk_leaves_whole_lines(tmp_path: Path) -> None:
         for name in file_hashes(folder):
             assert Manifest.read(folder).is_whole(folder / name)
         assert (folder / "files.jsonl").read_bytes().endswith(b"\n")
+
+
+def test_a_folder_that_was_moved_to_another_disk_and_linked_is_still_whole(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with recorded_files(folder):
+        write_atomically(folder / "images" / "a.bin", b"a")
+    (folder / "images").rename(tmp_path / "elsewhere")
+    (folder / "images").symlink_to(tmp_path / "elsewhere")
+    with recorded_files(folder, resume=True) as manifest:
+        assert manifest.drop_damaged() == []
+    assert (folder / "images" / "a.bin").read_bytes() == b"a"
