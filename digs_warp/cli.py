@@ -16,6 +16,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.common_flags import CommonFlags, take_common_flags
 from digs_warp.commands.parse import PROGRAM, read_command, write_completion
+from digs_warp.device.libraries import missing_library
 from digs_warp.record.interruption import Stopped, stopped_by_signals
 from digs_warp.record.progress import show_progress
 from digs_warp.record.run_log import source_commit, versions
@@ -40,6 +41,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         code = _run(argv)
         sys.stdout.flush()
+    except ImportError as error:
+        missing = missing_library(error)
+        if missing is None:
+            raise
+        _complain(str(missing))
+        return EXIT_BAD_INPUT
     except BrokenPipeError:
         # The interpreter flushes once more at its end, and would complain.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

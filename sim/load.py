@@ -96,7 +96,7 @@ def _read_mesh(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         check_textures(path, header, (part.material for part in parts))
         extras = read_extras(path, header)
         materials, part_materials = materials_of_parts(parts, extras)
-    except MeshError:
+    except (MeshError, ImportError):
         raise
     except DigsError as error:  # a texture beyond its bound
         raise MeshError(f"mesh '{path}': {error}") from None

@@ -64,13 +64,12 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     def execute(self) -> str:
         """Reconstruct and say how well it went."""
         from digs_warp.data.capture import read_capture
-        from digs_warp.device.warp_start import require_device
-        from digs_warp.pipeline.reconstruct import reconstruct
+        from digs_warp.pipeline.reconstruct import check_machine, reconstruct
 
         start = time.perf_counter()
         capture = read_capture(self.capture)
         config = self.reconstruct_config(self.seed)
-        require_device(config.train.device)  # a wrong flag is named first
+        check_machine(config)  # a wrong flag is named first
         with self.output.opened([self.capture], reconstruction_files()) as folder:
             result = reconstruct(capture, config, folder, resume=self.output.resume)
         seconds = time.perf_counter() - start

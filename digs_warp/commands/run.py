@@ -59,11 +59,11 @@ class Run(ReconstructionOptions, SettingsCommand):
 
     def execute(self) -> str:
         """Run the stages; run.json holds the times of those that are done."""
-        from digs_warp.device.warp_start import require_device
+        from digs_warp.pipeline.reconstruct import check_machine
         from digs_warp.segment.masks import check_source
 
         config = self.reconstruct_config(self.recording.seed)
-        require_device(config.train.device)  # now, not after the recording
+        check_machine(config)  # now, not after the recording
         check_source(config.segment)
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})
         inputs = [self.recording.mesh, self.recording.environment]

@@ -13,8 +13,27 @@ OPEN3D_APT = "apt-get install -y libusb-1.0-0 libegl1 libgl1 libx11-6"
 PYRENDER_APT = "apt-get install -y libegl1 libgl1-mesa-dri"
 
 
+# The packages whose modules have other names.
+PACKAGES = {
+    **{"cv2": "opencv-python-headless", "PIL": "pillow", "pxr": "usd-core"},
+    **{"sklearn": "scikit-learn", "warp": "warp-lang", "yaml": "pyyaml"},
+}
+
+
 class MissingLibraryError(DigsError):
-    """An optional library cannot be loaded; the message has the command that installs what it needs."""
+    """A library cannot be loaded; the message has the command that installs what it needs."""
+
+
+def missing_library(error: ImportError) -> MissingLibraryError | None:
+    """Return the error to show for a failed import of another package; None for one of our own modules."""
+    module = (error.name or "digs_warp").partition(".")[0]
+    if module == "digs_warp":
+        return None
+    package = PACKAGES.get(module, module)
+    return MissingLibraryError(
+        f"this needs the package '{package}', which cannot be loaded ({error}); install it with: "
+        f"pip install {package}"
+    )
 
 
 def import_pycolmap() -> ModuleType:
@@ -22,9 +41,18 @@ def import_pycolmap() -> ModuleType:
 
     In the other order, pycolmap's bundled zlib shadows Python's, and every later PNG write in the process
     aborts with ``free(): invalid pointer``.
+
+    Raises:
+        MissingLibraryError: it is not installed. Only structure from motion needs it.
     """
     importlib.import_module("zlib")
-    return importlib.import_module("pycolmap")
+    try:
+        return importlib.import_module("pycolmap")
+    except ImportError as error:
+        raise MissingLibraryError(
+            f"structure from motion needs the package 'pycolmap', which cannot be loaded ({error}); install "
+            "it with: pip install pycolmap. Or do without: --poses capture, and a --strategy from depth."
+        ) from error
 
 
 def import_open3d() -> ModuleType:
@@ -32,7 +60,7 @@ def import_open3d() -> ModuleType:
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
-        raise MissingLibraryError(f"open3d cannot be loaded ({error}): {OPEN3D_APT}") from error
+        raise _not_loaded("open3d", error, OPEN3D_APT) from error
 
 
 def import_pyrender() -> ModuleType:
@@ -45,4 +73,11 @@ def import_pyrender() -> ModuleType:
     try:
         return importlib.import_module("pyrender")
     except (ImportError, OSError, AttributeError) as error:
-        raise MissingLibraryError(f"pyrender cannot be loaded ({error}): {PYRENDER_APT}") from error
+        raise _not_loaded("pyrender", error, PYRENDER_APT) from error
+
+
+def _not_loaded(package: str, error: Exception, system_libraries: str) -> MissingLibraryError:
+    """Say what to install: the package, or the libraries of the system that it links."""
+    is_absent = isinstance(error, ModuleNotFoundError) and error.name == package
+    remedy = f"pip install {package}" if is_absent else system_libraries
+    return MissingLibraryError(f"the package '{package}' cannot be loaded ({error}): {remedy}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import CAMERAS
+from digs_warp.device.libraries import import_pycolmap
 from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.scores import Scores
@@ -61,10 +62,10 @@ def reconstruct(
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
 
     Raises:
-        DigsError: no such device, too few frames, nothing to initialize from, settings that differ on
-            resume, or a folder that another process is writing.
+        DigsError: no such device or library, too few frames, nothing to initialize from, settings that
+            differ on resume, or a folder that another process is writing.
     """
-    require_device(config.train.device)
+    check_machine(config)
     folder = Path(folder)
     if not resume:  # else finished stages need nothing, and the others check
         check_front_end(capture, config)
@@ -74,6 +75,13 @@ def reconstruct(
         with recorded_files(folder, resume) as manifest:
             _drop_what_follows(manifest.drop_damaged(), folder)
             return _reconstruct(capture, config, folder, log, before)
+
+
+def check_machine(config: ReconstructConfig) -> None:
+    """Raise a `DigsError` when this machine lacks the device or a library that the settings need."""
+    require_device(config.train.device)
+    if config.needs_sfm:
+        import_pycolmap()
 
 
 def _drop_what_follows(lost: Sequence[str], folder: Path) -> None:

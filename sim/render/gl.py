@@ -184,6 +184,8 @@ def _canvas() -> Any:
     """Return the off-screen buffer of the process: pyrender shuts down EGL when it frees the first one."""
     try:
         return import_pyrender().OffscreenRenderer(1, 1)
+    except MissingLibraryError:
+        raise
     except Exception as error:  # PyOpenGL raises its own, ctypes' and plain AttributeErrors
         raise MissingLibraryError(
             f"OpenGL cannot draw off-screen here ({type(error).__name__}: {error}); install EGL and "
