@@ -16,6 +16,7 @@ from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
+from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
 CAMERAS = "cameras.json"
@@ -95,21 +96,20 @@ class PosedFrames:
             DigsError: the file is missing or broken, or names a frame that the capture does not have.
         """
         path = Path(folder) / CAMERAS
-        record = read_json(path, "cameras of the reconstruction")
+        content = read_json(path, "cameras of the reconstruction")
+        record = Fields(content, f"'{path}'", remedy="reconstruct again")
         frames = {frame.name: frame for frame in capture.frames}
         groups: dict[bool, list[Frame]] = {False: [], True: []}
-        try:
-            for entry in record["frames"]:
-                frame = _posed(frames[entry["name"]], entry, Path(folder))
-                groups[bool(entry["held_out"])].append(frame)
-            return PosedFrames(tuple(groups[False]), tuple(groups[True]), record["sfm_per_metre"])
-        except KeyError as error:
-            raise DigsError(
-                f"'{path}': {error} is not in the {capture} or not in the file; name the "
-                "capture that was reconstructed"
-            ) from error
-        except (TypeError, ValueError) as error:
-            raise DigsError(f"'{path}': {error}; reconstruct again") from error
+        for entry in record.sections("frames"):
+            name = entry.text("name")
+            if name not in frames:
+                raise DigsError(
+                    f"'{path}': '{name}' is not in the {capture}; name the capture that was reconstructed"
+                )
+            frame = _posed(frames[name], entry, Path(folder))
+            groups[entry.flag("held_out")].append(frame)
+        scale = record.number("sfm_per_metre", ABOVE_ZERO, default=None, what="a number above 0")
+        return PosedFrames(tuple(groups[False]), tuple(groups[True]), scale)
 
 
 def with_cameras(frames: Iterable[Frame], sfm: SfmModel) -> list[Frame]:
@@ -134,7 +134,11 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
     return entry
 
 
-def _posed(frame: Frame, entry: dict[str, Any], folder: Path) -> Frame:
-    camera = replace(frame.camera, world_from_cam=np.array(entry["world_from_cam"], np.float64))
-    posed = replace(frame, camera=camera)
-    return posed.with_layer(Layer.MASK, folder / entry["mask"]) if "mask" in entry else posed
+def _posed(frame: Frame, entry: Fields, folder: Path) -> Frame:
+    try:
+        pose = entry.array("world_from_cam", (4, 4))
+        posed = replace(frame, camera=replace(frame.camera, world_from_cam=pose))
+    except DigsError as error:
+        raise DigsError(f"{entry.where}: {error}; reconstruct again") from error
+    mask = entry.text("mask", None)
+    return posed if mask is None else posed.with_layer(Layer.MASK, folder / mask)

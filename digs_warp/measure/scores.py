@@ -1,11 +1,13 @@
 """How well rendered views match photographs that the training never saw."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+
+from digs_warp.record.fields import Fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,13 +25,13 @@ class Score:
         return {name: None if math.isnan(value) else value for name, value in values.items()}
 
     @staticmethod
-    def from_json(content: Mapping[str, Any]) -> "Score":
+    def from_json(content: Any) -> "Score":
         """Return what `to_json` wrote.
 
         Raises:
-            TypeError, ValueError: a metric is not a number.
+            DigsError: a metric is not a number.
         """
-        return Score(**_metrics(content))
+        return Score(**_metrics(Fields.of(content, "scores")))
 
 
 METRICS = tuple(metric.name for metric in fields(Score))
@@ -66,16 +68,16 @@ class Scores:
         return {"views": views, "mean": self.mean.to_json()}
 
     @staticmethod
-    def from_json(content: Mapping[str, Any]) -> "Scores":
+    def from_json(content: Any) -> "Scores":
         """Return what `to_json` wrote.
 
         Raises:
-            AttributeError, KeyError, TypeError, ValueError: it has a different form.
+            DigsError: it has a different form.
         """
-        Score.from_json(content["mean"])  # stored for other readers; we compute it from the views
-        return Scores(
-            tuple(ViewScore(name=str(view["name"]), **_metrics(view)) for view in content["views"])
-        )
+        scores = Fields.of(content, "scores")
+        _metrics(scores.section("mean"))  # stored for other readers; we compute it from the views
+        views = scores.sections("views")
+        return Scores(tuple(ViewScore(name=view.text("name"), **_metrics(view)) for view in views))
 
 
 def mean_score(scores: Sequence[Score]) -> Score:
@@ -88,6 +90,5 @@ def mean_score(scores: Sequence[Score]) -> Score:
     return Score(**means)
 
 
-def _metrics(content: Mapping[str, Any]) -> dict[str, float]:
-    values = {name: content.get(name) for name in METRICS}
-    return {name: math.nan if value is None else float(value) for name, value in values.items()}
+def _metrics(fields: Fields) -> dict[str, float]:
+    return {name: fields.number(name, default=math.nan) for name in METRICS}

@@ -21,6 +21,7 @@ from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.layout import (
     CAPTURE,
@@ -94,12 +95,12 @@ class Reconstruction:
     @property
     def strategy(self) -> str | None:
         """How the initial points were made, such as "highdepth"; None where it is not known."""
-        return (self.settings.get("init") or {}).get("strategy")
+        return self._setting("init", "strategy")
 
     @property
     def masks(self) -> str | None:
         """Where the masks came from: "capture", or how they were made; None where it is not known."""
-        return (self.settings.get("segment") or {}).get("masks")
+        return self._setting("segment", "masks")
 
     @property
     def results(self) -> Results:
@@ -252,6 +253,9 @@ class Reconstruction:
         frames, place = _find_frames(folder, capture)
         return Reconstruction(gaussians=gaussians, frames=frames, capture=place)
 
+    def _setting(self, group: str, name: str) -> str | None:
+        return Fields(self.settings, "settings").section(group, optional=True).text(name, None)
+
     def _stored(self) -> Path:
         if self.folder is None:
             raise DigsError("reconstruction: it is only in memory; save it to a folder first")
@@ -278,9 +282,9 @@ def _read_scores(path: Path) -> Scores:
     content = read_json(path, "evaluation")
     try:
         return Scores.from_json(content)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except DigsError as error:
         raise DigsError(
-            f"evaluation '{path}': {error!r}; expected 'mean', and 'views' that each have a 'name'; "
+            f"evaluation '{path}': {error}; expected 'mean', and 'views' that each have a 'name'; "
             "reconstruct again"
         ) from error
 

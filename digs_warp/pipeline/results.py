@@ -2,15 +2,17 @@
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_type_hints
 
-from digs_warp.checks import DigsError
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import DepthReport, Initialization
 from digs_warp.measure.scores import Score
+from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,22 +91,48 @@ class Results:
         Raises:
             DigsError: an entry has another form.
         """
-        content = record.results
-        start = dict(content.get("initialization") or {})
-        try:
-            return Results(
-                capture=Path(content["capture"]) if "capture" in content else None,
-                doubts=tuple(map(str, content.get("doubts", ()))),
-                sfm=SfmQuality(**content["sfm"]) if "sfm" in content else None,
-                scale=ScaleEstimate(**content["scale"]) if "scale" in content else None,
-                sources=start.pop("sources", None),
-                depth=DepthReport(**start) if start else None,
-                initial_points=content.get("initial_points"),
-                gaussians=content.get("gaussians"),
-                iterations=content.get("iterations"),
-                stopped_by=content.get("stopped by"),
-                training_seconds=content.get("training_seconds"),
-                held_out=Score.from_json(content["held_out"]) if "held_out" in content else None,
-            )
-        except (AttributeError, TypeError, ValueError) as error:
-            raise DigsError(f"run record '{path}': results: {error}; reconstruct again") from error
+        where = f"run record '{path}', results"
+        found = Fields(record.results, where, remedy="reconstruct again")
+        start = found.section("initialization", optional=True)
+        sources = start.section("sources", optional=True)
+        capture = found.text("capture", None)
+        return Results(
+            capture=Path(capture) if capture else None,
+            doubts=found.texts("doubts"),
+            sfm=_dataclass(SfmQuality, found, "sfm"),
+            scale=_dataclass(ScaleEstimate, found, "scale"),
+            sources={name: sources.whole(name) for name in sources.values}
+            if "sources" in start
+            else None,
+            depth=_depth_report(start),
+            initial_points=found.whole("initial_points", default=None),
+            gaussians=found.whole("gaussians", default=None),
+            iterations=found.whole("iterations", default=None),
+            stopped_by=found.text("stopped by", None),
+            training_seconds=found.number("training_seconds", default=None),
+            held_out=Score.from_json(found.section("held_out").values)
+            if "held_out" in found
+            else None,
+        )
+
+
+def _dataclass(kind: type[T], found: Fields, name: str) -> T | None:
+    """Return a dataclass of numbers and texts, all of them needed; None where it is missing."""
+    if name not in found:
+        return None
+    section = found.section(name)
+    hints = get_type_hints(kind)
+    readers = {int: section.whole, float: section.number, str: section.text}
+    return kind(**{field: readers[hint](field) for field, hint in hints.items()})
+
+
+def _depth_report(start: Fields) -> DepthReport | None:
+    if "pixels" not in start:
+        return None
+    counts = {name: start.section(name) for name in ("pixels", "voxels", "seconds")}
+    return DepthReport(
+        voxel_size=start.number("voxel_size"),
+        pixels={name: counts["pixels"].whole(name) for name in counts["pixels"].values},
+        voxels={name: counts["voxels"].whole(name) for name in counts["voxels"].values},
+        seconds={name: counts["seconds"].number(name) for name in counts["seconds"].values},
+    )

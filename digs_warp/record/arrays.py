@@ -1,6 +1,7 @@
 """Arrays as files of NumPy, ``.npz`` and ``.npy``; what they promise is checked before it is loaded."""
 
 import math
+import tokenize
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -27,6 +28,8 @@ UNREADABLE = (
     OSError,
     RuntimeError,  # encrypted, or compressed in a way that Python does not know
     RecursionError,  # brackets in the header of an array
+    SyntaxError,  # the header of an array is Python
+    tokenize.TokenError,
     TypeError,
     ValueError,
     zlib.error,

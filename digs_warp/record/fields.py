@@ -4,7 +4,7 @@ import json
 import math
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -64,12 +64,14 @@ class Fields:
         where: prefix of messages: the file, and the place in it.
         error: what is raised.
         shared: values that count where the object itself has none.
+        remedy: what to do about a broken file; the end of messages.
     """
 
     values: Mapping[str, Any]
     where: str
     error: type[DigsError] = DigsError
     shared: Mapping[str, Any] | None = None
+    remedy: str = ""
 
     @staticmethod
     def of(value: Any, where: str, error: type[DigsError] = DigsError) -> "Fields":
@@ -118,6 +120,13 @@ class Fields:
             raise self._wrong(name, value, "a text")
         return value
 
+    def texts(self, name: str) -> tuple[str, ...]:
+        """Return a list of texts; none if it is missing."""
+        value = self._find(name, [])
+        if not (isinstance(value, list) and all(map(is_text, value))):
+            raise self._wrong(name, value, "a list of texts")
+        return tuple(value)
+
     def flag(self, name: str, default: T | _Needed = NEEDED) -> bool | T:
         """Return true or false."""
         value = self._find(name, default)
@@ -143,7 +152,7 @@ class Fields:
     def section(self, name: str, optional: bool = False) -> "Fields":
         """Return an object inside this one; an empty one if it is missing and ``optional``."""
         value = self._find(name, {} if optional else NEEDED)
-        return Fields.of(value, f"{self.where}, {name}", self.error)
+        return self._inside(value, f"{self.where}, {name}")
 
     def sections(self, name: str, default: T | _Needed = NEEDED) -> "list[Fields] | T":
         """Return a list of objects."""
@@ -152,9 +161,10 @@ class Fields:
             return value
         if not isinstance(value, list):
             raise self._wrong(name, value, "a list of objects")
-        return [
-            Fields.of(item, f"{self.where}, {name} {i}", self.error) for i, item in enumerate(value)
-        ]
+        return [self._inside(item, f"{self.where}, {name} {i}") for i, item in enumerate(value)]
+
+    def _inside(self, value: Any, where: str) -> "Fields":
+        return replace(Fields.of(value, where, self.error), remedy=self.remedy)
 
     def _find(self, name: str, default: Any = None) -> Any:
         value = self.values.get(name)
@@ -163,11 +173,14 @@ class Fields:
         if value is not None:
             return value
         if default is NEEDED:
-            raise self.error(f"{self.where}: has no '{name}'")
+            raise self._broken(f"has no '{name}'")
         return default
 
     def _wrong(self, name: str, value: Any, expected: str) -> DigsError:
-        return self.error(f"{self.where}: {name} is {shown(value)}, expected {expected}")
+        return self._broken(f"{name} is {shown(value)}, expected {expected}")
+
+    def _broken(self, what: str) -> DigsError:
+        return self.error(f"{self.where}: {what}{self.remedy and '; ' + self.remedy}")
 
 
 def is_number(value: Any) -> bool:

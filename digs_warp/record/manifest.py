@@ -19,6 +19,7 @@ from pathlib import Path, PurePosixPath
 
 from digs_warp.checks import DigsError
 from digs_warp.record.disk import append, put, reported
+from digs_warp.record.fields import parse_json
 from digs_warp.record.layout import MANIFEST, RUN_RECORD
 
 logger = logging.getLogger(__name__)
@@ -85,7 +86,7 @@ class Manifest:
             return manifest
         for line in lines.splitlines():
             with suppress(ValueError, KeyError, TypeError):
-                manifest._take(json.loads(line))
+                manifest._take(parse_json(line))
         return manifest
 
     def lists(self, path: Path) -> bool:

@@ -6,12 +6,13 @@ import platform
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD
 
@@ -100,13 +101,17 @@ class RunRecord:
                 f"run record '{path}': not one of digs-warp, which has {', '.join(_NEEDED)}; give a "
                 "folder that a command wrote"
             )
-        known = {
-            each.name: content[each.name] for each in fields(RunRecord) if each.name in content
-        }
-        for name in ("versions", "settings", "machine", "seconds", "results"):
-            if not isinstance(known.get(name, {}), dict):
-                raise DigsError(f"run record '{path}': '{name}' is not a JSON object; run again")
-        return RunRecord(**known)
+        record = Fields(content, f"run record '{path}'", remedy="run again")
+        seconds = record.section("seconds", optional=True)
+        return RunRecord(
+            command=record.text("command"),
+            versions=dict(record.section("versions").values),
+            settings=dict(record.section("settings").values),
+            commit=record.text("commit", None),
+            machine=dict(record.section("machine", optional=True).values),
+            seconds={name: seconds.number(name) for name in seconds.values},
+            results=dict(record.section("results", optional=True).values),
+        )
 
     @staticmethod
     def find(folder: Path) -> "RunRecord | None":

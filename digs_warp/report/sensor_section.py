@@ -1,9 +1,7 @@
 """The sensor of a simulated capture: which effects it had, and why."""
 
-from typing import Any
-
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import SENSOR_PLAN
 from digs_warp.report.markup import section, table
@@ -21,14 +19,9 @@ def sensor_section(capture: Capture) -> str:
     path = capture.folder / SENSOR_PLAN
     if not path.is_file():
         return ""
-    plan = read_json(path, "sensor plan")
-    try:
-        tables = {title: _rows(plan[key]) for title, key in PATHS.items()}
-    except (KeyError, TypeError) as error:
-        raise DigsError(
-            f"sensor plan '{path}': {error!r}; expected lists 'color' and 'depth' of choices; "
-            "record again, or delete the file"
-        ) from error
+    content = read_json(path, "sensor plan")
+    plan = Fields(content, f"sensor plan '{path}'", remedy="record again, or delete the file")
+    tables = {title: _rows(plan.sections(key)) for title, key in PATHS.items()}
     rows = [row for group in tables.values() for row in group]
     on = sum(row[1] == "on" for row in rows)
     headings = ["Effect", "State", "Measured", "Rule", "Because"]
@@ -42,8 +35,12 @@ def sensor_section(capture: Capture) -> str:
     )
 
 
-def _rows(choices: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+def _rows(choices: list[Fields]) -> list[tuple[str, ...]]:
     return [
-        (c["effect"], "on" if c["on"] else "off", c["statistic"], c["threshold"], c["reason"])
-        for c in choices
+        (
+            choice.text("effect"),
+            "on" if choice.flag("on") else "off",
+            *(choice.text(name) for name in ("statistic", "threshold", "reason")),
+        )
+        for choice in choices
     ]

@@ -12,6 +12,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
 from digs_warp.record.run_log import RunRecord
 
@@ -173,9 +174,12 @@ def of_reconstruction(folder: Path) -> Facts:
 
 def of_data_set(folder: Path) -> Facts:
     """How many scenes there are, and which of them failed."""
-    scenes = read_json(folder / layout.DATA_SET, "data set summary").get("scenes", [])
-    failed = [scene["name"] for scene in scenes if scene["error"]]
-    frames = sum(scene["frames"] for scene in scenes)
+    path = folder / layout.DATA_SET
+    scenes = Fields(read_json(path, "data set summary"), f"data set summary '{path}'").sections(
+        "scenes", []
+    )
+    failed = [scene.text("name") for scene in scenes if scene.text("error")]
+    frames = sum(scene.whole("frames") for scene in scenes)
     return {
         "kind": "data set",
         "length": f"{len(scenes)} scenes, {frames} frames",

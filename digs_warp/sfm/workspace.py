@@ -28,6 +28,7 @@ from digs_warp.record.files import (
     to_json,
     write_atomically,
 )
+from digs_warp.record.manifest import is_kept
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.model_files import is_complete
 
@@ -123,10 +124,16 @@ class Workspace:
         self._write(found | {"features": self.keys.features, "matches": self.keys.matches})
 
     def finished_model(self) -> dict[str, Any] | None:
-        """Return what was noted about the model when it was finished, or None: there is none yet."""
+        """Return what was noted about the model when it was finished, or None: there is none yet.
+
+        COLMAP can crash or take all memory on a damaged model, so only one that is as it was written counts.
+        """
         found = self._read()
-        done = found.get("model") == self.keys.model and is_complete(self.model)
-        return found.get("notes", {}) if done else None
+        notes = found.get("notes")
+        is_whole = is_complete(self.model) and all(map(is_kept, self.model.iterdir()))
+        is_known = isinstance(notes, dict) and type(notes.get("models")) is int
+        done = found.get("model") == self.keys.model and is_whole and is_known
+        return notes if done else None
 
     def finish_model(self, notes: dict[str, Any]) -> None:
         """Note that the model is complete, with what is worth knowing about how it came about."""

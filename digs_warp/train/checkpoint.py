@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.arrays import UNREADABLE, check_archive, write_arrays
+from digs_warp.record.fields import Fields, parse_json
 from digs_warp.train.finite import non_finite_rows
 from digs_warp.train.trainer import Trainer
 
@@ -48,7 +49,7 @@ def checkpoint_step(path: Path) -> int:
     Raises:
         DigsError: the file is broken.
     """
-    return int(_read(path)["step"]) if path.is_file() else 0
+    return int(_scalar(_read(path), "step", path)) if path.is_file() else 0
 
 
 def load_checkpoint(path: Path, trainer: Trainer) -> None:
@@ -58,28 +59,55 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
         DigsError: the file is broken, or belongs to another run.
     """
     saved = _read(path)
+    _check_identity(saved, trainer, path)
     try:
-        before, now = json.loads(str(saved["identity"])), trainer.identity()
-        different = [name for name, value in now.items() if before.get(name) != value]
-        if different:
-            raise DigsError(
-                f"checkpoint '{path}': {', '.join(different)} differ: it belongs to another run. "
-                "Start with --overwrite."
-            )
-        value, first, second = (
-            Gaussians(*(saved[f"{group}_{name}"] for name in FIELDS))
-            for group in ("value", "first", "second")
-        )
-        control = {
-            name.removeprefix(_CONTROL): array
-            for name, array in saved.items()
-            if name.startswith(_CONTROL)
-        }
-        trainer.control.restore(control)
-        trainer.restore(value, (first, second), int(saved["step"]))
-        trainer.seconds = float(saved["seconds"])
-    except (KeyError, json.JSONDecodeError) as error:
+        groups = [_group(saved, group) for group in ("value", "first", "second")]
+        control = _control(saved, trainer)
+    except (KeyError, ValueError) as error:
         raise _unreadable(path, error) from error
+    trainer.control.restore(control)
+    trainer.restore(groups[0], (groups[1], groups[2]), int(_scalar(saved, "step", path)))
+    trainer.seconds = _scalar(saved, "seconds", path)
+
+
+def _check_identity(saved: dict[str, np.ndarray], trainer: Trainer, path: Path) -> None:
+    try:
+        before = Fields.of(parse_json(str(saved["identity"])), "identity").values
+    except (KeyError, ValueError) as error:
+        raise _unreadable(path, error) from error
+    different = [name for name, value in trainer.identity().items() if before.get(name) != value]
+    if different:
+        raise DigsError(
+            f"checkpoint '{path}': {', '.join(different)} differ: it belongs to another run. "
+            "Start with --overwrite."
+        )
+
+
+def _group(saved: dict[str, np.ndarray], group: str) -> Gaussians:
+    """Return parameters or moments; all are finite, and there are as many moments as parameters."""
+    found = Gaussians(*(saved[f"{group}_{name}"] for name in FIELDS))
+    for name in FIELDS:
+        array = check_finite(f"{group}_{name}", getattr(found, name))
+        check_shape(f"{group}_{name}", array, saved[f"value_{name}"].shape)
+    return found
+
+
+def _control(saved: dict[str, np.ndarray], trainer: Trainer) -> dict[str, np.ndarray]:
+    """Return the sums of the density control, one per Gaussian."""
+    count = len(saved["value_means"])
+    return {
+        name: check_shape(name, saved[_CONTROL + name], (count,))
+        for name in trainer.control.state()
+    }
+
+
+def _scalar(saved: dict[str, np.ndarray], name: str, path: Path) -> float:
+    """Return a number, 0 or more."""
+    value = saved.get(name)
+    is_number = value is not None and value.shape == () and value.dtype.kind in "iuf"
+    if value is None or not is_number or not 0 <= value < np.inf:
+        raise _unreadable(path, DigsError(f"{name}: expected one number, 0 or more"))
+    return float(value)
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

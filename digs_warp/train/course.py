@@ -9,6 +9,7 @@ from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.measure.scores import Score
+from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import read_text, write_atomically
 
 
@@ -46,17 +47,18 @@ class CourseRow:
         return json.dumps(self.to_json()) + "\n"
 
     @staticmethod
-    def from_json(content: dict[str, Any]) -> "CourseRow":
+    def from_json(content: Any) -> "CourseRow":
         """Return what `to_json` wrote.
 
         Raises:
-            KeyError, TypeError, ValueError: it has a different form.
+            DigsError: it has a different form.
         """
+        row = Fields.of(content, "row")
         return CourseRow(
-            iteration=int(content["iteration"]),
-            seconds=float(content["seconds"]),
-            loss=None if content["loss"] is None else float(content["loss"]),
-            splats=int(content["splats"]),
+            iteration=row.whole("iteration"),
+            seconds=row.number("seconds", 0, what="seconds"),
+            loss=row.number("loss", default=None),
+            splats=row.whole("splats"),
             score=Score.from_json(content) if "psnr" in content else None,
         )
 
@@ -75,8 +77,8 @@ def read_course(path: Path) -> tuple[CourseRow, ...]:
     rows = []
     for number, line in enumerate(read_text(path, "training log").splitlines(), start=1):
         try:
-            rows.append(CourseRow.from_json(json.loads(line)))
-        except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
+            rows.append(CourseRow.from_json(parse_json(line)))
+        except ValueError as error:
             raise DigsError(
                 f"training log '{path}', line {number}: {error}; expected a JSON object with 'iteration', "
                 "'seconds', 'loss' and 'splats'"

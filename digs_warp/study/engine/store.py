@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import add_line
 
 RESULTS = "results.jsonl"
@@ -38,12 +39,12 @@ class Store:
             if not line.strip():
                 continue
             try:
-                record = json.loads(line)
-                self.records[record["key"]] = record
-            except (ValueError, KeyError, TypeError) as error:
+                record = parse_json(line)
+                self.records[Fields.of(record, "record").text("key")] = record
+            except ValueError as error:
                 if number == len(lines):  # no newline: the run was killed while it wrote
                     continue
                 raise DigsError(
-                    f"results '{self.path}', line {number}: not a record ({error!r}); delete the line, "
+                    f"results '{self.path}', line {number}: not a record ({error}); delete the line, "
                     "and its case runs again"
                 ) from error

@@ -7,9 +7,9 @@ every other strategy once (a Williams square), so neither place nor neighbor can
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
 LETTERS = ("A", "B", "C", "D")  # top left, top right, bottom left, bottom right
@@ -67,12 +67,13 @@ def load_key(path: Path) -> dict[tuple[int, int], dict[str, str]]:
     Raises:
         DigsError: the file is missing or not a key.
     """
+    remedy = f"name the {KEY} that 'digs-warp preference make' wrote"
     content = read_json(path, "key of a preference kit")
-    try:
-        rows: list[dict[str, Any]] = content["questions"]
-        return {(int(r["version"]), int(r["number"])): dict(r["places"]) for r in rows}
-    except (KeyError, TypeError, ValueError) as error:
-        raise DigsError(
-            f"'{path}': not the key of a preference kit ({error!r}); name the {KEY} that "
-            "'digs-warp preference make' wrote"
-        ) from error
+    key = Fields(content, f"'{path}': not the key of a preference kit", remedy=remedy)
+    rows = key.sections("questions")
+    return {(row.whole("version"), row.whole("number")): _places(row) for row in rows}
+
+
+def _places(row: Fields) -> dict[str, str]:
+    places = row.section("places")
+    return {letter: places.text(letter) for letter in LETTERS}
