@@ -10,6 +10,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any
 
 from digs_warp.checks import UsdError
+from digs_warp.record.fields import parse_json
 from digs_warp.record.files import to_json
 
 JSON_MARK = "json:"
@@ -81,8 +82,8 @@ def _to_json(value: Any) -> Any:
         return json_from_usd(value)
     if isinstance(value, str) and value.startswith(JSON_MARK):
         try:
-            return json.loads(value.removeprefix(JSON_MARK))
-        except json.JSONDecodeError:
+            return parse_json(value.removeprefix(JSON_MARK))
+        except ValueError:
             return value
     if isinstance(value, bool | int | float | str):
         return value

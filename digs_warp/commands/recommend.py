@@ -40,7 +40,7 @@ class Recommend(Command):
                 f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
                 f"{folder}"
             )
-        records = [r for r in Store(folder).records.values() if "error" not in r]
+        records = Store(folder).finished()
         best = best_within(records, self.time_budget)
         if best is None:
             raise DigsError(

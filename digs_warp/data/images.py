@@ -38,7 +38,7 @@ def read_image(path: Path, what: str = "image") -> np.ndarray:
             spec.format.basetype, oiio.FLOAT
         )
         pixels = source.read_image(kind)
-        problem = source.geterror()
+        problem = _error_of(source)
     if pixels is None or problem:
         raise DigsError(
             f"{what} '{path}': expected {spec.width}x{spec.height} pixels, but the data breaks off "
@@ -64,7 +64,7 @@ def _opened(path: Path, what: str) -> Iterator[Any]:
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
-        raise DigsError(f"{what} '{path}': cannot be opened as an image ({oiio.geterror()})")
+        raise DigsError(f"{what} '{path}': cannot be opened as an image ({_error_of(oiio)})")
     try:
         spec = source.spec()
         IMAGE.check(f"{what} '{path}'", spec.width * spec.height)
@@ -72,6 +72,14 @@ def _opened(path: Path, what: str) -> Iterator[Any]:
         yield source
     finally:
         source.close()
+
+
+def _error_of(source: Any) -> str:
+    """Return what OpenImageIO, or one of its inputs, says about its last failure."""
+    try:
+        return source.geterror()
+    except UnicodeDecodeError:  # it quotes the broken bytes
+        return "names in its header are not UTF-8"
 
 
 def write_image(path: Path, pixels: np.ndarray) -> None:

@@ -129,9 +129,10 @@ def _dataclass(kind: type[T], found: Fields, name: str) -> T | None:
 def _depth_report(start: Fields) -> DepthReport | None:
     if "pixels" not in start:
         return None
-    counts = {name: start.section(name) for name in ("pixels", "voxels", "seconds")}
+    names = ("pixels", "voxels", "seconds")
+    counts = {name: start.section(name, optional=True) for name in names}
     return DepthReport(
-        voxel_size=start.number("voxel_size"),
+        voxel_size=start.number("voxel_size", default=0.0),
         pixels={name: counts["pixels"].whole(name) for name in counts["pixels"].values},
         voxels={name: counts["voxels"].whole(name) for name in counts["voxels"].values},
         seconds={name: counts["seconds"].number(name) for name in counts["seconds"].values},

@@ -56,8 +56,8 @@ class Study:
         from digs_warp.study.engine.store import RESULTS, Store
         from digs_warp.study.page import write_pages
 
-        records = list(Store(folder).records.values())
-        good = [record for record in records if "error" not in record]
+        store = Store(folder)
+        records, good = store.records.values(), store.finished()
         if not good:
             errors = "; ".join(sorted({record["error"] for record in records})) or "there are none"
             raise DigsError(

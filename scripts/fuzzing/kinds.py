@@ -16,12 +16,15 @@ class Input:
         damaged: the file, relative to the folder.
         lines: what follows ``digs-warp`` on each command line; ``OUT`` is a new file or folder.
         only: patterns of the files and folders that are copied; empty: all.
+        listed_again: whether the manifest of the folder, which gives damage away, often has the sum of the
+            damaged file. COLMAP's own reader is not safe; the manifest protects it.
     """
 
     folder: str
     damaged: str
     lines: Lines
     only: tuple[str, ...] = ()
+    listed_again: bool = True
 
 
 @dataclass(frozen=True)
@@ -142,7 +145,8 @@ KINDS = (
     )),
     Kind("COLMAP model", tuple(
         Input("matched", f"reconstruction/sfm/{name}", (f"{RESUME} --poses sfm --strategy default",),
-              ("capture", "reconstruction/sfm"))
+              ("capture", "reconstruction/sfm", "reconstruction/files.jsonl"),
+              listed_again=False)
         for name in ("model/cameras.bin", "model/images.bin", "model/points3D.bin", "model/rigs.bin",
                      "model/frames.bin", "stages.json")
     )),

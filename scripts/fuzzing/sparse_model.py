@@ -9,8 +9,10 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.data.capture import Capture
 from digs_warp.geometry import invert_rigid
+from digs_warp.record.manifest import recorded_files
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.sfm.model_files import write_model
 from digs_warp.sfm.workspace import Workspace, stage_keys
 
 POINTS = 60
@@ -23,10 +25,10 @@ def write_sparse_model(capture: Capture, folder: Path) -> None:
     """
     config = replace(SfmConfig(), readout_time=capture.readout_time)
     place = Workspace(folder, stage_keys(capture.frames, config))
-    place.prepare()
-    place.model.mkdir(parents=True)
-    _model(capture).write(place.model)
-    place.finish_model({"models": 1, "registered": [len(capture)]})
+    with recorded_files(folder.parent, resume=True):
+        place.prepare()
+        write_model(_model(capture), place.model)
+        place.finish_model({"models": 1, "registered": [len(capture)]})
 
 
 def _model(capture: Capture) -> Any:

@@ -5,7 +5,6 @@ first. It also leaves out transmission, the strength of emission and the scale o
 """
 
 import base64
-import json
 import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from urllib.parse import unquote
 
 from digs_warp.bounds import GLTF_TEXT, JSON
 from digs_warp.checks import MeshError
+from digs_warp.record.fields import is_text, parse_json, shown
 from digs_warp.sim.mesh.files_beside import UndecodableError, check_texture
 
 # glTF 2.0, section 4.4: 12 bytes of file header, 8 bytes of chunk header, the first chunk is JSON.
@@ -28,6 +28,24 @@ UNREADABLE_EXTENSIONS = {
     "KHR_draco_mesh_compression": "export it without Draco compression",
     "EXT_meshopt_compression": "export it without meshopt compression",
     "KHR_texture_basisu": "export its textures as PNG or JPEG",
+}
+
+# Of the parts that are read, what the standard defines as lists of objects, lists of names, texts, objects.
+OBJECT_LISTS = {
+    *("accessors", "buffers", "bufferViews", "images", "materials", "meshes", "nodes", "scenes"),
+    *("samplers", "textures"),
+}
+TEXT_LISTS = {"extensionsRequired", "extensionsUsed"}
+TEXTS = {"uri", "name", "mimeType"}
+OBJECTS = {
+    *(
+        "asset",
+        "extensions",
+        "pbrMetallicRoughness",
+        "baseColorTexture",
+        "metallicRoughnessTexture",
+    ),
+    *("normalTexture", "occlusionTexture", "emissiveTexture", "transmissionTexture"),
 }
 
 
@@ -45,13 +63,14 @@ def read_gltf_header(path: Path) -> dict[str, Any]:
     if is_binary:
         JSON.check(f"mesh '{path}'", len(text))
     try:
-        header = json.loads(text)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        header = parse_json(text)
+    except ValueError as error:
         raise MeshError(
             f"mesh '{path}': its JSON header is broken ({error}); copy or export the file again"
         ) from error
     if not isinstance(header, dict) or "asset" not in header:
         raise MeshError(f"mesh '{path}': not glTF 2.0 (no 'asset' in its header); export it again")
+    _check_types(path, header)
     _check_scene(path, header)
     return header
 
@@ -59,11 +78,10 @@ def read_gltf_header(path: Path) -> dict[str, Any]:
 def _check_scene(path: Path, header: dict[str, Any]) -> None:
     """Raise a `MeshError` for a file without a scene: by the specification it shows nothing."""
     scenes, number = header.get("scenes"), header.get("scene", 0)
-    if not isinstance(scenes, list) or not scenes:
-        meshes = header.get("meshes")
-        count = len(meshes) if isinstance(meshes, list) else 0
+    if not scenes:
+        meshes = len(header.get("meshes", []))
         raise MeshError(
-            f"mesh '{path}': no scene in it (meshes: {count}), expected one that shows the object; export it "
+            f"mesh '{path}': no scene in it (meshes: {meshes}), expected one that shows the object; export it "
             "again as a scene"
         )
     if not (isinstance(number, int) and 0 <= number < len(scenes)):
@@ -71,6 +89,35 @@ def _check_scene(path: Path, header: dict[str, Any]) -> None:
             f"mesh '{path}': scene {number!r} of {len(scenes)} is to be shown, expected 0 to "
             f"{len(scenes) - 1}; export it again"
         )
+
+
+def _check_types(path: Path, header: dict[str, Any]) -> None:
+    """Raise a `MeshError` where a part of the header has another type than in the standard."""
+    for name in OBJECT_LISTS & header.keys():
+        if not _is_list_of(dict, header[name]):
+            raise _wrong_type(path, name, header[name], "a list of objects")
+    for name in TEXT_LISTS & header.keys():
+        if not _is_list_of(str, header[name]):
+            raise _wrong_type(path, name, header[name], "a list of names")
+    places = [header]
+    for place in places:
+        for name, value in place.items():
+            if name in TEXTS and not is_text(value):
+                raise _wrong_type(path, name, value, "a text")
+            if (name in OBJECTS or name.startswith("KHR_")) and not isinstance(value, dict):
+                raise _wrong_type(path, name, value, "an object")
+            found = value if isinstance(value, list) else [value]
+            places += [item for item in found if isinstance(item, dict)]
+
+
+def _is_list_of(kind: type, value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, kind) for item in value)
+
+
+def _wrong_type(path: Path, name: str, value: Any, expected: str) -> MeshError:
+    return MeshError(
+        f"mesh '{path}': {name} in its header is {shown(value)}, expected {expected}; export it again"
+    )
 
 
 def _glb_json(path: Path, data: bytes) -> bytes:

@@ -33,14 +33,29 @@ class Store:
         """Whether the case succeeded."""
         return "error" not in self.records.get(key, {"error": ""})
 
+    def finished(self) -> list[dict[str, Any]]:
+        """Return the records of the cases that succeeded.
+
+        Raises:
+            DigsError: one is not complete.
+        """
+        found = [record for record in self.records.values() if "error" not in record]
+        for record in found:
+            if lacking := [name for name in _FINISHED if record.get(name) is None]:
+                raise DigsError(
+                    f"results '{self.path}', case {record['key']}: has no '{lacking[0]}'; delete its line, "
+                    "and the case runs again"
+                )
+        return found
+
     def _read(self) -> None:
         lines = self.path.read_bytes().split(b"\n")
         for number, line in enumerate(lines, start=1):
             if not line.strip():
                 continue
             try:
-                record = parse_json(line)
-                self.records[Fields.of(record, "record").text("key")] = record
+                record = _checked(parse_json(line))
+                self.records[record["key"]] = record
             except ValueError as error:
                 if number == len(lines):  # no newline: the run was killed while it wrote
                     continue
@@ -48,3 +63,35 @@ class Store:
                     f"results '{self.path}', line {number}: not a record ({error}); delete the line, "
                     "and its case runs again"
                 ) from error
+
+
+# Sections of a record: settings, seconds, and other numbers; and what a case that succeeded has.
+_SETTINGS = ("labels", "recording", "reconstruction")
+_SECONDS = ("seconds", "recording_seconds")
+_NUMBERS = ("metrics", "yardstick")
+_FINISHED = (*_SETTINGS, *_SECONDS, "machine")
+
+
+def _checked(content: Any) -> dict[str, Any]:
+    """Return a record whose parts have the types that the reports count on.
+
+    Raises:
+        DigsError: one has another type.
+    """
+    record = Fields.of(content, "record")
+    record.text("key")
+    record.text("machine", "")
+    for name in _SETTINGS:
+        settings = record.section(name, optional=True).values
+        if broken := [key for key, value in settings.items() if isinstance(value, list | dict)]:
+            raise DigsError(
+                f"record: {name}, {broken[0]}: expected a number, a text, true or false"
+            )
+    for seconds in (record.section(name, optional=True) for name in _SECONDS):
+        for name in seconds.values:
+            seconds.number(name, 0, what="seconds")
+    others = [record.section(name, optional=True) for name in _NUMBERS]
+    for section in [*others, *record.sections("course", [])]:
+        for name in section.values:
+            section.number(name, default=None)
+    return dict(record.values)

@@ -112,7 +112,7 @@ def sections(records: Sequence[Record]) -> list[Section]:
     measured = _measured(records)
     if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
-    usual = [r for r in records if r["labels"]["knob"] == USUAL]
+    usual = [r for r in records if r["labels"].get("knob") == USUAL]
     return [_front(_choices(measured)), *_knob_sections(measured), *finish_sections(usual)]
 
 
@@ -170,7 +170,7 @@ def _measured(records: Sequence[Record]) -> Measured:
     So each setting is compared with the usual one on the objects that both have: the ratio of seconds and the
     difference of PSNR. Their means are applied to the means of the usual settings.
     """
-    usual = {_subject(r): _numbers(r) for r in records if r["labels"]["knob"] == USUAL}
+    usual = {_subject(r): _numbers(r) for r in records if r["labels"].get("knob") == USUAL}
     usual = {subject: pair for subject, pair in usual.items() if pair}
     if not usual:
         return {}
@@ -193,12 +193,12 @@ def _choices(measured: Measured) -> Measured:
 
 
 def _subject(record: Record) -> tuple[Any, Any]:
-    return record["labels"]["object"], record["labels"]["seed"]
+    return record["labels"].get("object"), record["labels"].get("seed")
 
 
 def _numbers(record: Record) -> tuple[float, float] | None:
-    quality = final_psnr(record)
-    return None if quality is None else (total_seconds(record), quality)
+    quality, seconds = final_psnr(record), total_seconds(record)
+    return None if quality is None or not seconds else (seconds, quality)
 
 
 def _front(measured: Measured) -> Section:

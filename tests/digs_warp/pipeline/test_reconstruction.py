@@ -109,7 +109,9 @@ def test_results_of_another_form_are_named(result: Reconstruction, tmp_path: Pat
     record = json.loads((folder / "run.json").read_text())
     record["results"]["scale"] = {"width": 1.0}
     (folder / "run.json").write_text(json.dumps(record))
-    with pytest.raises(DigsError, match=r"run\.json': results: .*sfm_per_metre"):
+    with pytest.raises(
+        DigsError, match=r"run\.json', results, scale: has no 'sfm_per_metre'; reconstruct"
+    ):
         Reconstruction.load(folder)
 
 

@@ -64,7 +64,7 @@ def test_another_capture_or_other_renders_are_refused(run: tuple[Capture, Path, 
 
 def test_a_broken_sensor_plan_is_named(run: tuple[Capture, Path, Path]) -> None:
     (run[0].folder / "sensor_plan.json").write_text('{"depth": [{}]}')
-    with pytest.raises(DigsError, match=r"sensor_plan\.json'.*expected lists"):
+    with pytest.raises(DigsError, match=r"sensor_plan\.json': has no 'color'; record again"):
         write_and_parse(run)
 
 
