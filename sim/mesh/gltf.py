@@ -81,8 +81,8 @@ def _check_scene(path: Path, header: dict[str, Any]) -> None:
     if not scenes:
         meshes = len(header.get("meshes", []))
         raise MeshError(
-            f"mesh '{path}': no scene in it (meshes: {meshes}), expected one that shows the object; export it "
-            "again as a scene"
+            f"mesh '{path}': no scene in it (meshes: {meshes}), expected one that shows the object; "
+            "export it again as a scene"
         )
     if not (isinstance(number, int) and 0 <= number < len(scenes)):
         raise MeshError(
