@@ -55,13 +55,14 @@ def bench_size(
     if not present:
         raise DigsError(f"bench size: no sample meshes in '{data}'; set DIGS_WARP_SAMPLE_DATA")
     recording = recording or SimulateConfig(frames=FRAMES, width=WIDTH)
+    surround = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
     results = []
     with progress(len(present) * len(SETTINGS), "Measuring", "run") as bar:
         for mesh in present:
             scene = replace(
                 recording,
                 mesh=data / "meshes" / mesh / f"{mesh}.glb",
-                environment=data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr",
+                environment=surround if surround.is_file() else None,
             )
             for name, (changes, voxel) in SETTINGS.items():
                 results.append(_measured(mesh, name, replace(scene, **changes), voxel, iterations))

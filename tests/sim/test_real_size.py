@@ -14,8 +14,9 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry import rigid
 from digs_warp.measure.surface_metrics import distances_to_surface
-from digs_warp.report.summaries import recorded_object
+from digs_warp.report.summaries import describe, recorded_object
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.data_set import plan_jobs, simulate_many
 from digs_warp.sim.mesh.placement import Unit
 from digs_warp.sim.record import simulate
 from digs_warp.surface.true_surface import read_true_surface
@@ -97,6 +98,26 @@ def test_bop_poses_take_the_model_to_the_camera(tmp_path: Path) -> None:
     apart = np.linalg.norm(model.vertices[:, None] - model.vertices[None], axis=-1)
     assert info["diameter"] == pytest.approx(apart.max(), rel=1e-6)
     assert info["size_x"] == pytest.approx(1000 * mesh.extents[0], rel=1e-5)
+
+
+def test_info_names_size_unit_and_axis_of_a_mesh(tmp_path: Path) -> None:
+    facts = describe(save(tmp_path / "a.ply", trimesh.creation.box(extents=(2.0, 1.0, 0.5))))
+    assert facts["size"] == "2.000 x 1.000 x 0.500 m in a capture, z up"
+    assert facts["up axis"] == "z of the file"
+    assert facts["unit"].startswith("PLY has no unit: 2 x 1 x 0.5 taken as m; --unit")
+
+
+def test_many_meshes_can_be_scaled(tmp_path: Path) -> None:
+    for name, size in (("a", 0.1), ("b", 3.0)):
+        save(tmp_path / f"{name}.glb", trimesh.creation.box(extents=(size, size, size)))
+    config = SimulateConfig(frames=1, width=16, samples_per_pixel=1, tier="law", object_size=0.4)
+    meshes = [tmp_path / "a.glb", tmp_path / "b.glb"]
+    results = simulate_many(plan_jobs(config, meshes, []), tmp_path / "set")
+    assert [result.error for result in results] == ["", ""]
+    for result in results:
+        words = recorded_object(tmp_path / "set" / result.name)
+        assert words is not None
+        assert words.startswith("0.400 x 0.400 x 0.400 m, y up in the file; scaled to 0.4 m")
 
 
 def test_the_summary_names_size_and_axis_and_why(tmp_path: Path) -> None:
