@@ -17,6 +17,9 @@ FINE, COARSE = 0.02, 0.05
 # Fewer points that agree say nothing about their brightness.
 ENOUGH = 50
 
+# Images that vary by less (standard deviation, of 255) show nothing: depth alone decides.
+DULL = 2.0
+
 
 @dataclass(frozen=True)
 class Agreement:
@@ -26,7 +29,8 @@ class Agreement:
         overlap: share of the points of one frame that the other one looks at and has depth for, 0 to 1.
         depth: share of points at the depth that the other frame measured, among those that it does not hide;
             mean of the shares within FINE and COARSE.
-        brightness: correlation of the brightness that both frames give those points, -1 to 1.
+        brightness: correlation of the brightness that both frames give those points, -1 to 1; 1 if the images
+            show nothing.
     """
 
     overlap: float
@@ -49,7 +53,8 @@ def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]
     nearer, here, there = (np.concatenate([part[i] for part in seen]) for i in range(3))
     looked_at = sum(part[3] for part in seen)
     close = np.abs(nearer) < COARSE
-    brightness = _correlation(here[close], there[close])
+    is_dull = here.size > 0 and here.std() < DULL
+    brightness = 1.0 if is_dull else _correlation(here[close], there[close])
     depth = (_share(nearer, FINE) + _share(nearer, COARSE)) / 2
     return Agreement(len(nearer) / max(looked_at, 1), depth, brightness)
 

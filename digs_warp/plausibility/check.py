@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.plausibility.agreement import Agreement, agreement
+from digs_warp.plausibility.alignment_doubts import alignment_doubts
 from digs_warp.plausibility.explanations import Explanation, explanations
 from digs_warp.plausibility.mask_doubts import mask_doubts
 from digs_warp.plausibility.small_frames import SmallFrame, neighbors, small_frames
@@ -47,7 +48,7 @@ class Plausibility:
 def check_capture(capture: Capture, *, poses: bool = True, masks: bool = True) -> Plausibility:
     """Return what does not fit together in a capture, judged from a few pairs of neighboring frames.
 
-    A capture without poses is only checked for the range of its depth and for its masks.
+    A capture without poses is only checked for the range of its depth, its alignment and its masks.
 
     Args:
         capture: the recording.
@@ -63,7 +64,8 @@ def check_capture(capture: Capture, *, poses: bool = True, masks: bool = True) -
     if not any(np.isfinite(frame.depth).any() for frame in frames.values()):
         return Plausibility()
     pairs = [pair for pair in pairs if pair[0] in frames and pair[1] in frames]
-    doubts = mask_doubts(list(frames.values())) if masks else []
+    doubts = alignment_doubts(list(frames.values()))
+    doubts += mask_doubts(list(frames.values())) if masks else []
     if not (poses and capture.knows_poses and pairs):
         return Plausibility(None, (*_doubts_about_range(frames), *doubts))
     as_recorded = agreement(frames, pairs)

@@ -51,8 +51,8 @@ class SmallFrame:
 def small_frame(frame: Frame, number: int) -> SmallFrame:
     """Return the thumbnail of a frame that has depth."""
     depth, image = frame.load_depth(), frame.load_image()
-    step = max(1, int(np.ceil(depth.shape[1] / WIDTH)))
-    height, width = max(1, depth.shape[0] // step), max(1, depth.shape[1] // step)
+    step = min(int(np.ceil(depth.shape[1] / WIDTH)), *depth.shape)
+    height, width = depth.shape[0] // step, depth.shape[1] // step
     picked = np.s_[step // 2 : height * step : step, step // 2 : width * step : step]
     blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
     k = frame.camera.intrinsics

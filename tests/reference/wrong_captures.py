@@ -52,6 +52,12 @@ def inverted_opencv(capture: Capture) -> Capture:
     return with_poses(capture, lambda matrix: invert_rigid(matrix @ OPENCV_FROM_OPENGL))
 
 
+def shifted_depth(capture: Capture, columns: int) -> Capture:
+    return each_frame(
+        capture, lambda f: f.with_layer(Layer.DEPTH, np.roll(f.load_depth(), columns, axis=1))
+    )
+
+
 def depth_along_rays(capture: Capture) -> Capture:
     def change(frame: Frame) -> Frame:
         k = frame.camera.intrinsics

@@ -1,5 +1,6 @@
 """The check of a capture names what is wrong with it, and says nothing about a good one."""
 
+import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,10 +11,12 @@ import pytest
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
 from digs_warp.interchange.captures.to_capture import nearly_rigid
 from digs_warp.plausibility.check import check_capture
+from digs_warp.report.summaries import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.record import simulate_in_memory
@@ -105,6 +108,45 @@ def test_depth_along_the_ray_is_named_where_the_sensor_is_precise(
     assert "the distance along the ray" in doubt
 
 
+def test_depth_that_is_not_registered_is_named_where_the_sensor_is_precise(
+    rendered: list[RenderedFrame],
+) -> None:
+    (doubt,) = check_capture(wrong.shifted_depth(sensed(rendered, "truth"), 6), poses=False).doubts
+    assert re.search(r"better if it is moved by 3\.\d% of the width to the left and 0\.0%", doubt)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 4000), (700, 1), (3, 5)])
+def test_images_of_any_shape_can_be_checked(shape: tuple[int, int]) -> None:
+    height, width = shape
+    k = Intrinsics(width, height, 50.0, 50.0, width / 2, height / 2)
+    layers = {
+        Layer.IMAGE: np.zeros((height, width, 3), np.uint8),
+        Layer.DEPTH: np.ones(shape, np.float32),
+        Layer.MASK: np.full(shape, 255, np.uint8),
+    }
+    moves = [
+        np.array([[1, 0, 0, 0.1 * n], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) for n in range(3)
+    ]
+    frames = tuple(Frame(str(n), Camera(k, move), float(n), layers) for n, move in enumerate(moves))
+    assert check_capture(Capture(None, frames, None)).doubts == ()
+
+
+def test_info_prints_one_line(good: Capture, tmp_path: Path) -> None:
+    writer = CaptureWriter(tmp_path, good.frames[0].camera.intrinsics)
+    for number, frame in enumerate(good.frames):
+        images = FrameImages(frame.load_image(), frame.load_depth(), frame.load_mask())
+        writer.write_frame(number, images)
+        writer.add_pose(number, frame.camera.world_from_cam, frame.time)
+    writer.finish()
+    assert re.fullmatch(
+        r"\d+% between neighboring frames; nothing odd", describe(tmp_path)["agreement"]
+    )
+    index = json.loads((tmp_path / "transforms.json").read_text())
+    index["fl_x"], index["fl_y"] = 10 * index["fl_x"], 10 * index["fl_y"]
+    (tmp_path / "transforms.json").write_text(json.dumps(index))
+    assert "about 0.1 times the given one fits" in describe(tmp_path)["doubts"]
+
+
 def test_without_poses_the_range_of_the_depth_and_the_masks_are_checked(good: Capture) -> None:
     lost = replace(good, about=replace(good.about, poses_known=False))
     assert check_capture(lost).doubts == ()
@@ -161,6 +203,6 @@ def test_real_recordings_draw_no_doubt_until_they_are_spoiled(sample_data: Path,
         (lambda c: wrong.scaled_depth(c, 1000), "the depth is in millimetres"),
         (lambda c: wrong.other_focal(c, 2), "about 0.5 times the given one fits"),
         (wrong.opencv_axes, "the poses have OpenCV camera axes"),
+        (lambda c: wrong.shifted_depth(c, 20), "depth and images do not have the same camera"),
     ):
-        (doubt,) = check_capture(spoil(capture)).doubts
-        assert cause in doubt
+        assert cause in " ".join(check_capture(spoil(capture)).doubts)
