@@ -170,4 +170,10 @@ BENCHMARKS = (
         "sensor-cost.md",
         chart_function="bench_sim:sim_charts",
     ),
+    Benchmark(
+        "realism",
+        "where the simulated sensor errs, against real matching: places, sizes, frames, confidence",
+        "bench_realism:bench_realism",
+        "sensor-cost.md",
+    ),
 )

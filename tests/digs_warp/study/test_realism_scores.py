@@ -1,0 +1,88 @@
+"""The scores of the realism benchmark on errors that are known."""
+
+import numpy as np
+import pytest
+
+from digs_warp.study.bench_realism import bench_realism
+from digs_warp.study.error_patches import auc_of_classifier, patch_features
+from digs_warp.study.realism_scores import (
+    agreement,
+    bad_share,
+    median_where_most,
+    repeated_bad,
+    small_hole_share,
+    temporal_share,
+)
+
+TRUE = np.full((160, 240), 20.0)
+
+
+def noisy(seed: int, sigma: np.ndarray | float = 0.2, correlation: int = 0) -> np.ndarray:
+    from scipy.ndimage import gaussian_filter
+
+    error = np.random.default_rng(seed).standard_normal(TRUE.shape)
+    if correlation:
+        error = gaussian_filter(error, correlation)
+        error /= error.std()
+    return TRUE + sigma * error
+
+
+def test_errors_in_the_same_places_agree_and_in_others_do_not() -> None:
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0.05, 0.6, (8, 12)).repeat(20, 0).repeat(20, 1)
+    other_places = rng.permuted(places.ravel()).reshape(places.shape)
+    failures, rms = agreement(noisy(1, places), noisy(2, places), TRUE)
+    assert failures > 0.7 and rms > 0.9
+    failures, rms = agreement(noisy(1, places), noisy(2, other_places), TRUE)
+    assert abs(failures) < 0.4 and abs(rms) < 0.4
+
+
+def test_shares_of_bad_pixels_and_small_holes() -> None:
+    disparity = TRUE.copy()
+    disparity[:40] += 2  # a quarter is bad
+    assert bad_share(disparity, TRUE, np.ones(TRUE.shape, bool)) == pytest.approx(0.25)
+    assert np.isnan(bad_share(disparity, TRUE, np.zeros(TRUE.shape, bool)))
+    assert small_hole_share(disparity) == 0
+    disparity[100:110, 100:110] = np.nan
+    disparity[150, 10:110:10] = np.nan  # ten single pixels beside a hole of 100
+    assert small_hole_share(disparity) == pytest.approx(10 / 110)
+
+
+def test_what_stays_from_frame_to_frame_is_told_from_what_changes() -> None:
+    fixed = noisy(99, 0.6) - TRUE
+    still = np.stack([TRUE + fixed] * 8)
+    moving = np.stack([noisy(seed, 0.6) for seed in range(8)])
+    assert temporal_share(still, TRUE) == pytest.approx(0, abs=1e-9)
+    assert temporal_share(moving, TRUE) == pytest.approx(1, abs=0.02)
+    assert temporal_share(moving + fixed, TRUE) == pytest.approx(0.5, abs=0.02)
+    assert repeated_bad(still, TRUE) == 1
+    assert repeated_bad(moving, TRUE) == pytest.approx((np.abs(fixed) > 1).mean(), abs=0.01)
+
+
+def test_the_median_needs_more_than_half_of_the_frames() -> None:
+    stack = np.full((5, 1, 3), np.nan)
+    stack[:, 0, 0] = [3, 1, 2, 5, 4]
+    stack[:4, 0, 1] = [1, 2, 3, 10]
+    stack[:2, 0, 2] = 7
+    np.testing.assert_array_equal(median_where_most(stack), [[3, 2.5, np.nan]])
+
+
+def test_a_classifier_tells_smooth_errors_from_white_ones_and_not_equals() -> None:
+    white, again = ([patch_features(noisy(s + k) - TRUE) for s in range(3)] for k in (0, 50))
+    smooth = [patch_features(noisy(s, correlation=3) - TRUE) for s in range(3)]
+    assert auc_of_classifier(smooth, white) > 0.98
+    assert auc_of_classifier(again, white) == pytest.approx(0.5, abs=0.15)
+
+
+def test_the_benchmark_compares_on_the_built_in_object_where_there_is_no_data(tmp_path) -> None:
+    results = bench_realism(tmp_path, widths=(320,))
+    summary = {r.labels["sensor"]: r.values for r in results if r.table == "agreement"}
+    assert summary["matcher"]["rank correlation of failures"] == pytest.approx(1)
+    guided, planned = summary["guided"], summary["planned"]
+    assert guided["rank correlation of failures"] > max(
+        0.85, planned["rank correlation of failures"]
+    )
+    assert guided["of RMS"] > max(0.85, planned["of RMS"])
+    frames = {r.labels["sensor"]: r.values for r in results if r.table == "frames"}
+    kept = "bad pixels bad in the next frame"
+    assert frames["guided"][kept] == pytest.approx(frames["matcher"][kept], abs=0.12)
