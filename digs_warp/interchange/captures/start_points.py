@@ -16,8 +16,8 @@ from digs_warp.interchange.captures.frames import for_each_frame
 
 logger = logging.getLogger(__name__)
 
-# Without masks, the points of everything in view; the size of the voxels follows that of the scene.
-WHOLE_SCENE = InitConfig(voxel_unit="object", mask_filter=False, foreground_filter=False)
+# Without masks, the points of everything in view.
+WHOLE_SCENE = InitConfig(mask_filter=False, foreground_filter=False)
 
 
 @dataclass(frozen=True, eq=False)
