@@ -72,3 +72,79 @@ def check_unpacked(what: str, size: int, unpacked: int) -> None:
             f"{what}: claims to unpack from {size:,} to {unpacked:,} bytes, expected up to {most:,}; "
             "damaged, or a compression bomb; write it again without compression if it is neither"
         )
+
+
+_MANY = 1_000_000.0
+_SEED = (0, 2**31 - 1)
+# Gaussians and points on the way to them; see `GAUSSIANS`.
+_SPLATS = (1, GAUSSIANS.most)
+# A picture of 8192 x 8192 pixels takes several gigabytes while it is made.
+_SIDE = (1, 8192)
+
+# Flag -> the smallest and the largest value. Far beyond what makes sense, within what ends.
+FLAGS: dict[str, tuple[float, float]] = {
+    "--background-weight": (1, _MANY),
+    "--colors-rate": (1e-12, 1000),
+    "--coverage-weight": (0, _MANY),
+    "--depth-weight": (0, _MANY),
+    "--disparity-noise": (1e-6, 1000),
+    "--dssim-weight": (0, 1),
+    "--elevation-deg": (-89.9, 89.9),
+    "--evaluate-at": (0, 10_000_000),
+    "--feature-size": (32, 16_384),
+    "--features": (50, 100_000),
+    "--fov-deg": (0.1, 179),
+    "--fps": (0.01, 1000),
+    "--frames": (1, 100_000),
+    "--half-size-until": (0, 1),
+    "--height": _SIDE,
+    "--image-memory": (1e-12, _MANY),
+    "--iterations": (0, 10_000_000),
+    "--loop-images": (0, 1000),
+    "--mask-error": (0, 10),
+    "--mask-threshold": (0, 254),
+    "--max-points": _SPLATS,
+    "--max-splats": _SPLATS,
+    "--means-rate": (1e-12, 1000),
+    "--min-registered": (1e-6, 1),
+    "--min-support": (0, 1),
+    "--object-size": (0.001, 100),
+    "--objects": (1, 1000),
+    "--opacities-rate": (1e-12, 1000),
+    "--opacity": (1e-6, 1 - 1e-6),
+    "--opacity-weight": (0, _MANY),
+    "--overlap": (1, 1000),
+    "--quats-rate": (1e-12, 1000),
+    "--rates-end": (1e-6, 1000),
+    "--rotation-error-deg": (0, 180),
+    "--samples-per-pixel": (1, 4096),
+    "--scale-weight": (0, _MANY),
+    "--scales-rate": (1e-12, 1000),
+    "--seconds": (0.01, 3600),
+    "--seed": _SEED,
+    "--seeds": (1, 1000),
+    "--sh-degree": (0, 3),
+    "--splat-memory": (1e-3, _MANY),
+    "--splat-width": (1e-3, 1000),
+    "--strength": (0, 100),
+    "--target-points": _SPLATS,
+    "--target-psnr": (1e-3, 100),
+    # Holding out every view would leave none to train on.
+    "--test-every": (2, 1_000_000),
+    # A year: no machine is lent for longer.
+    "--time-budget": (1e-3, 366 * 86_400),
+    "--trajectories": (1, 10_000),
+    "--translation-error": (0, 100),
+    "--views": (3, 10_000),
+    # From a thousandth of a millimetre.
+    "--voxel-size": (1e-6, 100),
+    "--width": _SIDE,
+    "--workers": (1, 1024),
+}
+
+
+def check_flag(flag: str, value: float | None) -> None:
+    """Raise a `DigsError` when the value of a flag is not in its range in `FLAGS`; None passes."""
+    low, high = FLAGS[flag]
+    if value is not None and not low <= value <= high:  # NaN is not
+        raise DigsError(f"{flag}: {value!r}, expected {low:,.10g} to {high:,.10g}")

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from digs_warp.checks import DigsError, check_positive, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.sim.mesh.placement import Unit
 
 
@@ -69,14 +70,13 @@ class SimulateConfig:
     """Seed of hand shake, pixel sampling and everything random in the sensor."""
 
     def __post_init__(self) -> None:
-        check_within("--frames", self.frames, 1)
-        check_within("--width", self.width, 1)
-        check_within("--height", self.height, 1)
-        check_within("--samples-per-pixel", self.samples_per_pixel, 1)
-        check_within("--seed", self.seed, 0)
-        check_within("--strength", self.strength, 0)
-        if self.object_size is not None:
-            check_positive("--object-size", self.object_size)
+        check_flag("--frames", self.frames)
+        check_flag("--width", self.width)
+        check_flag("--height", self.height)
+        check_flag("--samples-per-pixel", self.samples_per_pixel)
+        check_flag("--seed", self.seed)
+        check_flag("--strength", self.strength)
+        check_flag("--object-size", self.object_size)
         if self.object_size is not None and self.unit != "auto":
             raise DigsError(
                 f"--object-size {self.object_size:g} and --unit {self.unit} both set the size of the object; "

@@ -4,7 +4,8 @@ import glob
 from dataclasses import dataclass
 from pathlib import Path
 
-from digs_warp.checks import DigsError, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +22,7 @@ class ManyScenes:
     """Camera paths per object and environment, each with its own seed."""
 
     def __post_init__(self) -> None:
-        check_within("--trajectories", self.trajectories, 1)
+        check_flag("--trajectories", self.trajectories)
 
     @property
     def asked_for(self) -> bool:

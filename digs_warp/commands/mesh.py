@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.checks import DigsError, check_positive
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_options import SplatOptions
@@ -52,12 +53,8 @@ class Mesh(Command):
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
 
     def __post_init__(self) -> None:
-        if self.voxel_size is not None:
-            check_positive("--voxel-size", self.voxel_size)
-        if self.views < 3:
-            raise DigsError(
-                f"--views {self.views}: expected at least 3, a surface is what they agree on"
-            )
+        check_flag("--voxel-size", self.voxel_size)
+        check_flag("--views", self.views)
 
     def execute(self) -> str:
         """Extract, write, and say how good the mesh is where that is known."""

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from digs_warp.checks import DigsError, check_positive, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError, check_within
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import NewFolder
 
@@ -39,10 +40,11 @@ class MakeKit(Command):
                 "ITEM: none given, expected at least one folder with four reconstructions in it, for "
                 "example 'digs-warp preference make mug bottle --out kit'"
             )
-        check_positive("--seconds", self.seconds)
-        check_positive("--fps", self.fps)
-        check_within("--width", self.width, 16)
-        check_within("--height", self.height, 16)
+        check_flag("--seconds", self.seconds)
+        check_flag("--fps", self.fps)
+        for flag, side in (("--width", self.width), ("--height", self.height)):
+            check_flag(flag, side)
+            check_within(flag, side, 16)
 
     def execute(self) -> str:
         """Film, and explain what to hand out."""

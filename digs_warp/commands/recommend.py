@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
@@ -27,6 +28,9 @@ class Recommend(Command):
     study: Path | None = None
     """Folder of the study. Default: out/study/tradeoff; without it, the published results, whose seconds
     are those of another machine."""
+
+    def __post_init__(self) -> None:
+        check_flag("--time-budget", self.time_budget)
 
     def execute(self) -> str:
         """Return the settings as flags, with their measured time and quality."""

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import tyro
 
+from digs_warp.bounds import check_flag
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import reconstruction_words
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
@@ -52,6 +53,10 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         "density",
         "sh_degree",
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_flag("--seed", self.seed)
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:

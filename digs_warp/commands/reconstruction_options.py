@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import tyro
 
-from digs_warp.checks import check_within
-from digs_warp.data.capture import FEWEST_TEST_EVERY
+from digs_warp.bounds import check_flag
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES
 from digs_warp.segment.config import SegmentConfig
@@ -82,7 +81,7 @@ class ReconstructionOptions:
     so that some views train."""
 
     def __post_init__(self) -> None:
-        check_within("--test-every", self.test_every, FEWEST_TEST_EVERY)
+        check_flag("--test-every", self.test_every)
 
     def reconstruct_config(self, seed: int) -> "ReconstructConfig":
         """Return the settings; ``seed`` serves all stages."""

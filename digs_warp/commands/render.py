@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from digs_warp.checks import DigsError, check_positive
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import NewFolder, check_output_file
 from digs_warp.commands.splat_options import SplatOptions
@@ -72,12 +73,14 @@ class Render(Command):
     scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
 
     def __post_init__(self) -> None:
-        check_positive("--seconds", self.seconds)
-        check_positive("--fps", self.fps)
+        check_flag("--seconds", self.seconds)
+        check_flag("--fps", self.fps)
         if not all(0 <= channel <= 1 for channel in self.background):
             raise DigsError(f"--background {self.background}: expected three numbers from 0 to 1")
-        if self.fov_deg is not None and not 0 < self.fov_deg < 180:
-            raise DigsError(f"--fov-deg {self.fov_deg}: expected above 0 and below 180")
+        check_flag("--width", self.width)
+        check_flag("--height", self.height)
+        check_flag("--elevation-deg", self.elevation_deg)
+        check_flag("--fov-deg", self.fov_deg)
 
     def execute(self) -> str:
         """Render, write, and say how fast it went."""

@@ -6,7 +6,8 @@ from typing import Annotated, ClassVar
 
 import tyro
 
-from digs_warp.checks import DigsError, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
 from digs_warp.record.durations import DURATION
@@ -56,7 +57,8 @@ class RunStudy(Command):
 
     def __post_init__(self) -> None:
         for name in ("objects", "seeds", "iterations", "workers"):
-            check_within(f"--{name}", getattr(self, name), 1)
+            check_flag(f"--{name}", getattr(self, name))
+        check_flag("--time-budget", self.time_budget)
 
     def execute(self) -> str:
         """Measure, and say how many cases there are and where the report is."""

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.bounds import check_flag
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.checks import CaptureError, DigsError, check_within, require_folder
+from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import (
@@ -28,9 +29,6 @@ from digs_warp.record.fields import ABOVE_ZERO, Fields, shown
 from digs_warp.record.files import read_json
 
 INDEX_NAME = "transforms.json"
-
-# Holding out every view would leave none to train on.
-FEWEST_TEST_EVERY = 2
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray
@@ -221,7 +219,7 @@ class Capture:
         Raises:
             DigsError: ``test_every`` is below 2, which would leave nothing to train on.
         """
-        check_within("--test-every", test_every, FEWEST_TEST_EVERY)
+        check_flag("--test-every", test_every)
         test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]
         train = [frame for i, frame in enumerate(self.frames) if i % test_every != 0]
         return train, test

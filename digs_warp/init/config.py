@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from digs_warp.checks import DigsError, check_positive, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.init.strategies import STRATEGIES, StrategyName, VoxelUnit
 
 Shape = Literal["round", "flat", "ray"]
@@ -87,19 +88,17 @@ class InitConfig:
     Default: 0.6 for points from depth, which already cover the surface; 1 (3DGS) for the others."""
 
     def __post_init__(self) -> None:
-        if self.voxel_size is not None:
-            check_positive("--voxel-size", self.voxel_size)
-        check_positive("--disparity-noise", self.disparity_noise)
-        check_within("--target-points", self.target_points, 1)
-        check_within("--max-points", self.max_points, 1)
+        check_flag("--voxel-size", self.voxel_size)
+        check_flag("--disparity-noise", self.disparity_noise)
+        check_flag("--target-points", self.target_points)
+        check_flag("--max-points", self.max_points)
         if self.target_points is not None and self.voxel_size is not None:
             raise DigsError("--voxel-size and --target-points: give one of them")
-        check_within("--background-weight", self.background_weight, 1)
-        check_within("--min-support", self.min_support, 0, 1)
-        if not 0 < self.seed_opacity < 1:
-            raise DigsError(f"--opacity: {self.opacity}, expected above 0 and below 1")
-        check_positive("--splat-width", self.seed_width)
-        check_within("--mask-threshold", self.mask_threshold, 0, 254)
+        check_flag("--background-weight", self.background_weight)
+        check_flag("--min-support", self.min_support)
+        check_flag("--opacity", self.opacity)
+        check_flag("--splat-width", self.splat_width)
+        check_flag("--mask-threshold", self.mask_threshold)
 
     @property
     def seed_opacity(self) -> float:

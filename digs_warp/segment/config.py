@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from digs_warp.checks import DigsError, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,5 +37,5 @@ class SegmentConfig:
             )
         if self.mask_model is not None and self.masks != "isnet":
             raise DigsError("--mask-model needs --masks isnet")
-        check_within("--mask-error", self.mask_error, 0, 10)
-        check_within("--seed", self.mask_seed, 0)
+        check_flag("--mask-error", self.mask_error)
+        check_flag("--seed", self.mask_seed)

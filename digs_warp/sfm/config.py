@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from digs_warp.checks import DigsError, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 
 # No video camera takes longer for an image [s]; a number above it was meant in milliseconds.
 LONGEST_READOUT = 0.5
@@ -64,18 +65,15 @@ class SfmConfig:
     """Seed of everything random: matching, mapping, and the errors of perturbed."""
 
     def __post_init__(self) -> None:
-        check_within("--feature-size", self.feature_size, 32)
-        check_within("--features", self.features, 50)
-        check_within("--overlap", self.overlap, 1)
-        check_within("--loop-images", self.loop_images, 0)
+        check_flag("--feature-size", self.feature_size)
+        check_flag("--features", self.features)
+        check_flag("--overlap", self.overlap)
+        check_flag("--loop-images", self.loop_images)
         if self.readout_time is not None and not 0 <= self.readout_time < LONGEST_READOUT:
             raise DigsError(
                 f"--readout-time: {self.readout_time}, expected seconds, 0 to below {LONGEST_READOUT}"
             )
-        if not 0 < self.min_registered <= 1:
-            raise DigsError(
-                f"--min-registered: {self.min_registered}, expected above 0 and at most 1"
-            )
-        check_within("--rotation-error-deg", self.rotation_error_deg, 0)
-        check_within("--translation-error", self.translation_error, 0)
-        check_within("--seed", self.sfm_seed, 0)
+        check_flag("--min-registered", self.min_registered)
+        check_flag("--rotation-error-deg", self.rotation_error_deg)
+        check_flag("--translation-error", self.translation_error)
+        check_flag("--seed", self.sfm_seed)

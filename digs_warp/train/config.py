@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from digs_warp.checks import DigsError, check_positive, check_within
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.record.durations import DURATION
-from digs_warp.sh import MAX_DEGREE
 
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 
@@ -67,8 +67,8 @@ class Rates:
         for rate in fields(LearningRates):
             value = getattr(self, rate.name)
             if value is not None:
-                check_positive(f"--{rate.name}-rate", value)
-        check_positive("--rates-end", self.end)
+                check_flag(f"--{rate.name}-rate", value)
+        check_flag("--rates-end", self.end)
 
     def or_default(self, default: LearningRates) -> LearningRates:
         """Return the rates, with those that are not set taken from ``default``."""
@@ -91,11 +91,9 @@ class Stop:
     Default: no target."""
 
     def __post_init__(self) -> None:
-        check_within("--iterations", self.iterations, 0)
-        if self.time_budget is not None:
-            check_positive("--time-budget", self.time_budget)
-        if self.target_psnr is not None:
-            check_positive("--target-psnr", self.target_psnr)
+        check_flag("--iterations", self.iterations)
+        check_flag("--time-budget", self.time_budget)
+        check_flag("--target-psnr", self.target_psnr)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,9 +112,8 @@ class Density:
     """Memory limit for the Gaussians and the optimizer [MiB]. Default: no limit."""
 
     def __post_init__(self) -> None:
-        check_within("--max-splats", self.max_splats, 1)
-        if self.splat_memory is not None:
-            check_positive("--splat-memory", self.splat_memory)
+        check_flag("--max-splats", self.max_splats)
+        check_flag("--splat-memory", self.splat_memory)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,14 +173,17 @@ class TrainConfig:
     """Warp device: cpu or cuda."""
 
     def __post_init__(self) -> None:
-        check_within("--sh-degree", self.sh_degree, 0, MAX_DEGREE)
-        check_within("--dssim-weight", self.dssim_weight, 0, 1)
-        check_within("--half-size-until", self.half_size_until, 0, 1)
-        check_within("--coverage-weight", self.coverage_weight, 0)
-        check_within("--depth-weight", self.depth_weight, 0)
-        check_within("--opacity-weight", self.opacity_weight, 0)
-        check_within("--scale-weight", self.scale_weight, 0)
-        check_positive("--image-memory", self.image_memory)
+        check_flag("--sh-degree", self.sh_degree)
+        for iteration in self.evaluate_at:
+            check_flag("--evaluate-at", iteration)
+        check_flag("--seed", self.seed)
+        check_flag("--dssim-weight", self.dssim_weight)
+        check_flag("--half-size-until", self.half_size_until)
+        check_flag("--coverage-weight", self.coverage_weight)
+        check_flag("--depth-weight", self.depth_weight)
+        check_flag("--opacity-weight", self.opacity_weight)
+        check_flag("--scale-weight", self.scale_weight)
+        check_flag("--image-memory", self.image_memory)
         if self.mask_role == "ignore" and self.coverage_weight > 0:
             raise DigsError(
                 "--coverage-weight: keeps the area outside the masks empty, but --mask-role ignore says that "

@@ -110,7 +110,7 @@ def test_the_command_records_resumes_and_complains(
     [
         (["--meshes", "nothing/*.glb"], EXIT_BAD_INPUT, "no file matches"),
         (["--meshes", "*.glb", "--mesh", "a.glb"], EXIT_WRONG_USAGE, "contradict"),
-        (["--trajectories", "0"], EXIT_WRONG_USAGE, "--trajectories: 0, expected 1 or more"),
+        (["--trajectories", "0"], EXIT_WRONG_USAGE, "--trajectories: 0, expected 1 to 10,000"),
     ],
 )
 def test_wrong_flags_are_explained_before_anything_is_written(

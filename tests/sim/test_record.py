@@ -173,7 +173,7 @@ def test_strength_scales_the_errors(config: SimulateConfig, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("strength", [-1.0, float("nan"), float("inf")])
 def test_impossible_strengths_are_refused(strength: float) -> None:
-    with pytest.raises(DigsError, match=r"strength: .*0 or more"):
+    with pytest.raises(DigsError, match=r"strength: .*0 to 100"):
         SimulateConfig(strength=strength)
 
 

@@ -145,7 +145,7 @@ def test_a_mesh_that_is_gone_is_no_reason_to_fail(
         (["--out", "a.obj"], EXIT_BAD_INPUT, "expected .glb or .ply"),
         (["--out", "a.glb", "--capture", "none"], EXIT_BAD_INPUT, "no such folder"),
         (["--out", "a.glb", "--voxel-size", "0"], EXIT_WRONG_USAGE, "--voxel"),
-        (["--out", "a.glb", "--views", "2"], EXIT_WRONG_USAGE, "at least 3"),
+        (["--out", "a.glb", "--views", "2"], EXIT_WRONG_USAGE, "--views: 2, expected 3 to"),
         (["--out", "a.glb", "--voxel-size", "1e-6"], EXIT_BAD_INPUT, "use at least"),
     ],
 )

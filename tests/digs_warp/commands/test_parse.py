@@ -168,12 +168,12 @@ def test_without_a_close_miss_the_error_says_what_there_is(
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["simulate", "--out", "x", "--frames", "0"], "--frames: 0, expected 1 or more"),
+        (["simulate", "--out", "x", "--frames", "0"], "--frames: 0, expected 1 to 100,000"),
         (
             ["simulate", "--out", "x", "--trajectories", "0"],
-            "--trajectories: 0, expected 1 or more",
+            "--trajectories: 0, expected 1 to 10,000",
         ),
-        (["run", "--out", "x", "--test-every", "1"], "--test-every: 1, expected 2 or more"),
+        (["run", "--out", "x", "--test-every", "1"], "--test-every: 1, expected 2 to 1,000,000"),
         (["reconstruct", "a", "--out", "x", "--test-every", "0"], "--test-every: 0, expected 2"),
         (["preference", "make", "--out", "x"], "ITEM: none given, expected at least one folder"),
         (
@@ -181,7 +181,7 @@ def test_without_a_close_miss_the_error_says_what_there_is(
             "--width: 1, expected 16 or more",
         ),
         (["preference", "evaluate", "--key", "k"], "SHEET: none given"),
-        (["study", "run", "tradeoff", "--seeds", "0"], "--seeds: 0, expected 1 or more"),
+        (["study", "run", "tradeoff", "--seeds", "0"], "--seeds: 0, expected 1 to 1,000"),
     ],
 )
 def test_refused_settings_are_explained_in_one_line(

@@ -75,12 +75,12 @@ def test_no_gradient_moves_nothing() -> None:
 @pytest.mark.parametrize(
     ("settings", "wrong", "message"),
     [
-        (Stop, {"iterations": -1}, "--iterations: -1, expected 0 or more"),
+        (Stop, {"iterations": -1}, "--iterations: -1, expected 0 to 10,000,000"),
         (Stop, {"time_budget": 0.0}, "--time-budget"),
         (Stop, {"target_psnr": 0.0}, "--target-psnr"),
         (Rates, {"means": float("nan")}, "--means-rate"),
         (Rates, {"end": 0.0}, "--rates-end"),
-        (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 or more"),
+        (Density, {"max_splats": 0}, "--max-splats: 0, expected 1 to 10,000,000"),
         (Density, {"splat_memory": -1.0}, "--splat-memory"),
         (TrainConfig, {"sh_degree": 4}, "--sh-degree: 4, expected 0 to 3"),
         (TrainConfig, {"dssim_weight": 1.5}, "--dssim-weight: 1.5, expected 0 to 1"),
@@ -88,7 +88,7 @@ def test_no_gradient_moves_nothing() -> None:
         (TrainConfig, {"coverage_weight": -0.1}, "--coverage-weight"),
         (TrainConfig, {"depth_weight": float("nan")}, "--depth-weight"),
         (TrainConfig, {"opacity_weight": -1.0}, "--opacity-weight"),
-        (TrainConfig, {"scale_weight": -2.0}, "--scale-weight: -2.0, expected 0 or more"),
+        (TrainConfig, {"scale_weight": -2.0}, "--scale-weight: -2.0, expected 0 to 1,000,000"),
         (TrainConfig, {"image_memory": 0.0}, "--image-memory"),
         (TrainConfig, {"mask_role": "ignore", "coverage_weight": 0.1}, "--mask-role ignore"),
     ],

@@ -281,7 +281,7 @@ def test_the_marker_is_described(tmp_path: Path) -> None:
         ("'law'", "found ('law',), expected keyword arguments only"),
         ("effects='oclusion'", "no effect 'oclusion'; did you mean 'occlusion'?"),
         ("effects=('occlusion', 'quantm')", "no effect 'quantm'; did you mean 'quantum'?"),
-        ("frames=0", "--frames: 0, expected 1 or more"),
+        ("frames=0", "--frames: 0, expected 1 to 100,000"),
         ("strengths=(2, 1)", "expected rising numbers"),
         ("strengths='auto'", "expected finite numbers"),
     ],
