@@ -27,7 +27,6 @@ OF_MODULES = {
 ALLOWED = {
     ("digs_warp/record/disk.py", "*"): "this is where everything is checked and synced",
     ("digs_warp/record/arrays.py", "savez"): "into memory",
-    ("digs_warp/record/arrays.py", "open ?"): "reads a member of a zip file",
     ("digs_warp/data/image_bytes.py", "open ?"): "into memory, checked",
     ("digs_warp/record/files.py", "rename"): "of record/disk.py",
     ("digs_warp/data/image_bytes.py", "write_image"): "into memory, checked",

@@ -36,19 +36,11 @@ def our_files(folder: Path) -> set[str]:
 
     The names are relative, with "/".
     """
-    there = _all_files(folder)  # nothing behind a link to a folder
-    ours: set[str] = set()
-    for parent, _, names in _walk(folder):
-        if MANIFEST not in names and RUN_RECORD not in names:
-            continue
-        manifest = Manifest.read(parent)
-        inner = {(parent / name).relative_to(folder).as_posix() for name in manifest.files}
-        found = {name for name in inner & there if manifest.is_whole(folder / name)}
-        found.add((parent / MANIFEST).relative_to(folder).as_posix())
-        if _is_our_record(parent):
-            found.add((parent / RUN_RECORD).relative_to(folder).as_posix())
-        ours |= {name for name in found & there if not (folder / name).is_symlink()}
-    return ours
+    return {
+        name
+        for name, manifest in _listed_files(folder)
+        if manifest is None or manifest.is_whole(folder / name)
+    }
 
 
 def check_place(folder: Path, writes: Sequence[str]) -> None:
@@ -147,12 +139,29 @@ def _renamed(value: Any, old: str, new: str) -> Any:
 
 def _list_all(unfinished: Path) -> None:
     """List what libraries wrote by themselves, such as COLMAP's database, in the manifest of a result."""
-    listed = our_files(unfinished)
+    listed = {name for name, _ in _listed_files(unfinished)}
     with recorded_files(unfinished, resume=True) as manifest:
         for name in sorted(_all_files(unfinished) - listed):
             path = unfinished / name
             with manifest.replacing(path, Content.of_file(path)):
                 pass
+
+
+def _listed_files(folder: Path) -> Iterator[tuple[str, Manifest | None]]:
+    """Yield the files that a run lists, with the manifest; also manifests and records, which none lists."""
+    there = _all_files(folder)  # nothing behind a link to a folder
+    for parent, _, names in _walk(folder):
+        if MANIFEST not in names and RUN_RECORD not in names:
+            continue
+        manifest = Manifest.read(parent)
+        found = {parent / name: manifest for name in manifest.files}
+        found |= {parent / MANIFEST: None}
+        if _is_our_record(parent):
+            found |= {parent / RUN_RECORD: None}
+        for path, its in found.items():
+            name = path.relative_to(folder).as_posix()
+            if name in there and not path.is_symlink():
+                yield name, its
 
 
 def _all_files(folder: Path) -> set[str]:

@@ -313,6 +313,20 @@ def test_a_reconstruction_that_cannot_be_made_changes_nothing(
     assert state(tmp_path) == before
 
 
+def test_a_data_set_with_a_failed_scene_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    our_folder(tmp_path / "out")
+    before = state(tmp_path / "out")
+    Path("a.obj").write_text("no mesh")
+    arguments = ["simulate", "--meshes", "*.obj", "--out", "out", "--overwrite", *SMALL]
+    assert main(arguments) == EXIT_BAD_INPUT
+    error = capsys.readouterr().err
+    assert "1 of 1 scenes failed" in error and f"What was begun is in 'out/{UNFINISHED}'" in error
+    assert before.items() <= state(tmp_path / "out").items()
+
+
 def test_an_overwrite_that_is_terminated_resumes_to_the_same_bits(
     capture: Path, tmp_path: Path
 ) -> None:
