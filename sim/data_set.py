@@ -14,6 +14,7 @@ from digs_warp.data.capture import Capture, Frame
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
 from digs_warp.record.progress import progress
+from digs_warp.record.run_log import RunRecord
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 
@@ -49,6 +50,7 @@ class SceneResult:
         seconds: wall-clock time.
         fill: share of the object's pixels with depth, 0 to 1; None where nothing could be judged.
         error_mm: median absolute depth error on the object [mm]; None likewise.
+        size: longest side of the object [m]; None where it failed.
     """
 
     name: str
@@ -57,12 +59,15 @@ class SceneResult:
     seconds: float
     fill: float | None = None
     error_mm: float | None = None
+    size: float | None = None
 
     def __str__(self) -> str:
         """The outcome in a phrase, without the name."""
         if self.error:
             return f"failed: {self.error}"
         words = f"{self.frames} frames in {self.seconds:.1f} s"
+        if self.size is not None:
+            words += f", object of {self.size:.3g} m"
         if self.fill is not None:
             words += f", depth on {self.fill:.1%} of the object"
         if self.error_mm is not None:
@@ -129,7 +134,14 @@ def _attempt(job: SceneJob, folder: Path, resume: bool) -> SceneResult:
         _log.error("scene '%s' failed: %s", job.name, message, exc_info=not expected)
         return SceneResult(job.name, message, 0, time.perf_counter() - start)
     seconds = time.perf_counter() - start
-    return SceneResult(job.name, "", len(capture), seconds, fill, error_mm)
+    size = _longest_side(folder / job.name)
+    return SceneResult(job.name, "", len(capture), seconds, fill, error_mm, size)
+
+
+def _longest_side(folder: Path) -> float | None:
+    """Return the longest side of the object [m], as the record of its capture has it."""
+    record = RunRecord.find(folder)
+    return max(record.results["object"]["size"]) if record else None
 
 
 def judge_depth(capture: Capture) -> tuple[float | None, float | None]:

@@ -114,6 +114,7 @@ def test_many_meshes_can_be_scaled(tmp_path: Path) -> None:
     meshes = [tmp_path / "a.glb", tmp_path / "b.glb"]
     results = simulate_many(plan_jobs(config, meshes, []), tmp_path / "set")
     assert [result.error for result in results] == ["", ""]
+    assert all("object of 0.4 m" in str(result) for result in results)
     for result in results:
         words = recorded_object(tmp_path / "set" / result.name)
         assert words is not None
