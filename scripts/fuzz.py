@@ -12,9 +12,11 @@ inputs are kept with the command lines that read them. The exit code is 1 if the
 import argparse
 import datetime
 import logging
+import math
 import sys
 import tempfile
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -33,19 +35,29 @@ PACKAGES = ("numpy", "trimesh", "usd-core", "OpenImageIO")  # that read files
 
 
 def fuzz(
-    kinds: tuple[Kind, ...], count: int, seed: int, keep: Path, workers: int = 1
+    kinds: tuple[Kind, ...],
+    count: int,
+    seed: int,
+    keep: Path,
+    workers: int = 1,
+    minutes: float = math.inf,
 ) -> dict[str, Tally]:
-    """Run ``count`` damaged inputs of each kind; write those that show a defect into ``keep``."""
+    """Run ``count`` damaged inputs of each kind; write those that show a defect into ``keep``.
+
+    After ``minutes`` no more are begun; the kinds take turns, so there are about as many of each.
+    """
     tallies = {kind.name: Tally() for kind in kinds}
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         inputs = Inputs(Originals(Path(name) / "originals"), Path(name), seed)
         inputs.originals.folder.mkdir()
         for kind in kinds:
             kind.prepare(inputs.originals)
-        pool = _Pool(inputs, {kind.name: kind for kind in kinds})
-        jobs = [(kind, number) for kind in kinds for number in range(count)]
+        pool = _Pool(inputs, {kind.name: kind for kind in kinds}, 60 * minutes)
+        jobs = [(kind, number) for number in range(count) for kind in kinds]
         with progress(len(jobs), "Fuzzing", "input") as bar, ThreadPoolExecutor(workers) as threads:
             for (kind, number), outcome in zip(jobs, threads.map(pool.run, jobs), strict=True):
+                if outcome is None:
+                    continue
                 tallies[kind.name].outcomes.append(outcome)
                 if outcome.is_defect:
                     _say(
@@ -57,13 +69,16 @@ def fuzz(
 
 
 class _Pool:
-    """One `Worker` per thread."""
+    """One `Worker` per thread; it begins no input after some seconds."""
 
-    def __init__(self, inputs: Inputs, kinds: dict[str, Kind]) -> None:
+    def __init__(self, inputs: Inputs, kinds: dict[str, Kind], seconds: float) -> None:
         self._inputs, self._kinds = inputs, kinds
+        self._end = time.monotonic() + seconds
         self._workers: dict[int, Worker] = {}
 
-    def run(self, job: tuple[Kind, int]) -> Outcome:
+    def run(self, job: tuple[Kind, int]) -> Outcome | None:
+        if time.monotonic() > self._end:
+            return None
         thread = threading.get_ident()
         worker = self._workers.setdefault(
             thread, Worker(lambda name: self._inputs.healthy(self._kinds[name]))
@@ -87,9 +102,8 @@ def again(folder: Path) -> Outcome:
     return outcome
 
 
-def publish(tallies: dict[str, Tally], seed: int) -> None:
+def publish(tallies: dict[str, Tally], count: int, seed: int) -> None:
     """Write the table into docs/stability.md."""
-    count = len(next(iter(tallies.values())).outcomes)
     found = versions()
     packages = ", ".join(f"{name} {found[name]}" for name in ("digs-warp", *PACKAGES))
     head = (
@@ -123,6 +137,7 @@ def main() -> int:
         "--kind", action="append", default=[], help="part of a kind's name; may be repeated"
     )
     parser.add_argument("--count", type=int, default=20, help="inputs of each kind")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin no input later")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1, help="inputs at the same time")
     parser.add_argument(
@@ -146,10 +161,11 @@ def main() -> int:
         options.seed,
         options.keep.resolve(),
         options.workers,
+        options.minutes,
     )
     _say(table(tallies).markdown())
     if options.page:
-        publish(tallies, options.seed)
+        publish(tallies, options.count, options.seed)
     return int(any(outcome.is_defect for tally in tallies.values() for outcome in tally.outcomes))
 
 

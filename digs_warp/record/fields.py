@@ -164,7 +164,11 @@ class Fields:
         return [self._inside(item, f"{self.where}, {name} {i}") for i, item in enumerate(value)]
 
     def _inside(self, value: Any, where: str) -> "Fields":
-        return replace(Fields.of(value, where, self.error), remedy=self.remedy)
+        if not isinstance(value, Mapping):
+            raise replace(self, where=where)._broken(
+                f"expected a JSON object, found {shown(value)}"
+            )
+        return replace(self, values=value, where=where, shared=None)
 
     def _find(self, name: str, default: Any = None) -> Any:
         value = self.values.get(name)

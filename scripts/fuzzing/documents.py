@@ -6,6 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 # Text that takes the place of a value; json.dumps would not write some of it.
 RAW = (
     *(
@@ -66,15 +68,8 @@ def damaged_document(data: bytes, name: str, rng: random.Random) -> bytes | None
             lines[at] = _changed(json.loads(lines[at]), rng)
             return ("\n".join(lines) + "\n").encode()
         if suffix in (".yaml", ".yml"):
-            import yaml
-
             return _changed(yaml.safe_load(data), rng).encode()  # JSON is YAML, too
-    except (
-        ValueError,
-        RecursionError,
-        IndexError,
-        AttributeError,
-    ):  # an earlier fault broke the syntax
+    except (ValueError, RecursionError, IndexError, AttributeError, yaml.YAMLError):
         return None
     return None
 

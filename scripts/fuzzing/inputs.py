@@ -4,6 +4,7 @@ import json
 import random
 import re
 import shutil
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,13 +36,10 @@ class Inputs:
     seed: int
 
     def healthy(self, kind: Kind) -> list[Job]:
-        """Write every healthy input of a kind."""
+        """Write every healthy input of a kind, for one process."""
+        place = Path(tempfile.mkdtemp(prefix="healthy-", dir=self.folder))
         return [
-            Job(
-                kind.name,
-                self._place(each, self.folder / f"healthy-{slug(kind)}-{number}"),
-                each.lines,
-            )
+            Job(kind.name, self._place(each, place / f"{slug(kind)}-{number}"), each.lines)
             for number, each in enumerate(kind.inputs)
         ]
 

@@ -66,7 +66,7 @@ def _recording(form: str, *damaged: str) -> tuple[Input, ...]:
 
 def _splats(*names: str) -> tuple[Input, ...]:
     return tuple(
-        Input("splats", name, (f"info {name}", f"convert {name} OUT.npz"), (name,))
+        Input("splats", name, (f"info {name}", f"convert {name} --out OUT.npz"), (name,))
         for name in names
     )
 
@@ -76,7 +76,12 @@ def _usd(*names: str) -> tuple[Input, ...]:
         Input(
             "splats",
             name,
-            (f"info {name}", f"usd info {name}", f"usd validate {name}", f"convert {name} OUT.npz"),
+            (
+                f"info {name}",
+                f"usd info {name}",
+                f"usd validate {name}",
+                f"convert {name} --out OUT.npz",
+            ),
             (name,),
         )
         for name in names

@@ -140,7 +140,7 @@ class Originals:
             write_splat_file(folder / name, self._gaussians(), spz_version=version)
         (folder / "text.ply").write_bytes(_as_text((folder / "a.ply").read_bytes()))
         for name in ("scene.usda", "scene.usdc", "scene.usdz"):
-            _digs_warp("convert", folder / "ours.npz", folder / name)
+            _digs_warp("convert", folder / "ours.npz", "--out", folder / name)
         _digs_warp("export-usd", self.make("reconstruction") / "reconstruction",
                    "--capture", self.make("capture"), "--out", folder / "capture.usdz")  # fmt: skip
 

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fuzz import again
+from fuzz import again, fuzz
 from fuzzing.inputs import Inputs
-from fuzzing.kinds import find_kinds
+from fuzzing.kinds import KINDS, find_kinds
 from fuzzing.originals import Originals
 from fuzzing.pool import Job, Worker
+from fuzzing.tally import table
 
 from reference.planted_commands import planted
 
@@ -37,6 +38,15 @@ def test_planted_defects_are_noticed(worker: Worker, tmp_path: Path, line: str, 
     outcome = worker.run(Job("planted", tmp_path, (line,)))
     assert outcome.end == end, outcome.detail
     assert outcome.is_defect == (end not in ("read", "refused"))
+
+
+@pytest.mark.slow
+def test_damaged_inputs_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
+    """`python scripts/fuzz.py --count 556` does the same at length; docs/stability.md has its result."""
+    tallies = fuzz(KINDS, count=2, seed=2026, keep=tmp_path / "kept")
+    assert len(tallies) == 18
+    assert not list(tmp_path.glob("kept/*")), table(tallies).text()
+    assert all(len(tally.outcomes) == 2 for tally in tallies.values())
 
 
 def test_a_kept_input_can_be_run_again(tmp_path: Path) -> None:

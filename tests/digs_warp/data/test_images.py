@@ -175,3 +175,18 @@ def test_a_jpeg_comes_back_nearly_the_same(tmp_path: Path, shape: tuple[int, int
 def test_a_jpeg_of_other_than_three_channels_raises() -> None:
     with pytest.raises(DigsError, match="JPEG pixels"):
         encode_jpeg(np.zeros((4, 4, 4), np.uint8))
+
+
+def test_names_in_a_header_that_are_not_utf8_are_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "depth.exr"
+    write_image(path, np.ones((4, 4), np.float32))
+    whole = path.read_bytes()
+    refused = 0
+    for place in range(8, whole.index(b"screenWindowWidth")):
+        path.write_bytes(whole[:place] + b"\xde\xeb" + whole[place + 2 :])
+        try:
+            read_image(path)
+        except DigsError as error:
+            assert "depth.exr" in str(error)
+            refused += 1
+    assert refused > 20

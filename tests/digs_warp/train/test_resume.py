@@ -9,6 +9,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.record.arrays import write_arrays
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import Density, DensityStrategy, Stop, TrainConfig
 from digs_warp.train.density import adaptive
@@ -131,3 +132,32 @@ def test_a_checkpoint_of_other_settings_is_refused(
     trainer = Trainer(seeds, open_views(capture.frames, config), config)
     with pytest.raises(DigsError, match=f"{what} differ"):
         load_checkpoint(path, trainer)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("step", np.array([1, 2])),
+        ("step", np.array(-1)),
+        ("step", np.array("many")),
+        ("seconds", np.array(np.nan)),
+        ("identity", np.array("[]")),
+        ("identity", np.array("[" * 100_000)),
+        ("value_means", np.zeros((7, 3))),
+        ("first_means", np.zeros((7, 3))),
+        ("second_sh", np.full((300, 1, 3), np.inf)),
+        ("control_sums", np.zeros(3)),
+        ("value_quats", None),
+    ],
+)
+def test_a_checkpoint_of_another_shape_is_refused(
+    capture: Capture, tmp_path: Path, name: str, value: np.ndarray | None
+) -> None:
+    config = TrainConfig(stop=Stop(iterations=5), density=Density(strategy="adaptive"))
+    path = tmp_path / "checkpoint.npz"
+    save_checkpoint(path, trained(capture, config, 1))
+    with np.load(path) as saved:
+        state = {key: saved[key] for key in saved.files if key != name or value is not None}
+    write_arrays(path, state | ({} if value is None else {name: value}))
+    with pytest.raises(DigsError, match=r"checkpoint '.*checkpoint\.npz'"):
+        load_checkpoint(path, trained(capture, config, 0))

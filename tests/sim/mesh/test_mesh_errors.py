@@ -222,3 +222,26 @@ def test_suffixes_in_capitals_are_fine(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         corners_of(load_scene(tmp_path / "B.GLB")), corners_of(load_scene(path))
     )
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("materials", 7),
+        ("materials", ["paint"]),
+        ("materials", [{"pbrMetallicRoughness": 1}]),
+        ("materials", [{"extensions": []}]),
+        ("materials", [{"extensions": {"KHR_materials_transmission": 0.5}}]),
+        ("buffers", "x"),
+        ("images", [{"uri": 3}]),
+        ("extensionsUsed", True),
+        ("extensionsRequired", [[]]),
+        ("asset", []),
+    ],
+)
+def test_a_gltf_header_of_other_types_is_refused(tmp_path: Path, key: str, value: object) -> None:
+    path = tmp_path / "a.gltf"
+    header = {"asset": {"version": "2.0"}, "scenes": [{"nodes": []}]} | {key: value}
+    path.write_text(json.dumps(header))
+    with pytest.raises(MeshError, match=r"a\.gltf': .* in its header is .*, expected"):
+        load_scene(path)
