@@ -17,7 +17,11 @@ FINE, COARSE = 0.02, 0.05
 # Fewer points that agree say nothing about their brightness.
 ENOUGH = 50
 
-# Images that vary by less (standard deviation, of 255) show nothing: depth alone decides.
+# Frames with fewer points in common say nothing at all.
+FEW = 200
+
+# Images that vary by less (standard deviation, of 255) show nothing, and depth alone misleads: around an
+# object, inverted poses bring it into agreement, too.
 DULL = 2.0
 
 
@@ -29,8 +33,7 @@ class Agreement:
         overlap: share of the points of one frame that the other one looks at and has depth for, 0 to 1.
         depth: share of points at the depth that the other frame measured, among those that it does not hide;
             mean of the shares within FINE and COARSE.
-        brightness: correlation of the brightness that both frames give those points, -1 to 1; 1 if the images
-            show nothing.
+        brightness: correlation of the brightness that both frames give those points, -1 to 1.
     """
 
     overlap: float
@@ -44,7 +47,7 @@ class Agreement:
 
 
 def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> Agreement:
-    """Return how well the pairs agree, each looked at from both sides."""
+    """Return how well the pairs agree, each looked at from both sides; zeros if too little is in common."""
     seen = [
         _reproject(frames[first], frames[second])
         for pair in pairs
@@ -52,9 +55,10 @@ def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]
     ]
     nearer, here, there = (np.concatenate([part[i] for part in seen]) for i in range(3))
     looked_at = sum(part[3] for part in seen)
+    if len(nearer) < FEW or here.std() < DULL:
+        return Agreement(0.0, 0.0, 0.0)
     close = np.abs(nearer) < COARSE
-    is_dull = here.size > 0 and here.std() < DULL
-    brightness = 1.0 if is_dull else _correlation(here[close], there[close])
+    brightness = _correlation(here[close], there[close])
     depth = (_share(nearer, FINE) + _share(nearer, COARSE)) / 2
     return Agreement(len(nearer) / max(looked_at, 1), depth, brightness)
 
