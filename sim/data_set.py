@@ -17,6 +17,7 @@ from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
+from digs_warp.words import counted
 
 BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
@@ -65,7 +66,7 @@ class SceneResult:
         """The outcome in a phrase, without the name."""
         if self.error:
             return f"failed: {self.error}"
-        words = f"{self.frames} frames in {self.seconds:.1f} s"
+        words = f"{counted(self.frames, 'frame')} in {self.seconds:.1f} s"
         if self.size is not None:
             words += f", object of {self.size:.3g} m"
         if self.fill is not None:

@@ -11,6 +11,7 @@ from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.output import check_output_file
 from digs_warp.record.files import write_atomically
 from digs_warp.study.benchmarks import BENCHMARKS, Benchmark, find_benchmark
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.study.results import Result
@@ -32,17 +33,18 @@ class Bench(Command):
         """Measure, write the files, return the tables."""
         from digs_warp.study.results import format_tables, write_json_lines
 
-        for path in self._files():
-            check_output_file(path, self.overwrite)
+        for flag, path in self._files().items():
+            check_output_file(path, self.overwrite, flag=flag)
         results = find_benchmark(self.name).run()
         parts = [format_tables(results)]
         if self.json is not None:
             write_json_lines(results, self.json)
-            parts.append(f"{len(results)} results, also in {self.json}")
+            parts.append(f"{counted(len(results), 'result')}, also in {self.json}")
         return "\n\n".join([*parts, *self._draw(results)])
 
-    def _files(self) -> list[Path]:
-        return [self.json] if self.json else []
+    def _files(self) -> dict[str, Path]:
+        """Return the files to write, by flag."""
+        return {"--json": self.json} if self.json else {}
 
     def _draw(self, results: "Sequence[Result]") -> list[str]:
         return []
@@ -55,8 +57,8 @@ class BenchWithPicture(Bench):
     plot: Path | None = None
     """Also draw the results into this PNG file."""
 
-    def _files(self) -> list[Path]:
-        return [path for path in (self.json, self.plot) if path]
+    def _files(self) -> dict[str, Path]:
+        return super()._files() | ({"--plot": self.plot} if self.plot else {})
 
     def _draw(self, results: "Sequence[Result]") -> list[str]:
         from digs_warp.study.charts import side_by_side

@@ -14,6 +14,7 @@ from digs_warp.commands.output import NewFolder
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.capture import Capture
@@ -99,7 +100,7 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
             if form == "bop":
                 _add_bop_model(capture, folder)
         log.save(folder / RUN_RECORD)
-    return f"{out}: {len(capture)} frames as {form}, {log.seconds['export']:.1f} s"
+    return f"{out}: {counted(len(capture), 'frame')} as {form}, {log.seconds['export']:.1f} s"
 
 
 def _add_bop_model(capture: "Capture", folder: Path) -> None:
@@ -129,4 +130,6 @@ def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: 
         log.results = {"frames": len(capture), "poses_known": capture.knows_poses}
         log.save(folder / RUN_RECORD)
     hint = "" if capture.knows_poses else "; poses unknown: structure from motion has to find them"
-    return f"{out}: {len(capture)} frames from {form}, {log.seconds['convert']:.1f} s{hint}"
+    return (
+        f"{out}: {counted(len(capture), 'frame')} from {form}, {log.seconds['convert']:.1f} s{hint}"
+    )

@@ -7,6 +7,7 @@ from typing import Literal
 from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.record.layout import find_gaussians
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,4 +38,4 @@ def convert_splats(source: Path, target: Path, overwrite: bool, options: SplatCo
     write_scene_file(target, result, source, options.up, options.spz_version, options.vertex_colors)
     gaussians = result.gaussians
     size = target.stat().st_size / 1e6
-    return f"{target}: {len(gaussians):,} Gaussians of degree {gaussians.sh_degree}, {size:.2f} MB"
+    return f"{target}: {counted(len(gaussians), 'Gaussian')} of degree {gaussians.sh_degree}, {size:.2f} MB"

@@ -10,6 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
 from digs_warp.usd.convert import WriteOptions
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,4 +64,4 @@ class ExportUsd(Command):
         else:
             write_scene(results[0], self.out, self.storage)
         size = self.out.stat().st_size / 1e6
-        return f"{self.out}: {len(results[0].gaussians):,} Gaussians, {size:.1f} MB"
+        return f"{self.out}: {counted(len(results[0].gaussians), 'Gaussian')}, {size:.1f} MB"

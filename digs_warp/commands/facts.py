@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from digs_warp.words import counted
+
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruction import Reconstruction
 
@@ -16,4 +18,5 @@ def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     """Say how many Gaussians there are, from what, and how good they are."""
     depth = result.start.depth if result.start else None
     voxels = f" in voxels of {1e3 * depth.voxel_size:.3g} mm" if depth else ""
-    return f"{len(result.gaussians):,} Gaussians from {frames} frames{voxels}, {result.scores}"
+    gaussians = counted(len(result.gaussians), "Gaussian")
+    return f"{gaussians} from {counted(frames, 'frame')}{voxels}, {result.scores}"

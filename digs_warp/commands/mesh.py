@@ -15,6 +15,7 @@ from digs_warp.commands.output import check_output_file
 from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.pipeline.mesh import MOST_VIEWS, extract_mesh
 from digs_warp.surface.true_surface import read_true_surface
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
@@ -72,10 +73,11 @@ class Mesh(Command):
         found = extract_mesh(result, self.voxel_size, self.views)
         write_mesh(self.out, found.mesh)
         lines = [
-            f"{self.out}: {len(found.mesh):,} triangles from {found.views} views, voxels of "
-            f"{1e3 * found.voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
+            f"{self.out}: {counted(len(found.mesh), 'triangle')} from {counted(found.views, 'view')}, "
+            f"voxels of {1e3 * found.voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
             f"{perf_counter() - start:.1f} s",
-            f"left out as floaters: {found.removed_parts} parts with {found.removed_triangles} triangles",
+            f"left out as floaters: {counted(found.removed_parts, 'part')} with "
+            f"{counted(found.removed_triangles, 'triangle')}",
         ]
         if result.capture is not None:
             lines += _comparison(found.mesh, result.capture, 2 * found.voxel)

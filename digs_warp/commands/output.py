@@ -10,7 +10,7 @@ from pathlib import Path
 
 import tyro
 
-from digs_warp.checks import DigsError
+from digs_warp.checks import DigsError, kind_of
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
@@ -132,25 +132,30 @@ class OutputFolder:
 ANY_FOLDER = OutputFolder(out=tyro.MISSING)
 
 
-def check_output_file(path: Path, overwrite: bool, inputs: Sequence[Path | None] = ()) -> None:
+def check_output_file(
+    path: Path, overwrite: bool, inputs: Sequence[Path | None] = (), flag: str = "--out"
+) -> None:
     """Check that a file may be written, and delete what killed processes left of it.
 
     Args:
         path: the file.
         overwrite: whether it may exist.
         inputs: what the command reads, which cannot be the file.
+        flag: that names the file.
 
     Raises:
         DigsError: it may not be written.
     """
     if path.is_dir():
-        raise DigsError(f"--out '{path}': this is a folder; name a file")
+        raise DigsError(f"{flag} '{path}': this is {_named(path)}; name a file")
+    if path.exists() and not path.is_file():
+        raise DigsError(f"{flag} '{path}': this is {_named(path)}; name a new file")
     if path.exists() and not overwrite:
-        raise DigsError(f"--out '{path}': the file exists; add --overwrite or name another file")
+        raise DigsError(f"{flag} '{path}': the file exists; add --overwrite or name another file")
     for source in inputs:
         if source is not None and source.exists() and path.exists() and path.samefile(source):
-            raise DigsError(f"'{path}': is the source itself; name another file")
-    _check_writable(path)
+            raise DigsError(f"{flag} '{path}': is the source itself; name another file")
+    _check_writable(path, flag)
     remove_leftovers_of(path)
 
 
@@ -168,7 +173,7 @@ def _check_inputs(out: Path, inputs: Sequence[Path | None]) -> list[Path]:
     """Return the inputs that there are, after all checks that change nothing."""
     needed = _existing(inputs)
     if out.exists() and not out.is_dir():
-        raise DigsError(f"--out '{out}': this is a file; name a folder")
+        raise DigsError(f"--out '{out}': this is {_named(out)}; name a folder")
     _check_writable(out)
     return needed
 
@@ -181,15 +186,27 @@ def _existing(inputs: Sequence[Path | None]) -> list[Path]:
     return needed
 
 
-def _check_writable(path: Path) -> None:
+def _named(path: Path) -> str:
+    """Return what an existing path is, and where it leads if it is a link."""
+    kind = kind_of(path)
+    return f"a link to {kind} ('{path.readlink()}')" if path.is_symlink() else kind
+
+
+def _check_writable(path: Path, flag: str = "--out") -> None:
     """Check that a file or folder can be made, without making it."""
     path = path.absolute()
+    for each in (path, *path.parents):
+        if each.is_symlink() and not each.exists():
+            raise DigsError(
+                f"{flag} '{path}': '{each}' is a link to '{each.readlink()}', which is not there; make that, "
+                "delete the link, or name another place"
+            )
     place = next(each for each in (path, *path.parents) if each.exists())
     if place != path and not place.is_dir():
-        raise DigsError(f"--out '{path}': '{place}' is a file; name another place")
+        raise DigsError(f"{flag} '{path}': '{place}' is {_named(place)}; name another place")
     folder = place if place.is_dir() else place.parent
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise DigsError(f"--out '{path}': '{folder}' is not writable; name another place")
+        raise DigsError(f"{flag} '{path}': '{folder}' is not writable; name another place")
 
 
 def _finish(out: Path) -> None:

@@ -14,7 +14,7 @@ from digs_warp.commands.flag_rules import FlagRules, RefusedSettings, paragraphs
 from digs_warp.commands.registry import COMMANDS
 from digs_warp.commands.setting_names import setting_names
 from digs_warp.commands.settings_file import read_defaults
-from digs_warp.words import did_you_mean
+from digs_warp.words import counted, did_you_mean
 
 PROGRAM = "digs-warp"
 HELP = ("-h", "--help")
@@ -49,7 +49,7 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
         raise DigsError(str(error)) from error
     except SystemExit as stop:
         if not stop.code and rules.hidden:
-            print(f"'{program} --help-all' shows {len(rules.hidden)} more flags.")
+            print(f"'{program} --help-all' shows {counted(len(rules.hidden), 'more flag')}.")
         raise
 
 

@@ -12,6 +12,7 @@ from digs_warp.commands.output import check_output_file
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +56,14 @@ class Plan(SettingsCommand):
 
         if self.json is not None:
             inputs = [self.recording.mesh, self.recording.environment]
-            check_output_file(self.json, self.overwrite, inputs)
+            check_output_file(self.json, self.overwrite, inputs, flag="--json")
         check_effects(self.recording)
         session = prepare_session(self.recording, load_inputs(self.recording))
         plan = make_plan(session)
         if self.json is not None:
             write_atomically(self.json, to_json(plan.as_json()).encode())
         looked = plan.facts.frames if plan.facts else 0
-        parts = [f"{session.profile.title}, measured on {looked} frames"]
+        parts = [f"{session.profile.title}, measured on {counted(looked, 'frame')}"]
         for name, choices in (("On the images", plan.color), ("On depth", plan.depth)):
             if choices:
                 on = sum(choice.on for choice in choices)

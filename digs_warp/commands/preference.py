@@ -10,6 +10,7 @@ from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError, check_within
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import NewFolder
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +57,9 @@ class MakeKit(Command):
         with self.output.opened(self.items) as folder:
             make_kit(items, folder, size=size, seconds=self.seconds, frame_rate=self.fps)
         return (
-            f"{self.output.out}: {VERSIONS} versions of {len(items)} questions. Give the next participant "
-            f"the next version (sheet.html and its videos), fill in answers.csv, and keep {KEY} to yourself."
+            f"{self.output.out}: {VERSIONS} versions of {counted(len(items), 'question')}. Give the next "
+            f"participant the next version (sheet.html and its videos), fill in answers.csv, and keep "
+            f"{KEY} to yourself."
         )
 
 

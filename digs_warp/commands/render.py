@@ -16,6 +16,7 @@ from digs_warp.commands.splat_options import SplatOptions
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
+from digs_warp.words import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -117,7 +118,8 @@ class Render(Command):
             count = self._write_folder(frames, clock)
         written = perf_counter() - start - sum(clock.seconds)
         return (
-            f"{self.out}: {count} frames of {self.width}x{self.height} px, {len(gaussians):,} Gaussians; "
+            f"{self.out}: {counted(count, 'frame')} of {self.width}x{self.height} px, "
+            f"{counted(len(gaussians), 'Gaussian')}; "
             f"rendered {clock.frame_rate:.1f} frames/s ({clock.milliseconds:.0f} ms each), "
             f"written in {1e3 * written / count:.0f} ms each"
         )

@@ -18,6 +18,7 @@ from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.words import counted
 
 # Flags of a recording that the help of `run` and `simulate` shows.
 RECORDING_FLAGS = ("mesh", "environment", "frames", "width", "profile", "tier", "seed")
@@ -80,7 +81,8 @@ class Simulate(SettingsCommand):
         k = capture.frames[0].camera.intrinsics
         seconds = time.perf_counter() - start
         return (
-            f"{self.output.out}: {len(capture)} frames of {k.width} x {k.height} in {seconds:.1f} s\n"
+            f"{self.output.out}: {counted(len(capture), 'frame')} of {k.width} x {k.height} in "
+            f"{seconds:.1f} s\n"
             f"object: {recorded_object(self.output.out)}"
         )
 
@@ -108,8 +110,8 @@ class Simulate(SettingsCommand):
             lines = format_facts({result.name: str(result) for result in results})
             if failed:  # before an old result is replaced
                 text = f"{lines}\n\nAlso in {folder / DATA_SET}"
-                raise DigsError(f"{len(failed)} of {len(results)} scenes failed\n{text}")
+                raise DigsError(f"{len(failed)} of {counted(len(results), 'scene')} failed\n{text}")
         return (
-            f"{lines}\n\nAlso in {self.output.out / DATA_SET}. {len(results)} scenes in "
+            f"{lines}\n\nAlso in {self.output.out / DATA_SET}. {counted(len(results), 'scene')} in "
             f"{log.seconds['simulate']:.0f} s"
         )

@@ -28,7 +28,7 @@ class JsonFile:
     def check(self, *inputs: Path) -> None:
         """Raise a `DigsError` when the file exists and may not be replaced, or is one of the inputs."""
         if self.json is not None:
-            check_output_file(self.json, self.overwrite, inputs)
+            check_output_file(self.json, self.overwrite, inputs, flag="--json")
 
     def write(self, text: str) -> None:
         """Write the file, if there is to be one."""

@@ -26,6 +26,7 @@ from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import timed
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -214,6 +215,6 @@ def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) ->
     else:
         hint = "the depth puts it all in the background: check the masks, or turn off the foreground filter"
     return NoPointsError(
-        f"initialization: no points in {frames} frames: {in_mask} pixels inside the masks, "
-        f"{with_depth} of them with depth, {smooth} after the edge filter; {hint}"
+        f"initialization: no points in {counted(frames, 'frame')}: {in_mask} pixels inside the "
+        f"masks, {with_depth} of them with depth, {smooth} after the edge filter; {hint}"
     )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.record.fields import Fields
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +61,9 @@ class Scores:
         mean = self.mean
         words = [] if math.isnan(mean.psnr) else [f"PSNR {mean.psnr:.2f} dB"]
         words += [] if math.isnan(mean.ssim) else [f"SSIM {mean.ssim:.4f}"]
-        return f"{' and '.join(words) or 'no measure'} on {len(self.views)} held-out views"
+        return (
+            f"{' and '.join(words) or 'no measure'} on {counted(len(self.views), 'held-out view')}"
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the views and their mean."""

@@ -10,6 +10,7 @@ import warp as wp
 from digs_warp.checks import DigsError, check_positive, check_shape
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.words import counted
 
 # Number of neighbors that measures the density of points at a place on the surface.
 NEIGHBOURS = 8
@@ -80,7 +81,8 @@ def surface_score(
     check_positive("threshold", threshold)
     if len(points) == 0 or len(surface) == 0:
         raise DigsError(
-            f"surface score: {len(points)} points and {len(surface)} triangles, expected at least one each"
+            f"surface score: {counted(len(points), 'point')} and {counted(len(surface), 'triangle')}, "
+            "expected at least one each"
         )
     to_surface = distances_to_surface(points, surface)
     places = sample_surface(surface, samples, seed)

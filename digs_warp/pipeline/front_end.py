@@ -242,7 +242,9 @@ def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:
     every = (*frames.training, *frames.held_out)
     lost = [frame.name for frame in every if frame.name not in model.sfm.names]
     if lost:
-        logger.warning("%d frames were not registered and are left out: %s", len(lost), lost[:5])
+        logger.warning(
+            "not registered and left out: %s (%s)", counted(len(lost), "frame"), lost[:5]
+        )
     if not training:
         raise DigsError(
             f"structure from motion: none of the {len(frames.training)} training frames was registered"

@@ -15,6 +15,7 @@ from digs_warp.report.sensor_section import sensor_section
 from digs_warp.report.start_section import start_section
 from digs_warp.report.style import CSS
 from digs_warp.report.views_section import views_section
+from digs_warp.words import counted
 
 
 def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
@@ -85,7 +86,8 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> st
         card("Total", f"{records.total_seconds:.1f} s", "all stages"),
     ]
     held_out = len(result.scores.views)
-    about = f"{len(capture)} frames of {k.width} by {k.height} pixels, {held_out} of them held out."
+    frames = counted(len(capture), "frame")
+    about = f"{frames} of {k.width} by {k.height} pixels, {held_out} of them held out."
     return (
         f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
         f"<div class=cards>{''.join(cards)}</div></header>"

@@ -15,6 +15,7 @@ from digs_warp.record import layout
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
 from digs_warp.record.run_log import RunRecord
+from digs_warp.words import counted
 
 Facts = dict[str, str]
 
@@ -67,7 +68,7 @@ def of_capture(folder: Path) -> Facts:
     span = capture.frames[-1].time - first.time
     facts = {
         "kind": "capture",
-        "length": f"{len(capture)} frames in {span:.1f} s",
+        "length": f"{counted(len(capture), 'frame')} in {span:.1f} s",
         "image size": f"{k.width} x {k.height}",
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
         "baseline": f"{capture.rig.baseline * 1e3:.1f} mm" if capture.rig else "none (one camera)",
@@ -151,7 +152,7 @@ def of_ply(path: Path) -> Facts:
 def _of_gaussians(gaussians: Gaussians, path: Path) -> Facts:
     facts = {
         "kind": "Gaussians",
-        "number": f"{len(gaussians):,} Gaussians",
+        "number": counted(len(gaussians), "Gaussian"),
         "spherical harmonics": f"degree {gaussians.sh_degree}",
         "file size": _megabytes(path),
     }
@@ -182,7 +183,7 @@ def of_data_set(folder: Path) -> Facts:
     frames = sum(scene.whole("frames") for scene in scenes)
     return {
         "kind": "data set",
-        "length": f"{len(scenes)} scenes, {frames} frames",
+        "length": f"{counted(len(scenes), 'scene')}, {counted(frames, 'frame')}",
         "failed": ", ".join(failed) or "none",
     } | _of_record(folder)
 
@@ -227,7 +228,7 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
     for name, variants in scene["variants"].items():
         facts[f"variants of {name}"] = ", ".join(variants)
     if scene["cameras"]:
-        facts["cameras"] = f"{', '.join(scene['cameras'])}; {scene['views']} views"
+        facts["cameras"] = f"{', '.join(scene['cameras'])}; {counted(scene['views'], 'view')}"
     return facts
 
 

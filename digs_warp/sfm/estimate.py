@@ -31,6 +31,7 @@ from digs_warp.sfm.quality import (
 )
 from digs_warp.sfm.unrolled import correct_rolling_shutter
 from digs_warp.sfm.workspace import IMAGES, Workspace, stage_keys, with_image_files
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -73,7 +74,7 @@ def structure_from_motion(frames: Sequence[Frame], config: SfmConfig, workspace:
     """
     if len(frames) < FEWEST_IMAGES:
         raise DigsError(
-            f"structure from motion: {len(frames)} images, expected at least {FEWEST_IMAGES}"
+            f"structure from motion: {counted(len(frames), 'image')}, expected at least {FEWEST_IMAGES}"
         )
     _check_names_differ(frames)
     frames = with_image_files(frames, workspace / IMAGES)

@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.sfm_model import SfmModel
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -48,8 +49,8 @@ class SfmQuality:
 
     def __str__(self) -> str:
         return (
-            f"{self.registered} of {self.images} images in {self.models} "
-            f"{'model' if self.models == 1 else 'models'}, {self.points:,} points seen in "
+            f"{self.registered} of {counted(self.images, 'image')} in {counted(self.models, 'model')}, "
+            f"{counted(self.points, 'point')} seen in "
             f"{self.track_length:.1f} images, {self.reprojection_error_px:.2f} px, "
             f"rays meet at {self.ray_angle_deg:.0f} degrees"
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from digs_warp.checks import DigsError
-from digs_warp.words import did_you_mean
+from digs_warp.words import counted, did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.study.engine.case import Case
@@ -65,7 +65,7 @@ class Study:
                 f"study run {self.name}'"
             )
         failed = len(records) - len(good)
-        intro = f"{self.summary[0].upper()}{self.summary[1:]}. {len(good)} cases"
+        intro = f"{self.summary[0].upper()}{self.summary[1:]}. {counted(len(good), 'case')}"
         intro += f", {failed} failed." if failed else "."
         machines = sorted({record["machine"] for record in good})
         intro += f" Measured on {' and '.join(machines)}."

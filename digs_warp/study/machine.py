@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.words import counted
+
 _INFO = Path("/proc/cpuinfo")
 
 
@@ -17,7 +19,7 @@ def processor() -> str:
     lines = _INFO.read_text(encoding="utf-8").splitlines()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     wide = ", AVX-512" if any("avx512f" in line for line in lines) else ""
-    return f"{len(names)} cores of {names[0] if names else platform.machine()}{wide}"
+    return f"{counted(len(names), 'core')} of {names[0] if names else platform.machine()}{wide}"
 
 
 def worth_of_threads(threads: int, seconds: float = 2.0) -> float:

@@ -20,6 +20,7 @@ from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
+from digs_warp.words import counted
 
 # Share of a run's steps before the next band of view-dependent color is switched on: the base color
 # settles first.
@@ -144,7 +145,7 @@ class Trainer:
         if self._finite.passes():
             return
         broken = [
-            f"{name} of {len(rows):,} Gaussians (the first is {rows[0]})"
+            f"{name} of {counted(len(rows), 'Gaussian')} (the first is {rows[0]})"
             for name, array in zip(FIELDS, self.gaussians.arrays, strict=True)
             if len(rows := non_finite_rows(array.numpy()))
         ]

@@ -36,6 +36,7 @@ from digs_warp.interchange.captures.recorded_files import integer_centered_camer
 from digs_warp.interchange.captures.recording import MM_PER_METRE, NumberedFiles, Recording
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.words import counted
 
 SCENE = "train/000000"
 OBJECT_ID = 1
@@ -80,8 +81,8 @@ def _the_scene(folder: Path) -> Path:
     scenes = sorted(path.parent for path in folder.glob(f"*/*/{CAMERAS}"))
     if len(scenes) != 1:
         raise CaptureError(
-            f"recording '{folder}': {len(scenes)} BOP scenes ({CAMERAS} marks one), expected one; pass the "
-            "folder of a scene"
+            f"recording '{folder}': {counted(len(scenes), 'BOP scene')} ({CAMERAS} marks one), expected one; "
+            "pass the folder of a scene"
         )
     return scenes[0]
 

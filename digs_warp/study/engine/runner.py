@@ -15,6 +15,7 @@ from digs_warp.record.progress import progress
 from digs_warp.study.engine.case import Case, plain
 from digs_warp.study.engine.store import Store
 from digs_warp.study.engine.worker import Measure, Worker
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Outcome:
     left_out: int
 
     def __str__(self) -> str:
-        words = [f"{self.done} cases measured"]
+        words = [f"{counted(self.done, 'case')} measured"]
         if self.done_before:
             words.append(f"{self.done_before} were there before")
         if self.failed:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError, require_file
 from digs_warp.study.preference.kit import SHEET_COLUMNS
+from digs_warp.words import counted
 
 # Below this many expected answers per strategy the chi-square distribution is a poor approximation.
 LEAST_EXPECTED = 5.0
@@ -45,8 +46,9 @@ class Preference:
         ranked = sorted(self.counts.items(), key=lambda entry: -entry[1])
         lines = [f"{name:12s} {count:5d}  {100 * count / total:5.1f} %" for name, count in ranked]
         lines.append(
-            f"{total} answers of {self.participants} participants; equal preference: chi-square "
-            f"{self.chi_square:.2f}, {len(self.counts) - 1} degrees of freedom, p = {self.p_value:.3g}"
+            f"{counted(total, 'answer')} of {counted(self.participants, 'participant')}; equal preference: "
+            f"chi-square {self.chi_square:.2f}, {len(self.counts) - 1} degrees of freedom, "
+            f"p = {self.p_value:.3g}"
         )
         lines += [f"{a} against {b}: p = {p:.3g}" for (a, b), p in self.pairs.items()]
         if total / len(self.counts) < LEAST_EXPECTED:

@@ -395,6 +395,34 @@ def test_a_study_replaces_no_page_of_others(tmp_path: Path) -> None:
     assert names(tmp_path) == ["report.md"]
 
 
+@pytest.mark.parametrize("name", ["dangling", "loop", "to-file", "dangling/below"])
+def test_a_link_that_leads_to_no_folder_is_named(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("precious")
+    for link, target in (("dangling", "gone"), ("loop", "loop"), ("to-file", "file")):
+        (tmp_path / link).symlink_to(tmp_path / target)
+    out = tmp_path / name
+    for command in (["simulate", *SMALL], ["plan", "--frames", "1", "--json"]):
+        flag = "--json" if "--json" in command else "--out"
+        if (flag, name) == ("--json", "to-file"):
+            continue
+        words = [*command, *(["--out"] if flag == "--out" else []), str(out)]
+        assert main(words) == EXIT_BAD_INPUT
+        error = capsys.readouterr().err
+        assert f"{flag} '{out}': " in error and " a link to " in error
+    assert (tmp_path / "file").read_text() == "precious"
+    assert not (tmp_path / "gone").exists()
+
+
+def test_a_link_to_a_folder_is_that_folder(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    for overwrite in (False, True):
+        write(OutputFolder(out=tmp_path / "link", overwrite=overwrite))
+        assert (tmp_path / "real/new.txt").is_file() and (tmp_path / "link").is_symlink()
+
+
 # Files
 
 

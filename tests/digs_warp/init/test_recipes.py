@@ -145,7 +145,7 @@ def test_missing_depth_everywhere_tells_the_counts(tmp_path: Path, views: list[V
     images = replace(images, depth=np.full_like(images.depth, np.nan))
     in_mask = np.count_nonzero(images.mask)
     capture = write_capture(tmp_path, [(camera, images)])
-    with pytest.raises(DigsError, match=f"1 frames: {in_mask} pixels inside the masks, 0 of them"):
+    with pytest.raises(DigsError, match=f"1 frame: {in_mask} pixels inside the masks, 0 of them"):
         initial_points(capture.frames, CONFIG)
 
 

@@ -150,7 +150,7 @@ def test_a_diverging_run_leaves_its_last_good_state(
 
     monkeypatch.setattr(session, "CHECKPOINT_SECONDS", 0.0)
     monkeypatch.setattr(Trainer, "step", step_until_spoiled)
-    with pytest.raises(DigsError, match=r"iteration 13, view '\d+'.*means of 1 Gaussians"):
+    with pytest.raises(DigsError, match=r"iteration 13, view '\d+'.*means of 1 Gaussian "):
         run(capture, tmp_path, TrainConfig(stop=Stop(iterations=50)))
     with np.load(tmp_path / CHECKPOINT) as state:
         assert int(state["step"]) == 12

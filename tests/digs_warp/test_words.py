@@ -1,0 +1,36 @@
+"""Words of messages: counts agree with their nouns, and unknown names bring the nearest known one."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from digs_warp.measure.scores import Scores, ViewScore
+from digs_warp.words import counted, did_you_mean
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+COUNTED = "views?|frames?|cases?|scenes?|results?|Gaussians?|captures?|questions?|triangles?"
+
+
+def test_one_thing_is_singular() -> None:
+    assert [counted(n, "view") for n in (0, 1, 2)] == ["0 views", "1 view", "2 views"]
+    assert (counted(1, "entry", "entries"), counted(1000, "entry", "entries")) == (
+        "1 entry",
+        "1,000 entries",
+    )
+    assert str(Scores((ViewScore(psnr=20.0, ssim=0.5, name="0"),))).endswith("on 1 held-out view")
+
+
+@pytest.mark.parametrize("folder", ["digs_warp", "sim", "usd"])
+def test_every_message_with_a_count_uses_the_helper(folder: str) -> None:
+    """ "3 of 8 frames" is fine; "1 frames" is not."""
+    pattern = re.compile(rf"(?<!of )(?<!all )\{{len\([^{{}}]*\)(:,)?\}} (held-out )?({COUNTED})\b")
+    for path in (REPOSITORY / folder).rglob("*.py"):
+        assert not pattern.search(path.read_text(encoding="utf-8")), path
+
+
+def test_a_misspelled_name_brings_the_nearest_one_and_what_there_is() -> None:
+    assert did_you_mean("tmu", ["tum", "bop"]) == "; did you mean 'tum'? (expected one of tum, bop)"
+    assert did_you_mean("zzz", ["tum", "bop"]) == "; expected one of tum, bop"
+    many = ["tum", *(f"form{number}" for number in range(50))]
+    assert did_you_mean("tmu", many) == "; did you mean 'tum'?"
