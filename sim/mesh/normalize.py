@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from digs_warp.sim.mesh.normals import face_normals
+from digs_warp.sim.mesh.normals import batches, face_normals
 from digs_warp.sim.mesh.parts import Triangles
 
 logger = logging.getLogger(__name__)
@@ -22,7 +22,8 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
         name: of the mesh, for the warning that gives the counts.
     """
     faces = triangles.faces
-    finite = np.isfinite(triangles.vertices[faces]).all(axis=(1, 2))
+    finite_vertices = np.logical_and.reduce(np.isfinite(triangles.vertices), axis=1)
+    finite = np.logical_and.reduce(finite_vertices[faces], axis=1)
     kept = finite.copy()
     if finite.any():
         low, high = box_of(triangles.vertices, faces[finite])
@@ -30,8 +31,9 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
         # As the renderer sees them: in float32, around the origin.
         with np.errstate(invalid="ignore", over="ignore"):
             placed = ((triangles.vertices - low) / longest).astype(np.float32).astype(np.float64)
-            areas = 0.5 * np.linalg.norm(face_normals(placed, faces), axis=1)
-        kept &= areas > MIN_FACE_AREA
+            for rows in batches(len(faces)):
+                areas = 0.5 * np.linalg.norm(face_normals(placed, faces[rows]), axis=1)
+                kept[rows] &= areas > MIN_FACE_AREA
     if kept.all():
         return triangles
     logger.warning(
@@ -47,10 +49,11 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
 
 def drop_unused_vertices(triangles: Triangles) -> Triangles:
     """Return the triangles without unused vertices."""
-    used, faces = np.unique(triangles.faces, return_inverse=True)
+    used = _used(triangles.vertices, triangles.faces)
+    number = np.cumsum(used) - 1
     return Triangles(
         vertices=triangles.vertices[used],
-        faces=faces.reshape(-1, 3),
+        faces=number[triangles.faces],
         face_materials=triangles.face_materials,
         normals=triangles.normals[used],
         uvs=triangles.uvs[used],
@@ -75,5 +78,12 @@ def in_world(triangles: Triangles, world_from_mesh: np.ndarray) -> Triangles:
 
 def box_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest coordinates of the vertices that the faces use, shape (3,) each."""
-    used = vertices[np.unique(faces)]
+    used = vertices[_used(vertices, faces)]
     return used.min(axis=0), used.max(axis=0)
+
+
+def _used(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return which vertices the faces use, shape (n,), bool."""
+    used = np.zeros(len(vertices), bool)
+    used[faces.reshape(-1)] = True
+    return used

@@ -1,5 +1,6 @@
 """Vertex normals for meshes that come without them."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,8 @@ CREASE_DEGREES = 40.0
 
 # Normals that differ by less are the same: the order of a sum changes its last bits.
 SAME_NORMAL = 1e-4
+
+_ROWS_AT_A_TIME = 1 << 17
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -30,12 +33,15 @@ def fill_normals(triangles: Triangles) -> Triangles:
     missing = np.isnan(triangles.normals.sum(axis=1))
     if missing.any():
         triangles = _with_computed_normals(triangles, missing)
-    facing = np.einsum(
-        "ij,ij->i",
-        face_normals(triangles.vertices, triangles.faces),
-        triangles.normals[triangles.faces].sum(axis=1),
-    )
-    faces = np.where((facing < 0)[:, None], triangles.faces[:, ::-1], triangles.faces)
+    faces = triangles.faces.copy()
+    for rows in batches(len(faces)):
+        part = faces[rows]
+        facing = np.einsum(
+            "ij,ij->i",
+            face_normals(triangles.vertices, part),
+            triangles.normals[part].sum(axis=1),
+        )
+        faces[rows] = np.where((facing < 0)[:, None], part[:, ::-1], part)
     return replace(triangles, faces=faces)
 
 
@@ -48,9 +54,9 @@ def _with_computed_normals(triangles: Triangles, missing: np.ndarray) -> Triangl
     normals[keeps_own] = triangles.normals[corners[keeps_own]]
 
     # Corners become one vertex again where position, texture, color and normal are the same.
-    rows = np.hstack([triangles.vertices, triangles.uvs, triangles.colors])[corners]
-    keys = np.hstack([rows, np.round(normals / SAME_NORMAL) + 0.0])
-    first, inverse = unique_rows(keys)
+    _, kinds = unique_rows([*triangles.vertices.T, *triangles.uvs.T, *triangles.colors.T])
+    rounded = np.round(normals / SAME_NORMAL).astype(np.int16)  # the normals have unit length
+    first, inverse = unique_rows([kinds[corners], *rounded.T])
     new_faces = triangles.faces.copy()
     new_faces[chosen] = len(triangles.vertices) + inverse.reshape(-1, 3)
     source = corners[first]
@@ -71,29 +77,40 @@ def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     their angles at the corner (Thuermer and Wuethrich, "Computing Vertex Normals from Polygonal Facets",
     1998), so that it does not depend on how a surface was cut into triangles.
     """
-    unit = face_normals(vertices, faces)
-    unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-300)
-    own = np.repeat(unit, 3, axis=0)
-    weighted = own * _corner_angles(vertices, faces).reshape(-1, 1)
+    unit, angles = np.empty((len(faces), 3)), np.empty((len(faces), 3))
+    for rows in batches(len(faces)):
+        unit[rows] = face_normals(vertices, faces[rows])
+        unit[rows] /= np.maximum(np.linalg.norm(unit[rows], axis=1, keepdims=True), 1e-300)
+        angles[rows] = _corner_angles(vertices, faces[rows])
+    angles = angles.reshape(-1, 1)
 
     # Corners sorted by position: those of one position are contiguous, [start, start + count).
-    _, place = unique_rows(vertices[faces.reshape(-1)])
-    order = np.argsort(place, kind="stable")
+    _, place_of_vertex = unique_rows([*vertices.T])
+    place = place_of_vertex[faces.reshape(-1)]
+    order = np.argsort(place, kind="stable").astype(np.int32)
     counts = np.bincount(place)
     starts = np.cumsum(counts) - counts
-    rank = np.empty(len(place), np.int64)
-    rank[order] = np.arange(len(place)) - starts[place[order]]
+    rank = np.empty(len(place), np.int32)
+    for rows in batches(len(order)):
+        corners = order[rows]
+        rank[corners] = np.arange(rows.start, rows.stop) - starts[place[corners]]
 
-    total = weighted.copy()
+    total = np.empty((len(place), 3))
     cosine = np.cos(np.radians(CREASE_DEGREES))
-    # Step k adds to every corner the k-th next one at its position.
-    for step in range(1, counts.max()):
-        here = np.flatnonzero(counts[place] > step)
-        group = place[here]
-        other = order[starts[group] + (rank[here] + step) % counts[group]]
-        smooth = np.einsum("ij,ij->i", own[here], own[other]) > cosine
-        total[here[smooth]] += weighted[other[smooth]]
-    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
+    for rows in batches(len(place)):
+        corners = np.arange(rows.start, rows.stop)
+        own = unit[corners // 3]
+        sums = own * angles[corners]
+        # Step k adds to every corner the k-th next one at its position.
+        for step in range(1, counts[place[rows]].max()):
+            here = np.flatnonzero(counts[place[rows]] > step)
+            group = place[rows][here]
+            other = order[starts[group] + (rank[rows][here] + step) % counts[group]]
+            smooth = np.einsum("ij,ij->i", own[here], unit[other // 3]) > cosine
+            other = other[smooth]
+            sums[here[smooth]] += unit[other // 3] * angles[other]
+        total[rows] = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
+    return total
 
 
 def _corner_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -105,11 +122,23 @@ def _corner_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.arctan2(cross, (to_next * to_last).sum(axis=2))
 
 
-def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the index of the first occurrence of each unique row, and the unique row of every row."""
-    order = np.lexsort(rows.T)
-    ordered = rows[order]
-    is_new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
-    inverse = np.empty(len(rows), np.int64)
-    inverse[order] = np.cumsum(is_new) - 1
+def batches(count: int) -> Iterator[slice]:
+    """Yield the rows 0 to ``count`` in pieces: what is computed of all at once takes gigabytes."""
+    for start in range(0, count, _ROWS_AT_A_TIME):
+        yield slice(start, min(start + _ROWS_AT_A_TIME, count))
+
+
+def unique_rows(columns: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the index of the first occurrence of each unique row, and the unique row of every row.
+
+    Unique rows are sorted by the last column, then by the one before it, and so on.
+    """
+    order = np.lexsort(columns)
+    is_new = np.zeros(len(order), bool)
+    is_new[:1] = True
+    for column in columns:
+        ordered = column[order]
+        is_new[1:] |= ordered[1:] != ordered[:-1]
+    inverse = np.empty(len(order), np.int32)
+    inverse[order] = np.cumsum(is_new, dtype=np.int32) - 1
     return order[is_new], inverse
