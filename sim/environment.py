@@ -57,7 +57,9 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
             "twice as wide as high; convert it (a cube map or a photo will not work)"
         )
     if pixels.dtype.kind == "u":
-        linear = linear_from_srgb(pixels.astype(np.float32) / np.iinfo(pixels.dtype).max)
+        # By a table: computed for each pixel, a panorama of 8192 x 4096 takes gigabytes.
+        largest = np.iinfo(pixels.dtype).max
+        linear = linear_from_srgb(np.arange(largest + 1, dtype=np.float32) / largest)[pixels]
     else:
         linear = check_finite(f"environment '{path}'", pixels)
     # One channel is gray, two are gray and alpha, four are color and alpha.
