@@ -41,6 +41,8 @@ def reported(path: Path, needed: int | None = None) -> Iterator[None]:
 def put(path: Path, data: bytes) -> None:
     """Write ``data``, sync it, and only then give it the name ``path``; an old file is replaced only then.
 
+    The name itself is not synced: a power cut may leave the old file or none, but never half a file.
+
     Raises:
         OSError: it cannot be written; nothing is left behind.
     """
@@ -51,7 +53,7 @@ def put(path: Path, data: bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        rename(temporary, path)
+        os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 

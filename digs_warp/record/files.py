@@ -85,7 +85,9 @@ def remove(path: Path) -> None:
     manifest = manifest_of(path)
     if manifest is not None:
         manifest.forget(path)
-    path.unlink(missing_ok=True)
+    if path.exists():
+        sync(path.parent)  # what follows it, such as Gaussians a checkpoint, has its name for good
+        path.unlink()
 
 
 def remove_folder(folder: Path) -> None:

@@ -67,15 +67,15 @@ import os, sys
 from pathlib import Path
 from digs_warp.record import disk, files, manifest
 folder = Path(sys.argv[1])
-rename = disk.rename
+replace = os.replace
 with manifest.recorded_files(folder):
     files.write_atomically(folder / "a", b"first")
     files.write_atomically(folder / "b", b"whole")
     def killed(*paths):
         if sys.argv[2] == "after":
-            rename(*paths)
+            replace(*paths)
         os._exit(9)
-    disk.rename = killed
+    os.replace = killed
     files.write_atomically(folder / "a", b"second")
 """
 
