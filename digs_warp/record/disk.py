@@ -98,6 +98,23 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
+def check_room(path: Path, size: int) -> None:
+    """Check that the disk of ``path`` has room for ``size`` more bytes, for libraries that crash without.
+
+    Raises:
+        DigsError: it has not.
+    """
+    temporary = temporary_beside(path)
+    try:
+        with reported(path, size), temporary.open("wb") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+            elif shutil.disk_usage(path.parent).free < size:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 def out_of_space(path: Path, problem: str, needed: int | None = None) -> DigsError:
     """Return the error for a file that does not fit on the disk."""
     needs = f", needs {_in_words(needed)}" if needed is not None else ""

@@ -17,6 +17,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import import_pycolmap
+from digs_warp.record.disk import check_room
 from digs_warp.record.files import remove, write_atomically
 from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
@@ -34,6 +35,11 @@ FEWEST_TRIALS = 30
 # meanwhile (a second SQLite in the process breaks its locks): it gets the work in portions of seconds.
 IMAGES_PER_CALL = 8
 PAIRS_PER_CALL = 256
+
+# What a feature and a match take in the database at most, and the log beside it until its pages are moved.
+# COLMAP ends the process when the disk is full: the room is checked before each call.
+BYTES_PER_FEATURE, BYTES_PER_MATCH = 160, 16
+LOG_BYTES = 16 << 20
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,7 @@ def extract_features(images: ImageSet, config: SfmConfig, threads: int, database
     with progress(len(images.names), "Finding features", "image") as bar:
         for first in range(0, len(images.names), IMAGES_PER_CALL):
             names = list(images.names[first : first + IMAGES_PER_CALL])
+            check_room(database, LOG_BYTES + len(names) * config.features * BYTES_PER_FEATURE)
             reader = _reader_options(pycolmap, images.intrinsics[0] if shared else None, database)
             token = pycolmap.CancellationToken()
             run_interruptible(
@@ -170,6 +177,7 @@ def match_pairs(
     with progress(len(pairs), "Matching", "pair") as bar:
         for first in range(0, len(pairs), PAIRS_PER_CALL):
             some = pairs[first : first + PAIRS_PER_CALL]
+            check_room(database, LOG_BYTES + len(some) * config.features * BYTES_PER_MATCH)
             lines = [f"{images.names[i]} {images.names[j]}\n" for i, j in some]
             write_atomically(pair_list, "".join(lines).encode())
             token = pycolmap.CancellationToken()

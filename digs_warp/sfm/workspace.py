@@ -20,6 +20,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
+from digs_warp.record.disk import check_room
 from digs_warp.record.files import (
     claim,
     read_json,
@@ -29,6 +30,7 @@ from digs_warp.record.files import (
     write_atomically,
 )
 from digs_warp.record.manifest import is_kept
+from digs_warp.sfm.colmap import LOG_BYTES
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.model_files import is_complete
 
@@ -142,6 +144,7 @@ class Workspace:
     def _forget_matches(self) -> None:
         from digs_warp.device.libraries import import_pycolmap
 
+        check_room(self.database, LOG_BYTES)
         with import_pycolmap().Database.open(self.database) as database:
             database.clear_matches()
             database.clear_two_view_geometries()

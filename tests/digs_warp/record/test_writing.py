@@ -49,6 +49,14 @@ def test_a_full_disk_is_told_with_path_space_needed_and_space_free(tmp_path: Pat
         assert list(folder.iterdir()) == [folder / "a.bin"]
 
 
+def test_room_is_checked_for_libraries_that_crash_without(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", 8 * 4096) as folder:
+        disk.check_room(folder / "a.db", 8 * 4096)
+        with pytest.raises(DigsError, match=r"a\.db.*needs 1\.0 MB"):
+            disk.check_room(folder / "a.db", 10**6)
+        assert list(folder.iterdir()) == []
+
+
 def test_a_library_that_writes_by_name_gets_a_name_beside_the_target(tmp_path: Path) -> None:
     path = tmp_path / "new" / "x.bin"
     with files.new_file(path) as unfinished:

@@ -5,9 +5,22 @@ from pathlib import Path
 import pytest
 from full_disks.disk import largest_file
 
+from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import import_pycolmap
+from digs_warp.sfm.colmap import ImageSet, extract_features
+from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.model_files import FILES, is_complete, write_model
+from reference.full_disk import small_disk
+
+
+def test_colmap_is_not_called_without_room_for_its_database(tmp_path: Path) -> None:
+    """It would end the process."""
+    images = ImageSet(tmp_path, ("a.png",), (Intrinsics.from_fov(32, 24, 60.0),))
+    with small_disk(tmp_path / "disk", 1 << 20) as folder:
+        with pytest.raises(DigsError, match=r"database\.db': cannot be written .*needs 17"):
+            extract_features(images, SfmConfig(), 1, folder / "database.db")
+        assert list(folder.iterdir()) == []
 
 
 def test_a_model_that_does_not_fit_on_the_disk_leaves_the_old_one(tmp_path: Path) -> None:
