@@ -40,11 +40,12 @@ def test_a_full_disk_is_told_and_with_room_the_result_is_the_same(
     assert walked.runs and walked.files
 
 
-def test_the_table_counts_runs_files_and_defects() -> None:
-    walked = {"a": Walked(3, {"x", "y"}, []), "b": Walked(2, {"z"}, ["wrong"])}
-    rows = [row.split("|")[1:-1] for row in table(walked).splitlines()[2:]]
+def test_the_table_counts_and_keeps_the_rows_of_other_commands() -> None:
+    before = table({"simulate": Walked(3, {"x", "y"}, []), "reconstruct": Walked(9, {"x"}, [])})
+    after = table({"reconstruct": Walked(2, {"z"}, ["wrong"])}, before)
+    rows = [row.split("|")[1:-1] for row in after.splitlines()[2:]]
     assert [[cell.strip() for cell in row] for row in rows] == [
-        ["a", "3", "2", "0"],
-        ["b", "2", "1", "1"],
+        ["simulate", "3", "2", "0"],
+        ["reconstruct", "2", "1", "1"],
         ["all", "5", "", "1"],
     ]
