@@ -140,5 +140,5 @@ def run_command(words: Sequence[str]) -> tuple[int, str]:
     """Run a command line in this process; return its exit code and what it said on stderr."""
     said = StringIO()
     with redirect_stdout(StringIO()), redirect_stderr(said):
-        code = main([*words, "--quiet"])
+        code = main(words)  # --quiet would silence the warnings of later commands
     return code, said.getvalue()
