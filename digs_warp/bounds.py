@@ -132,7 +132,7 @@ FLAGS: dict[str, tuple[float, float]] = {
     # Holding out every view would leave none to train on.
     "--test-every": (2, 1_000_000),
     # A year: no machine is lent for longer.
-    "--time-budget": (1e-3, 366 * 86_400),
+    "--time-budget": (1e-9, 366 * 86_400),
     "--trajectories": (1, 10_000),
     "--translation-error": (0, 100),
     "--views": (3, 10_000),

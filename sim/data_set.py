@@ -11,10 +11,10 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
 from digs_warp.record.progress import progress
-from digs_warp.record.run_log import RunRecord
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.words import counted
@@ -141,8 +141,8 @@ def _attempt(job: SceneJob, folder: Path, resume: bool) -> SceneResult:
 
 def _longest_side(folder: Path) -> float | None:
     """Return the longest side of the object [m], as the record of its capture has it."""
-    record = RunRecord.find(folder)
-    return max(record.results["object"]["size"]) if record else None
+    found = RecordedObject.find(folder)
+    return max(found.size) if found else None
 
 
 def judge_depth(capture: Capture) -> tuple[float | None, float | None]:

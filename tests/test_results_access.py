@@ -18,11 +18,13 @@ OWNERS = {
     "digs_warp/pipeline/results.py",
     "digs_warp/pipeline/reconstruct.py",  # resumes from them
     "digs_warp/train/session.py",  # writes the course
+    "digs_warp/commands/result_files.py",  # names what --overwrite may delete
 }
 # May take values by key out of a run.json's results.
 RECORD_READERS = {
     "digs_warp/pipeline/results.py",
-    "digs_warp/data/capture_writer.py",  # the hashes of a recording's files
+    "digs_warp/data/recorded_object.py",  # of a simulated capture
+    "digs_warp/data/other_folders.py",  # says which capture a folder of results belongs to
 }
 
 

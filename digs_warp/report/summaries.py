@@ -10,6 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import INDEX_NAME, Capture, Frame, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
+from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
 from digs_warp.record.fields import Fields
@@ -94,14 +95,11 @@ def _of_object(folder: Path) -> Facts:
 
 def recorded_object(folder: Path) -> str | None:
     """Return the size of the object of a simulated capture, and what was assumed about its file, in words."""
-    record = RunRecord.find(folder)
-    found = record.results.get("object") if record else None
-    if not isinstance(found, dict):
+    found = RecordedObject.find(folder)
+    if found is None:
         return None
-    words = _sides(found["size"])
-    return (
-        words if "up" not in found else f"{words}, {found['up']} up in the file; {found['scale']}"
-    )
+    words = _sides(found.size)
+    return words if found.up is None else f"{words}, {found.up} up in the file; {found.scale}"
 
 
 def _of_frame(frame: Frame) -> Facts:

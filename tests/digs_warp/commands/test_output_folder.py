@@ -323,7 +323,7 @@ def test_a_data_set_with_a_failed_scene_replaces_nothing(
     arguments = ["simulate", "--meshes", "*.obj", "--out", "out", "--overwrite", *SMALL]
     assert main(arguments) == EXIT_BAD_INPUT
     error = capsys.readouterr().err
-    assert "1 of 1 scenes failed" in error and f"What was begun is in 'out/{UNFINISHED}'" in error
+    assert "1 of 1 scene failed" in error and f"What was begun is in 'out/{UNFINISHED}'" in error
     assert before.items() <= state(tmp_path / "out").items()
 
 

@@ -119,7 +119,7 @@ def test_a_parameter_that_is_not_finite_stops_the_run_in_the_same_step(
     spoiled[7] = value
     array.assign(spoiled)
     view = capture.frames[view_index(0, len(capture), 1)].name
-    found = rf"iteration 2, view '{view}'.*{name} of 1 Gaussians \(the first is 7\)"
+    found = rf"iteration 2, view '{view}'.*{name} of 1 Gaussian \(the first is 7\)"
     with pytest.raises(DigsError, match=found):
         trainer.step()
 

@@ -124,7 +124,7 @@ def test_selection_overrides_the_facts_and_says_so() -> None:
 
 
 def test_an_unknown_effect_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(DigsError, match=r"kraken unknown.*ripple"):
+    with pytest.raises(DigsError, match=r"no effect 'kraken'.*ripple"):
         plan(QUIET, FAULTLESS, "ripple,kraken")
 
 
