@@ -1,6 +1,7 @@
 """Fixtures shared by the whole suite."""
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,3 +26,11 @@ def bars_off_again() -> Iterator[None]:
     """The command line turns progress bars on for its process; a test that runs it must not."""
     yield
     show_progress(False)
+
+
+@pytest.fixture
+def hangups_end_a_process() -> Iterator[None]:
+    """Under nohup SIGHUP is ignored, also in every process that the suite starts; tests of it need it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)

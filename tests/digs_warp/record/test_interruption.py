@@ -18,6 +18,8 @@ from digs_warp.record.interruption import (
     stopped_by_signals,
 )
 
+pytestmark = pytest.mark.usefixtures("hangups_end_a_process")
+
 # A command that waits, and says on stderr and in a file that it could still save something.
 WAITING = """
 import sys, time

@@ -88,6 +88,7 @@ def undisturbed(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> G
     return Gaussians.load(folder / GAUSSIANS)
 
 
+@pytest.mark.usefixtures("hangups_end_a_process")
 @pytest.mark.parametrize(
     ("number", "code", "says"),
     [
