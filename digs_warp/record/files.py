@@ -116,8 +116,17 @@ def _listed(path: Path, content: Callable[[], Content]) -> Iterator[None]:
 
 
 def to_json(value: Any) -> str:
-    """Return readable JSON of dataclasses, paths, NumPy scalars and arrays."""
-    return json.dumps(value, indent=2, default=_plain, allow_nan=False) + "\n"
+    """Return readable JSON of dataclasses, paths, NumPy scalars and arrays.
+
+    Raises:
+        DigsError: a number is infinite or NaN.
+    """
+    try:
+        return json.dumps(value, indent=2, default=_plain, allow_nan=False) + "\n"
+    except ValueError as error:
+        raise DigsError(
+            f"JSON holds finite numbers only ({error}); look for extreme positions or sizes in the input"
+        ) from error
 
 
 def _plain(value: Any) -> Any:

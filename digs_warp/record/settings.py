@@ -53,7 +53,7 @@ def _value(hint: Any, value: Any, name: str) -> Any:
     if hint in (float, Path) and not isinstance(value, bool | NoneType):
         try:
             return hint(value)
-        except (TypeError, ValueError):
+        except (OverflowError, TypeError, ValueError):
             pass
     if isinstance(hint, type) and type(value) is hint:
         return value
