@@ -13,7 +13,7 @@ VoxelUnit = Literal["metre", "object", "sfm"]
 
 # Edge lengths of the voxel grid. The paper's are in units of structure from motion; those as fractions of the
 # object's size keep their ratio. In metres there is no default that fits a cup and a car: the voxels then are
-# as large as so many pixels at the object's distance.
+# as large as this many pixels at the object's distance.
 FINE_VOXELS: Mapping[VoxelUnit, float] = {"sfm": 0.04, "object": 0.008}
 COARSE_VOXELS: Mapping[VoxelUnit, float] = {"sfm": 0.1, "object": 0.02}
 FINE_PIXELS, COARSE_PIXELS = 2.0, 5.0

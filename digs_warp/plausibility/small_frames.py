@@ -14,7 +14,7 @@ from digs_warp.device.parallel import default_threads
 # Thumbnails have at most this many columns.
 WIDTH = 160
 
-# So many pairs, evenly spread over the recording.
+# This many pairs, evenly spread over the recording.
 PAIRS = 8
 
 # The second frame of a pair is the next one that the camera has turned this far from [degrees], or moved this

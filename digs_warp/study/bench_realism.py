@@ -2,7 +2,7 @@
 
 The yardstick is the `matcher` tier on the same two images. Each tier is compared with it on one frame of
 every sample mesh (the built-in object where there is no sample data), at two image sizes. The matcher under
-other image noise is a row of its own. The environments take turns, so that texture and light differ.
+other image noise is a separate row. The environments take turns, so that texture and light differ.
 """
 
 from collections.abc import Callable, Iterator, Sequence

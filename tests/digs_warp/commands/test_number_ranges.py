@@ -14,7 +14,7 @@ from digs_warp.commands.parse import read_command
 from digs_warp.commands.registry import COMMANDS
 from digs_warp.commands.setting_names import alternatives, settings_of
 
-# A range of its own, because its message explains the unit; see its configuration.
+# Has a separate range, because its message explains the unit; see its configuration.
 OTHERS = {"--background", "--readout-time"}
 # What a command needs to be parsed at all.
 NEEDED = {
