@@ -25,9 +25,9 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
             f"--config '{path}': settings of 'digs-warp {command}'; expected those of "
             f"'digs-warp {kind.recorded_as}'"
         )
-    if "settings" not in record:
+    if not isinstance(record.get("settings"), dict):
         raise DigsError(
-            f"--config '{path}': no \"settings\" in it; expected the form of a run.json"
+            f"--config '{path}': no \"settings\" by name in it; expected the form of a run.json"
         )
     try:
         return kind.from_settings(record["settings"])

@@ -123,6 +123,7 @@ def test_settings_that_do_not_fit_are_refused(
 UNUSABLE = {
     "broken.json": "{",
     "empty.json": "{}",
+    "nothing.yaml": "settings:\n",
     "deep.json": '{"settings": ' + "[" * 50_000 + "]" * 50_000 + "}",
     "list.yaml": "[1]",
     "broken.yaml": "settings:\n  ? [a, b]\n  : 1\n",
@@ -152,3 +153,12 @@ def test_commands_without_settings_take_no_file(
     assert main(["info", "--config", "x.json", str(tmp_path)]) == EXIT_WRONG_USAGE
     assert "takes no --config" in capsys.readouterr().err
     assert main(["info", str(tmp_path)]) == EXIT_BAD_INPUT
+
+
+@pytest.mark.parametrize("command", ["simulate", "reconstruct", "run", "plan"])
+def test_settings_without_a_value_are_explained_by_every_command(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "nothing.yaml").write_text("settings:\n")
+    assert main([command, "--config", str(tmp_path / "nothing.yaml")]) == EXIT_WRONG_USAGE
+    assert 'no "settings" by name in it' in capsys.readouterr().err
