@@ -65,7 +65,7 @@ def load_scene(
 
 
 def load_scene_at(path: Path, world_from_mesh: np.ndarray) -> Scene:
-    """Load a mesh file to where it stands in a recording.
+    """Load a mesh file at its pose in a recording.
 
     Args:
         path: the file.

@@ -1,6 +1,6 @@
 """Libraries that are not installed: what does not need them works, what does says which one in a line.
 
-A library is blocked before anything else is imported, in a process of its own.
+A library is blocked before anything else is imported, in a separate process.
 """
 
 import json

@@ -87,7 +87,7 @@ def scene_metadata(result: Reconstruction) -> dict[str, Any]:
 
 
 def _origin(capture: Capture) -> dict[str, Any]:
-    """Return which recording it was, and where the mesh file that it shows stands in the world."""
+    """Return the hash of the recording and the pose of its mesh file in the world."""
     capture_hash = recorded_hash(capture.stored_in) if capture.stored_in else None
     world_from_mesh = capture.about.world_from_mesh
     origin: dict[str, Any] = {"capture_sha256": capture_hash} if capture_hash else {}

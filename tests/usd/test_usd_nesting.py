@@ -115,7 +115,7 @@ def test_pieces_without_an_end_take_no_longer_than_their_length(piece: bytes):
 
 
 def test_the_depth_of_a_tree_of_paths_counts_ancestors_only():
-    # The root; a child with two children of its own, then a sibling of it with one.
+    # The root, a child with two children, and its sibling with one child.
     check_tree_depth(np.array([-1, 3, 0, -2, -1, -2]), "it")
     with pytest.raises(ValueError, match="prims nested 299 deep"):
         check_tree_depth(np.array([-1] * 299 + [-2]), "it")
