@@ -7,9 +7,13 @@ from digs_warp.study.bench_realism import bench_realism
 from digs_warp.study.error_patches import auc_of_classifier, patch_features
 from digs_warp.study.realism_scores import (
     agreement,
+    autocorrelation,
     bad_share,
+    failure_runs,
     median_where_most,
+    reliability,
     repeated_bad,
+    small_error_rms,
     small_hole_share,
     temporal_share,
 )
@@ -46,6 +50,45 @@ def test_shares_of_bad_pixels_and_small_holes() -> None:
     disparity[100:110, 100:110] = np.nan
     disparity[150, 10:110:10] = np.nan  # ten single pixels beside a hole of 100
     assert small_hole_share(disparity) == pytest.approx(10 / 110)
+    assert small_hole_share(disparity, 99) == pytest.approx(10 / 110)
+    assert small_hole_share(disparity, 100) == 1
+
+
+def test_small_errors_and_how_alike_they_are_nearby() -> None:
+    disparity = noisy(0, 0.2)
+    disparity[::7] += 5  # wrong, and not among the small errors
+    assert small_error_rms(disparity, TRUE) == pytest.approx(0.2, rel=0.02)
+    assert np.isnan(small_error_rms(TRUE + 3, TRUE))
+    assert abs(autocorrelation(disparity, TRUE, 4, 1)) < 0.02
+    smooth = noisy(0, 0.2, correlation=3)
+    for lag in (2, 5):  # white noise after a Gaussian filter of sigma s: exp(-lag^2 / 4 s^2)
+        for axis in (0, 1):
+            expected = np.exp(-(lag**2) / 36)
+            assert autocorrelation(smooth, TRUE, lag, axis) == pytest.approx(expected, abs=0.06)
+    waves = TRUE + 0.3 * np.sin(np.arange(240) * np.pi / 8)  # a period of 16 px along the rows
+    assert autocorrelation(waves, TRUE, 8, 1) == pytest.approx(-1, abs=0.05)
+    assert autocorrelation(waves, TRUE, 8, 0) == pytest.approx(1)
+
+
+def test_runs_of_failures_are_measured_along_the_rows() -> None:
+    disparity = TRUE.copy()
+    disparity[3, 10:20] = np.nan
+    disparity[3, 20:25] += 4  # the same run
+    disparity[4, :2] = np.nan
+    disparity[5, 236:] += 2
+    assert sorted(failure_runs(disparity, TRUE)) == [2, 4, 15]
+    unknown = TRUE.copy()
+    unknown[3, 12] = np.nan
+    assert sorted(failure_runs(disparity, unknown)) == [2, 2, 4, 12]
+
+
+def test_reliability_counts_each_match_in_its_range() -> None:
+    confidence = np.array([0.1, 0.2, 0.5, 0.8, 1.0, 1.0])
+    right = np.array([False, True, True, True, True, False])
+    low, high = reliability(confidence, right, (0.0, 0.3, 0.4, 1.0))
+    assert (low.low, low.high, low.count) == (0.0, 0.3, 2)
+    assert low.confidence == pytest.approx(0.15) and low.right == 0.5
+    assert high.count == 4 and high.confidence == pytest.approx(0.825) and high.right == 0.75
 
 
 def test_what_stays_from_frame_to_frame_is_told_from_what_changes() -> None:

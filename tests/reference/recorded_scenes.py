@@ -1,0 +1,66 @@
+"""Small frames with the images that a camera would record, for tests that compare sensors."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.color.protocol import PixelEffect
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.tiers import Tier, sense
+from digs_warp.sim.sensor_plan import plan_for_facts
+from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.shutter import Shutter
+
+WIDTH = 480
+FRAMES, NUMBER = 60, 17  # of a walk; the one that is taken
+
+
+@dataclass(eq=False)
+class RecordedScene:
+    """A frame and what sensors measure on it; each measurement is made once.
+
+    Attributes:
+        truth: of the frame.
+        mask: of the object, (height, width), bool.
+        effects: on the images.
+    """
+
+    truth: FrameTruth
+    mask: np.ndarray
+    effects: tuple[PixelEffect, ...]
+    _images: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    _sensed: dict[tuple[Tier, int], Sensed] = field(default_factory=dict)
+
+    def images(self, draw: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Both images under one draw of the noise."""
+        if draw not in self._images:
+            self._images[draw] = recorded_images(self.truth, self.effects, draw)
+        return self._images[draw]
+
+    def sense(self, tier: Tier, draw: int = 0) -> Sensed:
+        """What a tier measures on these images, without effects on depth."""
+        if (tier, draw) not in self._sensed:
+            self._sensed[tier, draw] = sense(self.truth, tier, recorded=self.images(draw))
+        return self._sensed[tier, draw]
+
+
+def record_scene(
+    mesh: Path | None = None, environment: Path | None = None, width: int = WIDTH
+) -> RecordedScene:
+    """Render a frame of a mesh of half a metre, or of the built-in object in its room."""
+    config = SimulateConfig(
+        mesh=mesh,
+        environment=environment,
+        object_size=None if mesh is None else 0.5,
+        width=width,
+        frames=FRAMES,
+        tier="guided",
+    )
+    session = prepare_session(config, load_inputs(config))
+    truth, mask = session.truth(NUMBER, Shutter())
+    plan = plan_for_facts(measure_facts([truth]), session.rig, config)
+    return RecordedScene(truth, mask > 127, plan.pixel_effects)
