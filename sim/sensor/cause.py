@@ -27,3 +27,5 @@ class Cause(IntEnum):
     MOTION = 14  # blurred by motion
     RECTIFICATION = 15  # the rows of the two eyes are not aligned
     RANDOM = 16  # dropped for no visible reason
+    FILLED = 17  # a hole that a filter filled
+    LOW_CONFIDENCE = 18  # below the confidence threshold

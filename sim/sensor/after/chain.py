@@ -1,0 +1,76 @@
+"""The threshold and the filters of a device, one after the other, and the labels of what they changed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.sim.sensor.after.dense import smooth_densely
+from digs_warp.sim.sensor.after.hole_filling import Way, sources_of_holes
+from digs_warp.sim.sensor.after.spatial import smooth_spatially
+from digs_warp.sim.sensor.blame import WRONG
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.frame import Sensed
+
+# Disparity [px], confidence and the gray left image -> disparity and confidence.
+Filter = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class AfterMatching:
+    """What the device does with its matches.
+
+    Attributes:
+        filters: their names, in the order in which they act; see `names.filters_named`.
+        threshold: matches with less confidence are dropped before the filters, 0 to 1.
+    """
+
+    filters: tuple[str, ...] = ()
+    threshold: float = 0.0
+
+    def apply(self, sensed: Sensed, gray: np.ndarray) -> Sensed:
+        """Return the frame after the threshold and the filters.
+
+        What the threshold drops, holes that a filter fills, and values that the filters move by more than a
+        pixel get a label; no filter takes a value away. A filled hole has the confidence of the pixel that
+        fills it; `dense` has the mean confidence round each pixel.
+
+        Args:
+            sensed: the matches.
+            gray: left image as recorded, (height, width), uint8.
+        """
+        if self.threshold > 0:
+            weak = sensed.confidence < np.float32(self.threshold)
+            sensed = sensed.with_holes(weak, Cause.LOW_CONFIDENCE)
+        disparity, confidence = sensed.disparity, sensed.confidence
+        for name in self.filters:
+            disparity, confidence = _FILTERS[name](disparity, confidence, gray)
+        cause = sensed.cause.copy()
+        cause[~sensed.known & ~np.isnan(disparity)] = Cause.FILLED
+        cause[np.abs(disparity - sensed.disparity) > WRONG] = Cause.FLYING
+        return Sensed(disparity, cause, confidence)
+
+
+def _spatial(
+    disparity: np.ndarray, confidence: np.ndarray, gray: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    return smooth_spatially(disparity), confidence
+
+
+def _filling(way: Way) -> Filter:
+    def fill(
+        disparity: np.ndarray, confidence: np.ndarray, gray: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        source = sources_of_holes(disparity, way)
+        return np.take(disparity, source), np.take(confidence, source)
+
+    return fill
+
+
+_FILTERS: dict[str, Filter] = {
+    "dense": smooth_densely,
+    "spatial": _spatial,
+    "hole-filling": _filling("farthest"),
+    "hole-filling-left": _filling("left"),
+    "hole-filling-nearest": _filling("nearest"),
+}
