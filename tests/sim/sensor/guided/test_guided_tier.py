@@ -14,7 +14,7 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 from digs_warp.sim.sensor.scores import score
-from digs_warp.sim.sensor.tiers import sense
+from digs_warp.sim.sensor.tiers import Tier, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
@@ -78,11 +78,12 @@ def test_a_bad_pixel_stays_bad_under_other_noise(
     assert (bad[0] & bad[1]).sum() > 0.3 * bad[0].sum()
 
 
+@pytest.mark.parametrize("tier", ["guided", "matcher"])
 def test_confidence_is_the_share_of_good_matches(
-    frame: tuple[FrameTruth, SensorPlan, tuple[np.ndarray, np.ndarray]],
+    frame: tuple[FrameTruth, SensorPlan, tuple[np.ndarray, np.ndarray]], tier: Tier
 ) -> None:
     truth, _, recorded = frame
-    sensed = sense_by_guided_matching(truth, recorded)
+    sensed = sense(truth, tier, recorded=recorded)
     good = np.abs(sensed.disparity - truth.disparity) <= 1
     shares, gaps, counts = [], [], []
     for low, high in ((0, 0.6), (0.6, 0.8), (0.8, 0.95), (0.95, 1.01)):
