@@ -101,3 +101,22 @@ def _doubled(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     rows, columns = (np.clip((np.arange(n) + 0.5) / 2 - 0.5, 0, None) for n in shape)
     down = np.stack([np.interp(rows, np.arange(len(image)), column) for column in image.T], axis=1)
     return np.stack([np.interp(columns, np.arange(image.shape[1]), row) for row in down])
+
+
+def twin_temporal(
+    frames: list[tuple[np.ndarray, np.ndarray]], alpha: float, delta: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return disparity and confidence of the last frame after librealsense's temporal filter."""
+    disparity, confidence = (np.zeros(frames[0][0].shape) for _ in range(2))
+    for place in np.ndindex(disparity.shape):
+        line = [(float(d[place]), float(c[place])) for d, c in frames]
+        known = [(value, trust) for value, trust in line if not np.isnan(value)]
+        if np.isnan(line[-1][0]) and len(known) < 2:
+            disparity[place] = np.nan
+            continue
+        average = known[0][0]
+        for value, _ in known[1:]:
+            near = abs(value - average) < delta
+            average = alpha * value + (1 - alpha) * average if near else value
+        disparity[place], confidence[place] = average, known[-1][1]
+    return disparity, confidence

@@ -7,6 +7,7 @@ from digs_warp.words import did_you_mean
 FILTERS = {
     "dense": "stands for the neural depth modes of the ZED family: smooth, hardly any holes, blurred steps",
     "spatial": "librealsense's spatial filter: less noise along rows and columns, steps stay",
+    "temporal": "librealsense's temporal filter, over the three frames before, at 30 frames per second",
     "hole-filling": "librealsense's hole filling, from the farthest of the four neighbors",
     "hole-filling-left": "the same, from the left neighbor",
     "hole-filling-nearest": "the same, from the nearest of the four neighbors",

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.sensor.after.chain import AfterMatching
+from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.after.dense import Smoothing, smooth_densely
 from digs_warp.sim.sensor.after.hole_filling import sources_of_holes
 from digs_warp.sim.sensor.after.names import FILTERS, filters_named
 from digs_warp.sim.sensor.after.spatial import ALPHA, DELTA, ITERATIONS, smooth_spatially
+from digs_warp.sim.sensor.after.temporal import EARLIER_FRAMES, smooth_over_time
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Sensed
-from reference.filter_twins import twin_dense, twin_filled, twin_spatial
+from reference.filter_twins import twin_dense, twin_filled, twin_spatial, twin_temporal
 from reference.stereo_frames import broadband
 
 SHAPES = [(1, 1), (1, 9), (9, 1), (2, 2), (7, 5), (24, 300)]
@@ -132,12 +133,51 @@ def test_the_dense_filter_loses_detail_and_most_holes() -> None:
     assert np.isnan(found[:, 80:]).all()
 
 
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_temporal_filter_is_its_twin(shape: tuple[int, int]) -> None:
+    frames = [scene(shape, seed)[:2] for seed in range(4)]
+    for count in (1, 2, 4):
+        for alpha, delta in ((0.4, 20 / 32), (0.7, 3.0)):
+            found, trust = smooth_over_time(frames[:count], alpha, delta)
+            twin, twin_trust = twin_temporal(frames[:count], alpha, delta)
+            np.testing.assert_allclose(found, twin, atol=1e-5)
+            np.testing.assert_array_equal(trust, twin_trust)
+
+
+def test_the_temporal_filter_lowers_what_changes_and_keeps_what_stays() -> None:
+    rng = np.random.default_rng(5)
+    shape = (200, 200)
+    fixed = rng.normal(0, 0.3, shape)
+    noise = rng.normal(0, 0.05, (1 + EARLIER_FRAMES, *shape))
+    trust = np.ones(shape, np.float32)
+    found, _ = smooth_over_time([((20 + fixed + n).astype(np.float32), trust) for n in noise])
+    left = found - 20 - fixed
+    weights = np.array([0.6**3, 0.4 * 0.6**2, 0.4 * 0.6, 0.4])
+    assert left.std() / 0.05 == pytest.approx(np.linalg.norm(weights), rel=0.03)
+    assert np.corrcoef(left.ravel(), fixed.ravel())[0, 1] == pytest.approx(0, abs=0.02)
+    still = [((20 + fixed).astype(np.float32), trust)] * 4
+    np.testing.assert_allclose(smooth_over_time(still)[0], still[0][0], rtol=1e-6)
+
+
+def test_the_temporal_filter_follows_changes_and_bridges_gaps() -> None:
+    frames = [
+        [20, 20, 20, NAN, NAN, NAN],
+        [20, 20, NAN, 20, 20, NAN],
+        [20, NAN, NAN, NAN, 20, NAN],
+        [27, NAN, NAN, 20, NAN, NAN],
+    ]
+    trust = np.full((1, 6), 0.5, np.float32)
+    found, confidence = smooth_over_time([(np.array([f], np.float32), trust) for f in frames])
+    np.testing.assert_array_equal(found[0], [27, 20, NAN, 20, 20, NAN])
+    assert confidence[0].tolist() == [0.5, 0.5, 0, 0.5, 0.5, 0]
+
+
 def test_filters_act_in_order_and_label_what_they_change() -> None:
     disparity, confidence, gray = scene((24, 300))
     cause = np.where(np.isnan(disparity), Cause.OCCLUDED, Cause.OK).astype(np.uint8)
     before = Sensed(disparity, cause, confidence * ~np.isnan(disparity))
     kept = before.own()
-    after = AfterMatching(("dense", "spatial", "hole-filling")).apply(before, gray)
+    after = AfterMatching(("dense", "spatial", "hole-filling")).apply([Shot(before, gray)])
     filled = np.isnan(disparity) & after.known
     moved = np.abs(after.disparity - disparity) > 1
     assert filled.any() and (after.cause[filled] == Cause.FILLED).all()
@@ -159,14 +199,16 @@ def test_the_threshold_drops_exactly_what_is_below() -> None:
     disparity, confidence, gray = scene((24, 300))
     confidence[3, 4], disparity[3, 4] = np.float32(0.6), 21
     before = Sensed(disparity, np.zeros(disparity.shape, np.uint8), confidence)
-    after = AfterMatching(threshold=0.6).apply(before, gray)
+    after = AfterMatching(threshold=0.6).apply([Shot(before, gray)])
     dropped = before.known & (confidence < np.float32(0.6))
     assert dropped.any() and after.known[3, 4]
     np.testing.assert_array_equal(after.known, before.known & ~dropped)
     assert (after.cause[dropped] == Cause.LOW_CONFIDENCE).all()
     assert (after.confidence[dropped] == 0).all()
-    # It acts before the filters: what it drops is filled again.
-    assert AfterMatching(("hole-filling",), 0.6).apply(before, gray).known.all()
+    # In every frame, and before the filters: what it drops is filled again.
+    shots = [Shot(before, gray)] * 4
+    assert (AfterMatching(("temporal",), 0.6).apply(shots).known == after.known).all()
+    assert AfterMatching(("hole-filling",), 0.6).apply([Shot(before, gray)]).known.all()
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -176,14 +218,16 @@ def test_extreme_frames_pass_every_filter(name: str, shape: tuple[int, int]) -> 
     empty = Sensed(
         np.full(shape, NAN, np.float32), np.zeros(shape, np.uint8), np.zeros(shape, np.float32)
     )
-    assert not AfterMatching((name,), 0.5).apply(empty, gray).known.any()
+    assert not AfterMatching((name,), 0.5).apply([Shot(empty, gray)]).known.any()
     full = Sensed(np.full(shape, 7, np.float32), empty.cause, np.ones(shape, np.float32))
-    after = AfterMatching((name,), 1.0).apply(full, gray)
+    after = AfterMatching((name,), 1.0).apply([Shot(full, gray)])
     np.testing.assert_allclose(after.disparity, 7, rtol=1e-6)
     np.testing.assert_allclose(after.confidence, 1, rtol=1e-5)
     assert (after.cause == Cause.OK).all()
     untrusted = Sensed(full.disparity, empty.cause, np.zeros(shape, np.float32))
-    np.testing.assert_array_equal(AfterMatching((name,)).apply(untrusted, gray).disparity, 7)
+    np.testing.assert_array_equal(
+        AfterMatching((name,)).apply([Shot(untrusted, gray)]).disparity, 7
+    )
 
 
 def test_filters_are_named_in_any_order() -> None:
