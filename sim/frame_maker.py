@@ -51,8 +51,10 @@ class FrameMaker:
 
     def render(self, number: int) -> RenderedFrame:
         """Return the truth of a frame."""
-        shutter = self.plan.shutter(self.session.rig, self.session.config.strength)
-        return RenderedFrame(*self.session.truth(number, shutter))
+        config, rig = self.session.config, self.session.rig
+        shutter = self.plan.shutter(rig, config.strength)
+        drift = self.plan.drift(rig, config.seed, config.strength)
+        return RenderedFrame(*self.session.truth(number, shutter, drift))
 
     def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
         """Return the content of the files; safe to call during `render` in another thread.

@@ -76,7 +76,8 @@ def _simulate(
         with log.stage("plan"):
             plan = make_plan(session)
         if config.plans_effects:
-            write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json()).encode())
+            drift = plan.drift(session.rig, config.seed, config.strength)
+            write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json(drift)).encode())
         writer = CaptureWriter(folder, session.rig.intrinsics, Rig(session.rig.baseline))
         _record(FrameMaker(session, plan), writer, log, record)
         capture = writer.finish(_about(session, plan))
@@ -192,6 +193,10 @@ def _about(session: Session, plan: SensorPlan) -> About:
         return about
     return replace(
         about,
+        sensor={
+            **(about.sensor or {}),
+            "drift": asdict(plan.drift(session.rig, config.seed, config.strength)),
+        },
         readout_time=plan.shutter(session.rig, config.strength).readout_time,
         effects=plan.effects_on,
         cause_labels={cause.value: cause.name.lower() for cause in Cause},

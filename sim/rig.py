@@ -36,8 +36,10 @@ class StereoRig:
         static_field: standard deviation of the smooth, constant error of a unit [px].
         unit: number of the unit; each has a different static field.
         random_invalid: share of pixels that drop out for no visible reason, 0 to 1.
-        row_offset: misalignment of the rows of the two eyes [px].
-        column_offset: disparity error that a drifted calibration adds everywhere [px].
+        rotation_drift: standard deviation of each of the three angles by which the right eye has turned since
+            the calibration [degree].
+        focal_drift: standard deviation of the change of the right eye's focal length, relative.
+        baseline_drift: standard deviation of the change of the baseline, relative.
         drops_saturated: whether pixels in saturated areas are dropped even if smoothness could fill them.
         post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of each color channel of a mid-gray pixel [DN of 255].
@@ -61,8 +63,9 @@ class StereoRig:
     static_field: float = 0.1
     unit: int = 0
     random_invalid: float = 0.023
-    row_offset: float = 0.0
-    column_offset: float = 0.0
+    rotation_drift: float = 0.0
+    focal_drift: float = 0.0
+    baseline_drift: float = 0.0
     drops_saturated: bool = False
     post_filter: bool = False
     image_noise: float = 2.0
@@ -81,9 +84,6 @@ class StereoRig:
         for name in ("temporal_share", "random_invalid", "vignetting"):
             if getattr(self, name) > 1:
                 raise DigsError(f"rig: {name}={getattr(self, name)}, expected a share from 0 to 1")
-        for name in ("row_offset", "column_offset"):
-            if not np.isfinite(getattr(self, name)):
-                raise DigsError(f"rig: {name}={getattr(self, name)}, expected a number of pixels")
         if self.window < 1 or self.window % 2 == 0:
             raise DigsError(f"rig: window={self.window}, expected an odd number of pixels >= 1")
         if self.unit < 0:
@@ -114,15 +114,11 @@ _AMOUNTS = (
     "ripple",
     "static_field",
     "random_invalid",
+    "rotation_drift",
+    "focal_drift",
+    "baseline_drift",
     "image_noise",
     "exposure_time",
     "readout_time",
     "vignetting",
 )
-
-
-def zed2_like(width: int, height: int, horizontal_fov_deg: float = DEFAULT_FOV_DEG) -> StereoRig:
-    """Return a rig with the parameters of a ZED 2 at any image size."""
-    from digs_warp.sim.profiles import load_profile
-
-    return load_profile("zed2-720").rig(width, height, horizontal_fov_deg)

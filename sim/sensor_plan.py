@@ -8,8 +8,15 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.color import COLOR_EFFECTS, IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from digs_warp.sim.sensor.color import (
+    CALIBRATION_DRIFT,
+    COLOR_EFFECTS,
+    IMAGE_BLUR,
+    PIXEL_EFFECTS,
+    ROLLING_SHUTTER,
+)
 from digs_warp.sim.sensor.color.protocol import PixelEffect
+from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
@@ -67,12 +74,19 @@ class SensorPlan:
             exposure_time=strength * rig.exposure_time if blurring else 0.0,
         )
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the plan as sensor_plan.json holds it."""
+    def drift(self, rig: StereoRig, seed: int, strength: float = 1.0) -> Drift:
+        """Return how the calibration of the recording has drifted; see `CalibrationDrift.draw`."""
+        if not self._has_color(CALIBRATION_DRIFT.name) or strength == 0:
+            return NO_DRIFT
+        return CALIBRATION_DRIFT.draw(rig, seed, strength)
+
+    def as_json(self, drift: Drift = NO_DRIFT) -> dict[str, Any]:
+        """Return the plan as sensor_plan.json holds it, with the drift of the recording."""
         facts = {} if self.facts is None else asdict(self.facts)
         return {
             "depth": [asdict(choice) for choice in self.depth],
             "color": [asdict(choice) for choice in self.color],
+            "drift": asdict(drift),
             # Depth has no extremes if nothing is in view.
             "facts": {name: v if np.isfinite(v) else None for name, v in facts.items()},
         }

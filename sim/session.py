@@ -15,6 +15,7 @@ from digs_warp.sim.reach import check_reach, orbit_distance
 from digs_warp.sim.render.protocol import Renderer
 from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
 from digs_warp.sim.scene import Scene
+from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.sim.trajectory import Walk
@@ -58,12 +59,15 @@ class Session:
         """Times of the frames [s]."""
         return self.walk.moments(self.config.frames)
 
-    def truth(self, number: int, shutter: Shutter) -> tuple[FrameTruth, np.ndarray]:
+    def truth(
+        self, number: int, shutter: Shutter, drift: Drift = NO_DRIFT
+    ) -> tuple[FrameTruth, np.ndarray]:
         """Render a frame; frames do not depend on each other.
 
         Args:
             number: of the frame, 0 to ``config.frames`` - 1.
             shutter: through which both eyes look.
+            drift: of the right eye.
 
         Returns:
             The truth of the frame, and the mask of the object, (height, width), uint8.
@@ -73,9 +77,10 @@ class Session:
             self.config.samples_per_pixel,
             self.rig.intrinsics,
         )
+        turn, right_k = drift.believed_from_turned, drift.right_intrinsics(k)
         left, right = (
-            ShutteredEye(self.renderer, shutter, k, partial(self._pose, moment, shift))
-            for shift in (0.0, self.rig.baseline)
+            ShutteredEye(self.renderer, shutter, each, partial(self._pose, moment, shift, turn))
+            for each, shift, turn in ((k, 0.0, np.eye(3)), (right_k, self.rig.baseline, turn))
         )
         image, mask = left.image(samples, self._eye_seed(number, LEFT_EYE))
         right_image, _ = right.image(samples, self._eye_seed(number, RIGHT_EYE))
@@ -93,13 +98,18 @@ class Session:
             materials=self.scene.materials,
             motion=Motion(_triple(velocity), _triple(angular_velocity)),
             rays=left.rays(self.rig.baseline),
+            drift=drift,
         )
         return truth, mask
 
-    def _pose(self, moment: float, shift: float, after: float) -> np.ndarray:
-        """Return the pose of an eye ``shift`` metres to the right, ``after`` seconds after a moment."""
+    def _pose(self, moment: float, shift: float, turn: np.ndarray, after: float) -> np.ndarray:
+        """Return the pose of an eye ``shift`` metres to the right, ``after`` seconds after a moment.
+
+        ``turn``, (3, 3), is the rotation from the axes of the eye to those of the left one.
+        """
         world_from_cam = self.walk.pose(moment + after)
         world_from_cam[:3, 3] += shift * world_from_cam[:3, 0]
+        world_from_cam[:3, :3] = world_from_cam[:3, :3] @ turn
         return world_from_cam
 
     def _eye_seed(self, number: int, eye: int) -> np.random.SeedSequence:

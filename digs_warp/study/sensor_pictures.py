@@ -1,17 +1,23 @@
 """Pictures of what each effect of the sensor does alone: off and on, side by side."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from digs_warp.camera import Camera
+from digs_warp.geometry import rigid
 from digs_warp.record.files import write_atomically
 from digs_warp.sim.render.raycast import RaycastRenderer
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.color import IMAGE_BLUR, PIXEL_EFFECTS, ROLLING_SHUTTER
+from digs_warp.sim.sensor.color import (
+    CALIBRATION_DRIFT,
+    IMAGE_BLUR,
+    PIXEL_EFFECTS,
+    ROLLING_SHUTTER,
+)
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
@@ -22,12 +28,20 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import effect_rng
 from digs_warp.sim.shutter import Shutter, ShutteredEye
-from digs_warp.study.still_life import SAMPLES, photograph, pose_at, still_life, still_life_rig
+from digs_warp.study.still_life import (
+    RIGHT_SEED,
+    SAMPLES,
+    photograph,
+    pose_at,
+    still_life,
+    still_life_camera,
+    still_life_rig,
+)
 
 SEED = 0
 
-# A sound calibration shows nothing, so the picture uses one that has drifted [px].
-DRIFT = {"row_offset": 0.6, "column_offset": 0.3}
+# A drift of common size does not show in a picture; this many times as much does.
+SHOWN_DRIFT = 20.0
 
 # Full scales of the error maps [px]: the smallest one that holds MOST of the errors is used.
 SCALES = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 100.0)
@@ -81,14 +95,12 @@ class SensorStudio:
         self._scene, environment = still_life()
         self._renderer = RaycastRenderer(self._scene, environment)
         self.rig = still_life_rig()
-        self.truth = self._photograph(self.rig)
+        self.truth = photograph(self._renderer, self._scene, self.rig)
         self.facts = measure_facts([self.truth])
 
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
         """Return the result of an effect alone."""
         truth = self.truth
-        if effect.name == "mis-rectification":
-            truth = self._photograph(replace(self.rig, **DRIFT))
         sensed = effect.apply(Sensed.of(truth), truth, effect_rng(SEED, 0, effect.name))
         lost = ~sensed.known & ~np.isnan(truth.disparity)
         with np.errstate(invalid="ignore"):
@@ -115,8 +127,14 @@ class SensorStudio:
         eyes = EyeImages(self.rig.intrinsics, decode(self.truth.image), decode(self.truth.right))
         return encode(effect.apply(eyes, self.rig, effect_rng(SEED, 0, effect.name)).left)
 
-    def _photograph(self, rig: StereoRig) -> FrameTruth:
-        return photograph(self._renderer, self._scene, rig)
+    def drifted(self) -> np.ndarray:
+        """Return the right image of a rig whose calibration has drifted."""
+        rig = self.rig
+        drift = CALIBRATION_DRIFT.draw(rig, SEED, SHOWN_DRIFT)
+        believed = still_life_camera(rig).shifted_right(rig.baseline).world_from_cam
+        pose = believed @ rigid(drift.believed_from_turned, np.zeros(3))
+        camera = Camera(drift.right_intrinsics(rig.intrinsics), pose)
+        return self._renderer.render_image(camera, SAMPLES, RIGHT_SEED)[0]
 
 
 def depth_strip(figure: DepthFigure, path: Path) -> None:
@@ -142,12 +160,12 @@ def depth_strip(figure: DepthFigure, path: Path) -> None:
     _draw([(title, pixels[rows, columns], style) for title, pixels, style in panels], path)
 
 
-def color_strip(before: np.ndarray, after: np.ndarray, path: Path) -> None:
-    """Draw an image off and on, and the difference, as one JPEG."""
+def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "left") -> None:
+    """Draw an image of an eye off and on, and the difference, as one JPEG."""
     difference = after.astype(np.float32) - before
     gain = max(1, round(100 / max(1.0, float(np.percentile(np.abs(difference), 99)))))
     shown = np.clip(128 + gain * difference, 0, 255).astype(np.uint8)
-    titles = ("left image, off", "left image, on", f"difference x {gain}")
+    titles = (f"{eye} image, off", f"{eye} image, on", f"difference x {gain}")
     pictures = zip(titles, (before, after, shown), strict=True)
     _draw([(title, pixels, {}) for title, pixels in pictures], path)
 
@@ -161,6 +179,8 @@ def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     images |= {effect.name: studio.colored(effect) for effect in PIXEL_EFFECTS}
     for name, image in images.items():
         color_strip(studio.truth.image, image, folder / f"{name}.jpg")
+    path = folder / f"{CALIBRATION_DRIFT.name}.jpg"
+    color_strip(studio.truth.right, studio.drifted(), path, "right")
     return figures
 
 

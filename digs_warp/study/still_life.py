@@ -24,6 +24,7 @@ WIDTH, HEIGHT, FOV_DEG = 640, 400, 62.0
 SURROUND_RADIUS = 25.0  # [m], beyond the 20 m of the camera
 SAMPLES = 12
 TEXTURE_SIZE = 512  # [px]
+RIGHT_SEED = 2  # of the right eye's pixel sampling
 
 EYE, TARGET = np.array([0.0, -1.25, 0.28]), np.array([0.02, 0.1, 0.02])
 
@@ -98,7 +99,7 @@ def photograph(renderer: RaycastRenderer, scene: Scene, rig: StereoRig) -> Frame
     """Return what the rig sees of the scene, before the sensor."""
     camera = still_life_camera(rig)
     view = renderer.render(camera, SAMPLES, seed=1)
-    right, _ = renderer.render_image(camera.shifted_right(rig.baseline), SAMPLES, seed=2)
+    right, _ = renderer.render_image(camera.shifted_right(rig.baseline), SAMPLES, RIGHT_SEED)
     return FrameTruth(
         number=0,
         camera=camera,

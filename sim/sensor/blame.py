@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from digs_warp.camera import pixel_centers
 from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.drift import NO_DRIFT
 from digs_warp.sim.sensor.facts import DARK, SATURATED, STEP
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
@@ -16,11 +18,12 @@ WRONG = 1.0
 def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
     """Return the most likely `Cause` of each missing or wrong pixel, (height, width), uint8.
 
-    Where several causes apply, the first of these wins: range, band, occlusion, mirror, glass, exposure,
-    gloss, edge, weak texture. Where none applies, the cause is random.
+    Where several causes apply, the first of these wins: range, a match that is wrong only by the drifted
+    calibration, band, occlusion, mirror, glass, exposure, gloss, edge, weak texture, misaligned rows. Where
+    none applies, the cause is random.
 
     Args:
-        disparity: from a matcher [px], (height, width), NaN where it found nothing.
+        disparity: as the camera reports it [px], (height, width), NaN where it found nothing.
         truth: of the frame.
     """
     true = truth.disparity
@@ -28,13 +31,33 @@ def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
     failed = ~(np.abs(disparity - true) <= WRONG) & ~np.isnan(true)
     # From the weakest to the strongest claim: later ones overwrite earlier ones.
     cause[failed] = Cause.RANDOM
-    for where, label in _claims(truth):
+    drifted, misaligned = _claims_of_drift(failed, disparity, truth)
+    for where, label in [(misaligned, Cause.RECTIFICATION), *_claims(truth, drifted)]:
         if where is not None:
             cause[failed & where] = label
     return cause
 
 
-def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
+def _claims_of_drift(
+    failed: np.ndarray, disparity: np.ndarray, truth: FrameTruth
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Return where the right match became wrong by the drift, and where the rows are off by over a pixel.
+
+    Both are (height, width), bool, and None without drift.
+    """
+    if truth.drift == NO_DRIFT:
+        return None, None
+    expected = truth.drift.reported_disparity(truth.shown_disparity)
+    drifted = np.abs(disparity - expected) <= WRONG
+    k = truth.rig.intrinsics
+    columns, rows = np.moveaxis(pixel_centers(k.width, k.height)[failed], -1, 0)
+    _, down = truth.drift.shift(columns - truth.disparity[failed], rows, k)
+    misaligned = np.zeros_like(failed)
+    misaligned[failed] = np.abs(down) > WRONG
+    return drifted, misaligned
+
+
+def _claims(truth: FrameTruth, drifted: np.ndarray | None) -> list[tuple[np.ndarray | None, Cause]]:
     true, gray, rig = truth.disparity, truth.gray, truth.rig
     columns = np.arange(true.shape[1]) + 0.5
     return [
@@ -46,6 +69,7 @@ def _claims(truth: FrameTruth) -> list[tuple[np.ndarray | None, Cause]]:
         (pixels_of(truth, is_mirror), Cause.MIRROR),
         (truth.hidden, Cause.OCCLUDED),
         (true > columns, Cause.BAND),
+        (drifted, Cause.RECTIFICATION),
         (truth.depth > rig.max_depth, Cause.FAR),
         (true > rig.largest_disparity, Cause.NEAR),
     ]

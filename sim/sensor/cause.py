@@ -25,7 +25,7 @@ class Cause(IntEnum):
     EDGE = 12  # the matching window straddles a depth step
     FLYING = 13  # a filter blended foreground and background
     MOTION = 14  # blurred by motion
-    RECTIFICATION = 15  # the rows of the two eyes are not aligned
+    RECTIFICATION = 15  # the calibration has drifted: wrong columns, or rows that are not aligned
     RANDOM = 16  # dropped for no visible reason
     FILLED = 17  # a hole that a filter filled
     LOW_CONFIDENCE = 18  # below the confidence threshold

@@ -10,6 +10,7 @@ from digs_warp.camera import Camera
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.scene import Material
 from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.right_eye import hidden_from_right
 from digs_warp.sim.sensor.slopes import surface_slope
@@ -62,6 +63,7 @@ class FrameTruth:
         materials: of the scene.
         motion: of the rig.
         rays: more rays on request.
+        drift: of the right eye; ``right`` is what the drifted eye sees.
     """
 
     number: int
@@ -75,6 +77,7 @@ class FrameTruth:
     materials: tuple[Material, ...]
     motion: Motion
     rays: FrameRays
+    drift: Drift = NO_DRIFT
 
     # Computed once, when the first effect needs it.
 
@@ -82,6 +85,11 @@ class FrameTruth:
     def disparity(self) -> np.ndarray:
         """True disparity f b / Z [px], (height, width), float32, NaN where there is nothing."""
         return np.float32(self.rig.focal_baseline) / self.depth.astype(np.float32, copy=False)
+
+    @cached_property
+    def shown_disparity(self) -> np.ndarray:
+        """The disparity that the images show: ``disparity``, unless the calibration has drifted."""
+        return self.drift.shown_disparity(self.disparity, self.rig.intrinsics)
 
     @cached_property
     def slope(self) -> np.ndarray:

@@ -43,8 +43,9 @@ def sense_by_matching(
     rig = truth.rig
     left, right = map(gray_of, recorded or (truth.image, truth.right))
     disparities = search_range(rig)
-    disparity = match(left, right, disparities, rig.window)
-    confidence = confidence_in_matches(left, right, disparity, disparities, rig.window)
+    matched = match(left, right, disparities, rig.window)
+    confidence = confidence_in_matches(left, right, matched, disparities, rig.window)
+    disparity = truth.drift.reported_disparity(matched)
     return Sensed(disparity, blame(disparity, truth), confidence)
 
 

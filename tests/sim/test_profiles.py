@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile
-from digs_warp.sim.rig import zed2_like
+from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile, zed2_like
 
 
 @pytest.mark.parametrize(
@@ -131,7 +130,12 @@ def test_an_unknown_profile_is_refused_with_the_known_ones(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     "changes",
     [{"window": 4}, {"temporal_share": 1.5}, {"random_invalid": -0.1}, {"unit": -1}]
-    + [{"full_well": 0.0}, {"row_offset": float("nan")}, {"ripple": float("inf")}],
+    + [
+        {"full_well": 0.0},
+        {"rotation_drift": float("nan")},
+        {"focal_drift": -0.1},
+        {"ripple": float("inf")},
+    ],
 )
 def test_impossible_figures_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(DigsError, match=f"rig: {next(iter(changes))}"):

@@ -1,6 +1,7 @@
 """Effects on the images, in the order in which light meets them; see CONTRIBUTING.md to add one."""
 
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
+from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import ColorEffect, PixelEffect
@@ -9,8 +10,14 @@ from digs_warp.sim.sensor.color.vignetting import Vignetting
 
 ROLLING_SHUTTER = RollingShutter()
 IMAGE_BLUR = ImageBlur()
+CALIBRATION_DRIFT = CalibrationDrift()
 
-# Applied to the finished images; the two above change how the images are rendered.
+# Applied to the finished images; the three above change how the images are rendered.
 PIXEL_EFFECTS: tuple[PixelEffect, ...] = (Vignetting(), AutoExposure(), ShotNoise(), ReadNoise())
 
-COLOR_EFFECTS: tuple[ColorEffect, ...] = (ROLLING_SHUTTER, IMAGE_BLUR, *PIXEL_EFFECTS)
+COLOR_EFFECTS: tuple[ColorEffect, ...] = (
+    ROLLING_SHUTTER,
+    IMAGE_BLUR,
+    CALIBRATION_DRIFT,
+    *PIXEL_EFFECTS,
+)

@@ -11,7 +11,6 @@ from digs_warp.sim.sensor.effects.flying_pixels import FlyingPixels
 from digs_warp.sim.sensor.effects.grazing import Grazing
 from digs_warp.sim.sensor.effects.invalid_band import InvalidBand
 from digs_warp.sim.sensor.effects.mirror import Mirror
-from digs_warp.sim.sensor.effects.mis_rectification import MisRectification
 from digs_warp.sim.sensor.effects.motion_blur import MotionBlur
 from digs_warp.sim.sensor.effects.occlusion import Occlusion
 from digs_warp.sim.sensor.effects.protocol import DepthEffect
@@ -38,7 +37,6 @@ EFFECTS: tuple[DepthEffect, ...] = (
     Occlusion(),
     # How precisely it compares.
     MotionBlur(),
-    MisRectification(),
     Ripple(),
     CorrelatedNoise(),
     StaticField(),
@@ -52,4 +50,4 @@ EFFECTS: tuple[DepthEffect, ...] = (
 
 # What no image shows: errors of the calibration, and what the device does after matching. They act on
 # measurements by the tier "guided", too.
-AFTER_MATCHING = frozenset((MisRectification.name, StaticField.name, FlyingPixels.name))
+AFTER_MATCHING = frozenset((StaticField.name, FlyingPixels.name))

@@ -24,6 +24,8 @@ def sense_by_guided_matching(
     rig = truth.rig
     left, right = map(gray_of, recorded or (truth.image, truth.right))
     disparities = min(max(search_range(rig), BLOCKS * BLOCK), MAX_BLOCKS * BLOCK)
-    found = search(left, right, truth.disparity, disparities, rig.window)
+    # Where the calibration has drifted, the match is not at the true disparity.
+    found = search(left, right, truth.shown_disparity, disparities, rig.window)
     confidence = confidence_of(left, found.disparity, found.cost, found.rival, rig.window)
-    return Sensed(found.disparity, blame(found.disparity, truth), confidence, owned=True)
+    disparity = truth.drift.reported_disparity(found.disparity)
+    return Sensed(disparity, blame(disparity, truth), confidence, owned=True)

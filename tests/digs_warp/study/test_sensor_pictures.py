@@ -30,8 +30,8 @@ def test_every_effect_shows_on_the_still_life(studio: SensorStudio, effect) -> N
 
 def test_the_planner_sees_what_the_still_life_is_made_for(studio: SensorStudio) -> None:
     off = {e.name for e in EFFECTS if not e.choose(studio.facts, studio.rig).on}
-    # The camera is sound, and its exposure too short for this hand.
-    assert off == {"mis-rectification", "motion-blur"}
+    # The exposure is too short for this hand.
+    assert off == {"motion-blur"}
 
 
 def test_a_strip_is_drawn(studio: SensorStudio, tmp_path: Path) -> None:

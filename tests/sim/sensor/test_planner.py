@@ -84,8 +84,6 @@ def test_each_effect_is_switched_on_by_its_fact(changes: dict[str, float], effec
         ({"disparity_step": 0.1}, "quantum"),
         ({"static_field": 0.1}, "static-field"),
         ({"random_invalid": 0.02}, "random-invalid"),
-        ({"row_offset": -0.3}, "mis-rectification"),
-        ({"column_offset": 0.1}, "mis-rectification"),
     ],
 )
 def test_each_fault_of_the_rig_switches_on_its_effect(

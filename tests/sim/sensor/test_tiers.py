@@ -29,7 +29,6 @@ LABELS = {
     "grazing": {Cause.GRAZING},
     "occlusion": {Cause.OCCLUDED},
     "motion-blur": {Cause.MOTION},
-    "mis-rectification": {Cause.RECTIFICATION},
     "flying-pixels": {Cause.FLYING},
     "invalid-band": {Cause.BAND},
     "depth-range": {Cause.NEAR, Cause.FAR},
@@ -49,8 +48,8 @@ class StepRays(CountedRays):
 
 
 def rich_frame(number: int = 0) -> FrameTruth:
-    """A frame with something for most effects: a step, a plain and a white area, a drifted rig."""
-    rig = replace(load_profile("zed2-720").rig(320, 240, 60), row_offset=1.5, min_depth=0.7)
+    """A frame with something for most effects: a step, a plain and a white area."""
+    rig = replace(load_profile("zed2-720").rig(320, 240, 60), min_depth=0.7)
     disparity = np.broadcast_to(20 + 0.02 * np.arange(240.0)[:, None], (240, 320)).copy()
     disparity[60:180, 110:230] = 60.0
     disparity[200:220] = 2.0 * np.arange(320.0)[None] * 0.25 + 10

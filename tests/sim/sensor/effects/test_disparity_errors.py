@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects.correlated_noise import temporal_noise, texture_pattern
-from digs_warp.sim.sensor.effects.mis_rectification import MisRectification
 from digs_warp.sim.sensor.effects.static_field import unit_field
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense_effects
@@ -168,28 +166,6 @@ def test_static_field_exists_at_every_size() -> None:
     for width, height in [(1, 1), (1, 40), (40, 1), (17, 9)]:
         assert unit_field(0, width, height).shape == (height, width)
         assert np.isfinite(unit_field(0, width, height)).all()
-
-
-def rectified(rows: float = 0.0, columns: float = 0.0) -> StereoRig:
-    return make_rig(640, 480, row_offset=rows, column_offset=columns)
-
-
-@pytest.mark.parametrize(("offset", "rms", "fill"), [(0.5, 0.164, 1), (1.5, 0.359, 0.94)])
-def test_row_offset_adds_the_measured_error_and_holes(
-    offset: float, rms: float, fill: float
-) -> None:
-    truth = make_frame(50.0, rectified(rows=-offset))
-    sensed = sense_effects(truth, [MisRectification.name])
-    error = sensed.disparity[sensed.known] - truth.disparity[sensed.known]
-    # The rest of the measured error is the noise of a rectified pair, 0.13 px.
-    assert np.hypot(error.std(), 0.13) == pytest.approx(rms, rel=0.05)
-    assert sensed.known.mean() == pytest.approx(fill, abs=0.02)
-    assert (sensed.cause[~sensed.known] == Cause.RECTIFICATION).all()
-
-
-def test_column_offset_biases_disparity_everywhere() -> None:
-    error = error_of(make_frame(50.0, rectified(columns=0.3)), MisRectification.name, strength=2.0)
-    np.testing.assert_allclose(error, 0.6, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["correlated-noise", "ripple", "static-field"])

@@ -114,7 +114,7 @@ def test_only_what_no_image_shows_is_planned_for_depth(
 ) -> None:
     truth, plan, recorded = frame
     names = {choice.effect for choice in plan.depth}
-    assert names == {"mis-rectification", "static-field", "flying-pixels"}
+    assert names == {"static-field", "flying-pixels"}
     plain = sense(truth, "guided", recorded=recorded)
     full = sense(truth, "guided", plan.depth, recorded=recorded)
     assert {"static-field", "flying-pixels"} <= {c.effect for c in plan.depth if c.on}
