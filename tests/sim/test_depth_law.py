@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.rig import StereoRig, zed2_like
+from digs_warp.sim.profiles import zed2_like
+from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.law import sense_depth
 
 RIG = zed2_like(320, 200)
