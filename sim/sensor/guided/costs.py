@@ -17,6 +17,8 @@ _TILE_COSTS = r"""
 typedef unsigned char Bytes __attribute__((ext_vector_type(64), aligned(1)));
 typedef short Shorts __attribute__((ext_vector_type(64), aligned(2)));
 typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
+typedef int Ints __attribute__((ext_vector_type(16), aligned(4)));
+typedef bool Mask __attribute__((ext_vector_type(16)));
 const int plane = height * pitch;
 const int side = 2 * reach + 1;
 const int last_x = x0 + TILE_COLUMNS < width ? x0 + TILE_COLUMNS : width;
@@ -24,10 +26,15 @@ const int last_lane = width - 1 - x0 + reach;  // of the image; it may lie beyon
 
 // Which blocks any pixel of the tile tries.
 unsigned long long needed[2] = {0, 0};
-for (int y = y0; y < y0 + TILE_ROWS && y < height; ++y)
-    for (int x = x0; x < last_x; ++x)
-        for (int bits = blocks.data[y * width + x] & 0x0fffffff, i = 0; i < 4; ++i, bits >>= 7)
+for (int y = y0, last = -1; y < y0 + TILE_ROWS && y < height; ++y)
+    for (int x = x0; x < last_x; ++x) {
+        const int all = blocks.data[y * width + x];
+        if (all == last)  // as mostly among neighbors
+            continue;
+        last = all;
+        for (int bits = all, i = 0; i < (all < 0 ? 2 : 4); ++i, bits >>= 7)
             needed[(bits & 127) >> 6] |= 1ull << (bits & 63);
+    }
 
 auto minus = [](Bytes a, Bytes b) -> Bytes { return __builtin_elementwise_sub_sat(a, b); };
 // Distance between pixels and partners, of one kind of plane.
@@ -40,9 +47,26 @@ auto distance = [&](const unsigned char* left, const unsigned char* right) -> By
     return __builtin_elementwise_min(of_left, of_right);
 };
 
+// Which pixels of a row of the tile try a block in one of their slots, one bit each.
+int row_blocks[64] __attribute__((aligned(64))) = {};
+auto pixels_with = [&](int block, int slot) -> unsigned long long {
+    unsigned long long pixels = 0;
+    for (int part = 0; part < 4; ++part) {
+        const Ints bits = *(const Ints*)(row_blocks + 16 * part);
+        Ints same = ((bits >> (7 * slot)) & 127) == block;
+        if (slot > 1)
+            same &= bits >= 0;
+        const Mask here = __builtin_convertvector(same, Mask);
+        unsigned short found;
+        __builtin_memcpy(&found, &here, 2);
+        pixels |= (unsigned long long)found << (16 * part);
+    }
+    return pixels & ((1ull << (last_x - x0)) - 1);
+};
+
 Bytes single[TILE_ROWS + LARGEST_WINDOW - 1];
+short columns[TILE_ROWS][64 + LARGEST_WINDOW] __attribute__((aligned(64)));
 short sums[8][TILE_ROWS][64] __attribute__((aligned(64)));
-short line[64 + LARGEST_WINDOW] __attribute__((aligned(64)));
 for (int block = 0; block < 128; ++block) {
     if (!((needed[block >> 6] >> (block & 63)) & 1))
         continue;
@@ -60,6 +84,7 @@ for (int block = 0; block < 128; ++block) {
             column += __builtin_convertvector(single[r], Shorts);
         for (int r = 0; r < TILE_ROWS; ++r) {
             column += __builtin_convertvector(single[r + 2 * reach], Shorts);
+            short* line = columns[r];
             *(Shorts*)line = column;
             // At the borders of the image the first and the last column are repeated.
             if (x0 == 0)
@@ -67,21 +92,30 @@ for (int block = 0; block < 128; ++block) {
                     line[i] = line[reach];
             for (int i = 1; last_lane < 64 && i <= reach; ++i)
                 line[last_lane + i] = line[last_lane];
+            column -= __builtin_convertvector(single[r], Shorts);
+        }
+        // In a loop of its own: a vector that was just written in pieces cannot be read at once.
+        for (int r = 0; r < TILE_ROWS; ++r) {
             Shorts sum = 0;
             for (int i = 0; i < side; ++i)
-                sum += *(const Shorts*)(line + i);
+                sum += *(const Shorts*)(columns[r] + i);
             *(Shorts*)sums[m][r] = sum;
-            column -= __builtin_convertvector(single[r], Shorts);
         }
     }
     for (int r = 0; r < TILE_ROWS && y0 + r < height; ++r) {
-        const int* row_blocks = blocks.data + (y0 + r) * width;
-        short* row_costs = costs.data + first_cost + r * width * 32;
-        for (int x = x0; x < last_x; x += 8) {
+        short* row_costs = costs.data + first_cost + (r * width + x0) * 32;
+        __builtin_memcpy(row_blocks, blocks.data + (y0 + r) * width + x0, 4 * (last_x - x0));
+        unsigned long long with[4];
+        for (int slot = 0; slot < 4; ++slot)
+            with[slot] = pixels_with(block, slot);
+        const unsigned long long any = with[0] | with[1] | with[2] | with[3];
+        for (int x = 0; x < last_x - x0; x += 8) {
+            if (((any >> x) & 255) == 0)
+                continue;
             // Eight disparities of eight pixels, transposed: each pixel stores its own together.
             Block a[8], b[8];
             for (int i = 0; i < 8; ++i)
-                a[i] = *(const Block*)&sums[i][r][x - x0];
+                a[i] = *(const Block*)&sums[i][r][x];
             for (int stage = 0; stage < 3; ++stage) {
                 for (int i = 0; i < 4; ++i) {
                     b[2 * i] = __builtin_shufflevector(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
@@ -90,10 +124,18 @@ for (int block = 0; block < 128; ++block) {
                 for (int i = 0; i < 8; ++i)
                     a[i] = b[i];
             }
-            for (int i = 0; i < 8 && x + i < last_x; ++i)
-                for (int bits = row_blocks[x + i], slot = 0; slot < 4; ++slot, bits >>= 7)
-                    if ((bits & 127) == block)
-                        *(Block*)(row_costs + (x + i) * 32 + slot * 8) = a[i];
+            for (int slot = 0; slot < 4; ++slot) {
+                unsigned here = (with[slot] >> x) & 255;
+                short* target = row_costs + x * 32 + slot * 8;
+                if (here == 255)  // the usual case
+                    for (int i = 0; i < 8; ++i)
+                        *(Block*)(target + i * 32) = a[i];
+                else
+                    for (; here; here &= here - 1) {
+                        const int i = __builtin_ctz(here);
+                        *(Block*)(target + i * 32) = a[i];
+                    }
+            }
         }
     }
 }
