@@ -15,31 +15,53 @@ MISSING = 8000
 FIXED_POINT = 16
 NOT_FOUND = -FIXED_POINT
 
-# Written with Clang's vector types, which compile for any processor: the 32 costs of a pixel are one vector.
+# Written with Clang's vector types, which compile for any processor: the 32 costs of a pixel are one vector,
+# and the 16 of a pixel that tries two blocks are half of one.
 _RELAX = r"""
-typedef short Costs __attribute__((ext_vector_type(32), aligned(2)));
+typedef short Costs __attribute__((ext_vector_type(32)));
+typedef short Half __attribute__((ext_vector_type(16)));
 typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
 const short missing = MISSING;
-// What the disparities of a pixel (blocks: mine) inherit from those of the pixel before (blocks: its).
-auto inherited = [&](const short* before, int its, int mine) -> Costs {
+auto load = [](auto& costs, const short* source) { __builtin_memcpy(&costs, source, sizeof costs); };
+auto store = [](short* target, auto costs) { __builtin_memcpy(target, &costs, sizeof costs); };
+// The costs of the disparities one below and one above; what lies beyond the ends is never used.
+auto one_below = [](auto costs) {
+    if constexpr (sizeof costs == 64)
+        return __builtin_shufflevector(costs, costs, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
+            17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
+    else
+        return __builtin_shufflevector(costs, costs, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14);
+};
+auto one_above = [](auto costs) {
+    if constexpr (sizeof costs == 64)
+        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18,
+            19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 31);
+    else
+        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15);
+};
+// What a pixel inherits from one with the same blocks, whose least cost is at most ``most`` - large_step.
+auto relaxed = [&](auto before, int mine, auto most) {
+    auto lower_step = before, upper_step = before;
+    const short* step = steps.data + ((mine >> 28) & 7) * 64;
+    load(lower_step, step);
+    load(upper_step, step + 32);
+    const auto lower = one_below(before) + lower_step, upper = one_above(before) + upper_step;
+    return __builtin_elementwise_min(__builtin_elementwise_min(before, most), __builtin_elementwise_min(lower, upper));
+};
+// What a pixel (blocks: mine) inherits from another one (blocks: its), whose costs are kept minus their least.
+auto inherit = [&](auto& result, const short* before, int its, int mine) {
+    auto all = result;
     if (its == mine) {
-        Costs same = *(const Costs*)before;
-        Costs lower = __builtin_shufflevector(same, same, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14,
-            15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
-        Costs upper = __builtin_shufflevector(same, same, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
-            16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 31);
-        const short* step = steps.data + ((mine >> 28) & 7) * 64;
-        lower += *(const Costs*)step;
-        upper += *(const Costs*)(step + 32);
-        Costs least = __builtin_elementwise_min(same, (Costs)(short)large_step);
-        return __builtin_elementwise_min(least, __builtin_elementwise_min(lower, upper));
+        load(all, before);
+        result = relaxed(all, mine, all - all + (short)large_step);
+        return;
     }
-    short result[32];
-    for (int slot = 0; slot < 4; ++slot) {
+    short costs[32];
+    for (int slot = 0; slot < (int)(sizeof all / 16); ++slot) {
         int block = (mine >> (7 * slot)) & 127;
         Block same = missing;
         short below = missing, above = missing;
-        for (int other = 0; other < 4; ++other) {
+        for (int other = 0; other < (its < 0 ? 2 : 4); ++other) {
             int found = (its >> (7 * other)) & 127;
             if (found == block) same = *(const Block*)(before + other * 8);
             if (found == block - 1) below = before[other * 8 + 7];
@@ -51,11 +73,10 @@ auto inherited = [&](const short* before, int its, int mine) -> Costs {
         upper[7] = above;
         Block step = __builtin_elementwise_min(lower, upper) + (Block)(short)small_step;
         Block least = __builtin_elementwise_min(same, (Block)(short)large_step);
-        *(Block*)(result + slot * 8) = __builtin_elementwise_min(least, step);
+        *(Block*)(costs + slot * 8) = __builtin_elementwise_min(least, step);
     }
-    return *(const Costs*)result;
+    load(result, costs);
 };
-auto store = [](short* target, Costs costs) { *(Costs*)target = costs - (Costs)__builtin_reduce_min(costs); };
 """
 
 _DOWN = r"""
@@ -67,28 +88,57 @@ const int size = width * 32;
 const short* before = paths.data + first_before;
 short* after = paths.data + first_after;
 short left[32] __attribute__((aligned(64)));
-for (int x = 0; x < width; ++x) {
-    const Costs cost = *(const Costs*)(own + x * 32);
-    Costs from_left = cost, a = cost, b = cost, c = cost;
-    if (x > 0)
-        from_left += inherited(left, mine[x - 1], mine[x]);
-    if (!is_first) {
-        if (x > 0)
-            a += inherited(before + (x - 1) * 32, upper_row[x - 1], mine[x]);
-        b += inherited(before + size + x * 32, upper_row[x], mine[x]);
-        if (x < width - 1)
-            c += inherited(before + 2 * size + (x + 1) * 32, upper_row[x + 1], mine[x]);
+// Pixels with the same blocks; 16 or 32 costs each, as ``zero`` has.
+auto down = [&](auto zero, int begin, int end, int bits) {
+    auto from_left = zero, least = zero;
+    for (int x = begin; x < end; ++x) {
+        auto alone = zero, inherited = zero;
+        load(alone, own + x * 32);
+        // The longest chain of dependent steps: it does not wait for the subtraction of the least.
+        if (x > begin)
+            from_left = alone + (relaxed(from_left, bits, least + (short)large_step) - least);
+        else {
+            if (x > 0)
+                inherit(inherited, left, mine[x - 1], bits);
+            from_left = alone + inherited;
+        }
+        least = zero + __builtin_reduce_min(from_left);
+        auto a = alone, b = alone, c = alone;
+        if (!is_first) {
+            if (x > 0) {
+                inherit(inherited, before + (x - 1) * 32, upper_row[x - 1], bits);
+                a += inherited;
+            }
+            inherit(inherited, before + size + x * 32, upper_row[x], bits);
+            b += inherited;
+            if (x < width - 1) {
+                inherit(inherited, before + 2 * size + (x + 1) * 32, upper_row[x + 1], bits);
+                c += inherited;
+            }
+        }
+        store(sums.data + first_sum + x * 32, from_left + a + b + c);
+        store(after + x * 32, a - __builtin_reduce_min(a));
+        store(after + size + x * 32, b - __builtin_reduce_min(b));
+        store(after + 2 * size + x * 32, c - __builtin_reduce_min(c));
     }
-    *(Costs*)(sums.data + first_sum + x * 32) = from_left + a + b + c;
-    store(left, from_left);
-    store(after + x * 32, a);
-    store(after + size + x * 32, b);
-    store(after + 2 * size + x * 32, c);
+    store(left, from_left - least);
+};
+for (int x = 0, end; x < width; x = end) {
+    const int bits = mine[x];
+    for (end = x + 1; end < width && mine[end] == bits;)
+        ++end;
+    if (bits < 0)
+        down((Half)0, x, end, bits);
+    else
+        down((Costs)0, x, end, bits);
 }
 """
 
 _CHOOSE = r"""
 typedef bool Lanes __attribute__((ext_vector_type(32)));
+typedef bool HalfLanes __attribute__((ext_vector_type(16)));
+const Costs LANE = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15,
+    16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31};
 const int* mine = blocks.data + row * width;
 const short* own = costs.data + first_cost;
 // Of each column of the right eye: the least cost of a match, and its disparity.
@@ -100,46 +150,72 @@ for (int i = 0; i < width + searched; ++i) {
 }
 short from_right[32] __attribute__((aligned(64)));
 short total[32] __attribute__((aligned(64)));
-for (int x = width - 1; x >= 0; --x) {
-    Costs path = *(const Costs*)(own + x * 32);
-    if (x < width - 1)
-        path += inherited(from_right, mine[x + 1], mine[x]);
-    store(from_right, path);
-    const Costs sum = *(const Costs*)(sums.data + first_sum + x * 32) + path;
-    *(Costs*)total = sum;
-    const short least = __builtin_reduce_min(sum);
-    const Lanes is_best = __builtin_convertvector(sum == (Costs)least, Lanes);
-    unsigned lanes;
-    __builtin_memcpy(&lanes, &is_best, 4);
-    const int best = __builtin_ctz(lanes);
-    const int slot = best >> 3;
-    const int found = ((mine[x] >> (7 * slot)) & 127) * 8 + (best & 7);
-    // Whether the disparities next to the best are in the next lanes.
-    const int neighbors = (mine[x] >> 28) & 7;
-    const bool has_lower = (best & 7) != 0 || (slot > 0 && ((neighbors >> (slot - 1)) & 1));
-    const bool has_upper = (best & 7) != 7 || (slot < 3 && ((neighbors >> slot) & 1));
-    // The best rival is not next to the best.
-    const int lower = has_lower ? total[best - 1] : 0, upper = has_upper ? total[best + 1] : 0;
-    total[best] = 32767;
-    if (has_lower) total[best - 1] = 32767;
-    if (has_upper) total[best + 1] = 32767;
-    const int rival = __builtin_reduce_min(*(const Costs*)total);
-    short result = NOT_FOUND;
-    if (rival * (100 - uniqueness) >= least * 100) {
-        const int column = x + searched - found;
-        if (right_cost[column] > least) {
-            right_cost[column] = least;
-            right_found[column] = found;
+// Which lanes of a vector of true and false are true, one bit each.
+auto bits_of = [](auto is_true) {
+    unsigned bits = 0;
+    if constexpr (sizeof is_true == 64) {
+        const Lanes lanes = __builtin_convertvector(is_true, Lanes);
+        __builtin_memcpy(&bits, &lanes, 4);
+    } else {
+        const HalfLanes lanes = __builtin_convertvector(is_true, HalfLanes);
+        __builtin_memcpy(&bits, &lanes, 2);
+    }
+    return bits;
+};
+auto choose = [&](auto zero, int begin, int end, int bits) {
+    // Whether the disparity above that of a lane is in the next lane: always within a block.
+    const unsigned together = bits >> 28;
+    const unsigned steps_up = 0x7f7f7f7f | (together & 1) << 7 | (together & 2) << 14 | (together & 4) << 21;
+    auto lane = zero, path = zero, least_path = zero;
+    __builtin_memcpy(&lane, &LANE, sizeof lane);
+    for (int x = end - 1; x >= begin; --x) {
+        auto alone = zero, inherited = zero, sum = zero;
+        load(alone, own + x * 32);
+        if (x < end - 1)
+            path = alone + (relaxed(path, bits, least_path + (short)large_step) - least_path);
+        else {
+            if (x < width - 1)
+                inherit(inherited, from_right, mine[x + 1], bits);
+            path = alone + inherited;
         }
-        result = found * 16;
-        if (has_lower && has_upper) {  // a parabola through the three costs
+        least_path = zero + __builtin_reduce_min(path);
+        load(sum, sums.data + first_sum + x * 32);
+        sum += path;
+        store(total, sum);
+        const short least = __builtin_reduce_min(sum);
+        const int best = __builtin_ctz(bits_of(sum == zero + least));
+        const int slot = best >> 3;
+        const int found = ((bits >> (7 * slot)) & 127) * 8 + (best & 7);
+        const int has_upper = steps_up >> best & 1, has_lower = (steps_up << 1) >> best & 1;
+        const int lower = total[best - has_lower], upper = total[best + has_upper];
+        // The best rival is not next to the best.
+        const auto away = lane - (short)best;
+        const auto is_near = (away >= zero - (short)has_lower) & (away <= zero + (short)has_upper);
+        const int rival = __builtin_reduce_min(sum | (is_near & 32767));
+        const bool is_unique = rival * (100 - uniqueness) >= least * 100;
+        const int column = x + searched - found;
+        const bool is_better = is_unique && right_cost[column] > least;
+        right_cost[column] = is_better ? least : right_cost[column];
+        right_found[column] = is_better ? found : right_found[column];
+        int result = found * 16;
+        if (has_lower & has_upper) {  // a parabola through the three costs
             const int bend = lower + upper - 2 * least > 1 ? lower + upper - 2 * least : 1;
             result += ((lower - upper) * 16 + bend) / (2 * bend);
         }
+        disparity.data[row * width + x] = is_unique ? result : NOT_FOUND;
+        cost.data[row * width + x] = least;
+        second.data[row * width + x] = rival;
     }
-    disparity.data[row * width + x] = result;
-    cost.data[row * width + x] = least;
-    second.data[row * width + x] = rival;
+    store(from_right, path - least_path);
+};
+for (int end = width, x; end > 0; end = x) {
+    const int bits = mine[end - 1];
+    for (x = end - 1; x > 0 && mine[x - 1] == bits;)
+        --x;
+    if (bits < 0)
+        choose((Half)0, x, end, bits);
+    else
+        choose((Costs)0, x, end, bits);
 }
 // A pixel whose partner in the right eye found something else has no match; both roundings have to disagree.
 for (int x = 0; x < width; ++x) {
