@@ -1,21 +1,22 @@
-"""Which disparities each pixel tries: four blocks of eight, packed into one integer.
+"""Which disparities each pixel tries: two or four blocks of eight, packed into one integer.
 
-Bits 0 to 27 hold the four blocks in ascending order, 7 bits each; block k has the disparities 8 k to 8 k + 7.
+Bits 0 to 27 hold four blocks in ascending order, 7 bits each; block k has the disparities 8 k to 8 k + 7.
 Bits 28 to 30 say whether the first and second, second and third, third and fourth block are neighbors.
+Where two blocks are enough, the sign bit is set: they are the first two, and always neighbors.
 """
 
 import numpy as np
 import warp as wp
 
+from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.warp_start import start_warp
-from digs_warp.sim.sensor.matcher import match
 
 start_warp()
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(vector_module_options())
 
 BLOCK = 8  # disparities
-BLOCKS = 4  # per pixel
+BLOCKS = 4  # per pixel, at most
 MAX_BLOCKS = 128  # that a block's 7 bits can number
 
 # How far away [px] a depth step makes a pixel try the disparity of the other side, and what is a step [px]:
@@ -23,165 +24,168 @@ MAX_BLOCKS = 128  # that a block's 7 bits can number
 STEP_REACH = 4
 STEP = 2.0
 
-# The full search runs on images this many times smaller; there, a block is one disparity.
-COARSE = BLOCK
+# Plain C: LLVM makes vector code of the first loop.
+_ROW = r"""
+const float* true_row = surface.data + row * width;
+const float* near_row = nearest.data + row * width;
+const float* far_row = farthest.data + row * width;
+int* out = blocks.data + row * width;
+// What decides on the blocks: own block, side, the blocks beyond a step and from the coarse search, plus one.
+for (int x = 0; x < width; ++x) {
+    // What lies farther left has no partner in the right image.
+    const float disparity = true_row[x] < x ? true_row[x] : x;
+    const int whole = (int)(disparity * 0.125f);
+    const int own = whole < count ? whole : count - 1;
+    const int side = disparity - 8.0f * own >= 4.0f;
+    const int nearer = (int)(near_row[x] * 0.125f), farther = (int)(far_row[x] * 0.125f);
+    const int beyond = disparity - far_row[x] > STEP ? farther < 254 ? farther + 1 : 255 : 0;
+    const int other = near_row[x] - disparity > STEP ? nearer < 254 ? nearer + 1 : 255 : beyond;
+    out[x] = own | side << 7 | other << 8;
+}
+const int coarse_row = (row >> 3) < coarse_height ? row >> 3 : coarse_height - 1;
+const int* preferred = coarse.data + coarse_row * coarse_width;
+const bool may_be_easy = (row >> 3) < easy_height;
+int last = -1, last_second = -1, bits = 0;
+for (int x = 0; x < width; ++x) {
+    const int square = x >> 3;
+    const int far = preferred[square < coarse_width ? square : coarse_width - 1];
+    int second = -1;  // twice its block, plus one in the upper half
+    if (has_second) {
+        const float behind = seconds.data[row * width + x];
+        if (behind >= 0 && behind < 8.0f * count)  // or there is none
+            second = (int)((behind < x ? behind : x) * 0.25f);
+    }
+    const bool is_easy = may_be_easy && square < easy_width && easy.data[(row >> 3) * easy_width + square];
+    const int key = out[x] | (far + 1) << 16 | is_easy << 24;
+    if (key == last && second == last_second) {  // as mostly among neighbors
+        out[x] = bits;
+        continue;
+    }
+    last = key;
+    last_second = second;
+    const int own = key & 127, side = (key >> 7 & 1) ? 1 : -1, other = (key >> 8 & 255) - 1;
+    int low = own + (side < 0 ? -1 : 0);
+    low = low < 0 ? 0 : low > count - 2 ? count - 2 : low;
+    if (is_easy && other < 0 && second < 0 && (far == low || far == low + 1)) {
+        bits = low | (low + 1) << 7 | (int)(1u << 28 | 1u << 31);
+        out[x] = bits;
+        continue;
+    }
+    // In order of importance; the last ones are the nearest that are free.
+    const int behind = second >> 1, beside = behind + (second & 1 ? 1 : -1);
+    const int wanted[] = {own, own + side, second < 0 ? -1 : behind, other, far, second < 0 ? -1 : beside,
+        own - side, own + 2 * side, own - 2 * side, own + 3 * side, own - 3 * side};
+    int chosen[4], found = 0;
+    for (int i = 0; found < 4; ++i) {
+        const int block = wanted[i];
+        bool is_free = block >= 0 && block < count;
+        for (int j = 0; j < found; ++j)
+            is_free = is_free && chosen[j] != block;
+        if (!is_free)
+            continue;
+        int place = found++;
+        for (; place > 0 && chosen[place - 1] > block; --place)
+            chosen[place] = chosen[place - 1];
+        chosen[place] = block;
+    }
+    bits = chosen[0] | chosen[1] << 7 | chosen[2] << 14 | chosen[3] << 21;
+    for (int i = 0; i < 3; ++i)
+        bits |= (chosen[i + 1] == chosen[i] + 1) << (28 + i);
+    out[x] = bits;
+}
+"""
 
-_COARSE = wp.constant(COARSE)
-_STEP = wp.constant(STEP)
-_BLOCK_BITS = wp.constant(7)
 
-
-@wp.func
-def is_free(block: int, chosen: wp.vec4i, at: int, count: int) -> bool:
-    """Return whether a block is inside the search range and not among the others that were chosen."""
-    free = block >= 0 and block < count
-    for i in range(4):
-        free = free and (i == at or chosen[i] != block)
-    return free
-
-
-@wp.func
-def packed(chosen: wp.vec4i) -> int:
-    """Return four different blocks in the form that the module describes."""
-    low = wp.min(chosen[0], chosen[1])
-    high = wp.max(chosen[0], chosen[1])
-    low2 = wp.min(chosen[2], chosen[3])
-    high2 = wp.max(chosen[2], chosen[3])
-    first = wp.min(low, low2)
-    fourth = wp.max(high, high2)
-    middle = wp.max(low, low2)
-    middle2 = wp.min(high, high2)
-    second = wp.min(middle, middle2)
-    third = wp.max(middle, middle2)
-    bits = first | (second << 7) | (third << 14) | (fourth << 21)
-    if second == first + 1:
-        bits |= 1 << 28
-    if third == second + 1:
-        bits |= 1 << 29
-    if fourth == third + 1:
-        bits |= 1 << 30
-    return bits
-
-
-@wp.func
-def four_blocks(own: int, side: int, other: int, far: int, count: int) -> int:
-    """Return the blocks of a pixel, packed.
-
-    Args:
-        own: block of the true disparity.
-        side: 1 if it lies in the upper half of the block, else -1.
-        other: block of the disparity beyond a nearby step; negative: none.
-        far: block that the coarse search prefers; negative: none.
-        count: of the blocks in the search range, at least 4.
-    """
-    third = own - side
-    fourth = own + 2 * side
-    has_other = other >= 0 and wp.abs(other - own) > 1
-    has_far = far >= 0 and wp.abs(far - own) > 1
-    if has_other:
-        fourth = other
-    if has_far:
-        if has_other:
-            third = other
-        fourth = far
-    chosen = wp.vec4i(own, own + side, third, fourth)
-    for i in range(1, 4):
-        if not is_free(chosen[i], chosen, i, count):
-            chosen[i] = -1
-    for i in range(1, 4):  # the nearest free block takes the place of one that cannot be
-        for distance in range(1, 2 * 4):
-            if chosen[i] < 0 and is_free(own + distance * side, chosen, i, count):
-                chosen[i] = own + distance * side
-            if chosen[i] < 0 and is_free(own - distance * side, chosen, i, count):
-                chosen[i] = own - distance * side
-    return packed(chosen)
+@wp.func_native(f"constexpr float STEP = {STEP};" + _ROW)
+def write_blocks(
+    surface: wp.array[float],
+    nearest: wp.array[float],
+    farthest: wp.array[float],
+    seconds: wp.array[float],
+    coarse: wp.array[int],
+    easy: wp.array[wp.uint8],
+    blocks: wp.array[int],
+    has_second: bool,
+    row: int,
+    width: int,
+    coarse_width: int,
+    coarse_height: int,
+    easy_width: int,
+    easy_height: int,
+    count: int,
+):
+    """Choose the blocks of one row."""
+    ...
 
 
 @wp.kernel
 def blocks_kernel(
     first: int,
-    surface: wp.array2d[float],  # true disparity [px], 0 where there is nothing
-    nearest: wp.array2d[float],  # largest disparity round the pixel
-    farthest: wp.array2d[float],  # smallest
-    coarse: wp.array2d[int],  # block that the coarse search prefers, negative: none
+    surface: wp.array[float],  # true disparity [px], 0 where there is nothing
+    nearest: wp.array[float],  # largest disparity round the pixel
+    farthest: wp.array[float],  # smallest
+    seconds: wp.array[float],  # disparity of the second surface, NaN where there is none
+    coarse: wp.array[int],  # block that the coarse search prefers, negative: none
+    easy: wp.array[wp.uint8],  # squares where two blocks are enough
+    has_second: bool,
+    width: int,
+    coarse_width: int,
+    coarse_height: int,
+    easy_width: int,
+    easy_height: int,
     count: int,
     # outputs
-    blocks: wp.array2d[int],
+    blocks: wp.array[int],
 ):
-    """Choose the blocks of one row."""
-    row = first + wp.tid()
-    coarse_row = wp.min(row / _COARSE, coarse.shape[0] - 1)
-    last_key = int(-1)
-    bits = int(0)
-    for column in range(surface.shape[1]):
-        # What lies farther left has no partner in the right image.
-        disparity = wp.min(surface[row, column], float(column))
-        own = wp.clamp(int(disparity / 8.0), 0, count - 1)
-        side = -1
-        if disparity - 8.0 * float(own) >= 4.0:
-            side = 1
-        other = -1
-        if disparity - farthest[row, column] > _STEP:
-            other = int(farthest[row, column] / 8.0)
-        if nearest[row, column] - disparity > _STEP:
-            other = int(nearest[row, column] / 8.0)
-        far = coarse[coarse_row, wp.min(column / _COARSE, coarse.shape[1] - 1)]
-        key = ((own * 4 + side + 1) * 256 + other + 1) * 256 + far + 1
-        if key != last_key:  # neighbors mostly have the same blocks
-            bits = four_blocks(own, side, other, far, count)
-            last_key = key
-        blocks[row, column] = bits
+    """Process one row."""
+    # fmt: off
+    write_blocks(surface, nearest, farthest, seconds, coarse, easy, blocks, has_second, first + wp.tid(), width,
+                 coarse_width, coarse_height, easy_width, easy_height, count)
+    # fmt: on
 
 
 def choose_blocks(
-    disparity: np.ndarray, left: np.ndarray, right: np.ndarray, count: int, window: int
+    surface: np.ndarray,
+    coarse: np.ndarray,
+    easy: np.ndarray,
+    count: int,
+    second: np.ndarray | None = None,
 ) -> wp.array:
     """Return the blocks that each pixel tries, packed, (height, width), int32.
 
+    In order of importance: the block of the true disparity and the nearer neighbor; that of a second
+    surface; the one beyond a depth step; the one that the coarse search prefers; the neighbor of the second
+    surface's; more neighbors of its own. Four of them, or only the first two where the square is easy and
+    there is none of the others.
+
     Args:
-        disparity: true disparity [px], (height, width), float32, NaN where there is nothing.
-        left: gray image, (height, width), uint8.
-        right: of the same size.
+        surface: true disparity [px], (height, width), float32, >= 0, 0 where there is nothing.
+        coarse: blocks from `digs_warp.sim.sensor.guided.coarse.coarse_blocks`.
+        easy: squares of 8 x 8 pixels, see `digs_warp.sim.sensor.guided.easy.easy_squares`; pixels that no
+            square covers are not easy.
         count: of the blocks in the search range, 4 to 128.
-        window: width of the matching window [px].
+        second: disparity of what shows through or is reflected [px], (height, width), float32, NaN where
+            there is nothing of that kind; None: nowhere.
     """
     import cv2
 
-    true = np.nan_to_num(disparity, nan=0.0, posinf=0.0)
+    height, width = surface.shape
     around = np.ones((2 * STEP_REACH + 1, 2 * STEP_REACH + 1), np.uint8)
-    inputs = [true, cv2.dilate(true, around), cv2.erode(true, around)]
-    coarse = coarse_blocks(left, right, count, window)
-    blocks = wp.empty(disparity.shape, dtype=int, device="cpu")
+    images = [surface, cv2.dilate(surface, around), cv2.erode(surface, around)]
+    images.append(surface if second is None else np.ascontiguousarray(second, np.float32))
+    blocks = wp.empty(surface.shape, dtype=int, device="cpu")
     launch_parallel(
         blocks_kernel,
-        disparity.shape[0],
-        [*(wp.array(a, device="cpu", copy=False) for a in (*inputs, coarse)), count, blocks],
+        height,
+        [
+            *(_flat(image, float) for image in images),
+            *(_flat(coarse, int), _flat(easy.view(np.uint8), wp.uint8)),
+            *(second is not None, width, *coarse.shape[::-1], *easy.shape[::-1], count),
+            blocks.flatten(),
+        ],
     )
     return blocks
 
 
-def coarse_blocks(left: np.ndarray, right: np.ndarray, count: int, window: int) -> np.ndarray:
-    """Return the blocks that a full search of small images prefers, int32, -1 where it finds none.
-
-    Without its checks: a wrong match in repeating or missing texture is what the pixel should try.
-
-    Args:
-        left: gray image, (height, width), uint8.
-        right: of the same size.
-        count: of the blocks in the search range.
-        window: width of the matching window [px].
-
-    Returns:
-        One block for every 8 x 8 pixels.
-    """
-    import cv2
-
-    height, width = left.shape
-    size = (max(1, width // COARSE), max(1, height // COARSE))
-    small, small_right = (
-        cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right)
-    )
-    disparities = -(-count // 16) * 16
-    found = match(small, small_right, disparities, window, checks=False)
-    found[~(found < count)] = -1
-    return found.astype(np.int32)
+def _flat(values: np.ndarray, dtype: type) -> wp.array:
+    return wp.array(values.reshape(-1), dtype=dtype, device="cpu", copy=False)

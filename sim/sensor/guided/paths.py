@@ -20,24 +20,51 @@ NOT_FOUND = -FIXED_POINT
 _RELAX = r"""
 typedef short Costs __attribute__((ext_vector_type(32)));
 typedef short Half __attribute__((ext_vector_type(16)));
+typedef short Plain __attribute__((vector_size(16)));
 typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
 const short missing = MISSING;
 auto load = [](auto& costs, const short* source) { __builtin_memcpy(&costs, source, sizeof costs); };
 auto store = [](short* target, auto costs) { __builtin_memcpy(target, &costs, sizeof costs); };
-// The costs of the disparities one below and one above; what lies beyond the ends is never used.
+// The costs of the disparities one below and one above; rotated, but what comes round is never used.
 auto one_below = [](auto costs) {
     if constexpr (sizeof costs == 64)
-        return __builtin_shufflevector(costs, costs, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
+        return __builtin_shufflevector(costs, costs, 31, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
             17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
     else
-        return __builtin_shufflevector(costs, costs, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14);
+        return __builtin_shufflevector(costs, costs, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14);
 };
 auto one_above = [](auto costs) {
     if constexpr (sizeof costs == 64)
         return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18,
-            19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 31);
+            19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 0);
     else
-        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15);
+        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0);
+};
+#ifdef __SSE4_1__
+// The least of 16 costs, in lane 0: an instruction that LLVM does not always find.
+auto least_of_half = [](Half costs) -> Plain {
+    const Plain low = __builtin_shufflevector(costs, costs, 0, 1, 2, 3, 4, 5, 6, 7);
+    const Plain high = __builtin_shufflevector(costs, costs, 8, 9, 10, 11, 12, 13, 14, 15);
+    return __builtin_ia32_phminposuw128(__builtin_elementwise_min(low, high));
+};
+#endif
+// The least of some costs, in all lanes.
+auto least_of = [&](auto costs) {
+#ifdef __SSE4_1__
+    if constexpr (sizeof costs == 64) {
+        const Half half = __builtin_elementwise_min(
+            __builtin_shufflevector(costs, costs, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15),
+            __builtin_shufflevector(costs, costs, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31));
+        const Plain found = least_of_half(half);
+        return __builtin_shufflevector(found, found, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+            0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+    } else {
+        const Plain found = least_of_half(costs);
+        return __builtin_shufflevector(found, found, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+    }
+#else
+    return costs - costs + __builtin_reduce_min(costs);
+#endif
 };
 // What a pixel inherits from one with the same blocks, whose least cost is at most ``most`` - large_step.
 auto relaxed = [&](auto before, int mine, auto most) {
@@ -102,7 +129,7 @@ auto down = [&](auto zero, int begin, int end, int bits) {
                 inherit(inherited, left, mine[x - 1], bits);
             from_left = alone + inherited;
         }
-        least = zero + __builtin_reduce_min(from_left);
+        least = least_of(from_left);
         auto a = alone, b = alone, c = alone;
         if (!is_first) {
             if (x > 0) {
@@ -117,9 +144,9 @@ auto down = [&](auto zero, int begin, int end, int bits) {
             }
         }
         store(sums.data + first_sum + x * 32, from_left + a + b + c);
-        store(after + x * 32, a - __builtin_reduce_min(a));
-        store(after + size + x * 32, b - __builtin_reduce_min(b));
-        store(after + 2 * size + x * 32, c - __builtin_reduce_min(c));
+        store(after + x * 32, a - least_of(a));
+        store(after + size + x * 32, b - least_of(b));
+        store(after + 2 * size + x * 32, c - least_of(c));
     }
     store(left, from_left - least);
 };
@@ -178,7 +205,7 @@ auto choose = [&](auto zero, int begin, int end, int bits) {
                 inherit(inherited, from_right, mine[x + 1], bits);
             path = alone + inherited;
         }
-        least_path = zero + __builtin_reduce_min(path);
+        least_path = least_of(path);
         load(sum, sums.data + first_sum + x * 32);
         sum += path;
         store(total, sum);

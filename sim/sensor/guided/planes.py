@@ -4,6 +4,8 @@ Birchfield and Tomasi (1998) compare a pixel with the range that the other image
 left and half a pixel right, so that the cost does not depend on how the sensor samples an edge.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import warp as wp
 
@@ -83,29 +85,51 @@ def planes_kernel(
     write_row(gray, planes, first + wp.tid(), width, height, pitch)
 
 
-def make_planes(gray: np.ndarray, disparities: int) -> wp.array:
-    """Return the planes of an image, (6, height, pitch), uint8.
+@dataclass(frozen=True, eq=False)
+class EyePlanes:
+    """The planes of a pair of images.
 
-    ``disparities`` black columns are put in front, as OpenCV's matcher needs them (see
-    `digs_warp.sim.sensor.matcher.match`), and some behind that nothing depends on.
+    Attributes:
+        left: (6 height pitch,), uint8.
+        right: of the same size.
+        width: of the images [px].
+        height: of the images [px].
+        pitch: columns of a plane.
+        searched: end of the search range [px]: so many black columns are in front of the image, as OpenCV's
+            matcher needs them (see `digs_warp.sim.sensor.matcher.match`).
+    """
+
+    left: wp.array
+    right: wp.array
+    width: int
+    height: int
+    pitch: int
+    searched: int
+
+
+def make_planes(left: np.ndarray, right: np.ndarray, disparities: int) -> EyePlanes:
+    """Return the planes of a pair.
 
     Args:
-        gray: (height, width), uint8.
+        left: gray image, (height, width), uint8.
+        right: of the same size.
         disparities: end of the search range [px].
     """
+    height, width = left.shape
+    pitch = disparities + width + SLACK
+    planes = [_planes(image, disparities, pitch) for image in (left, right)]
+    return EyePlanes(planes[0], planes[1], width, height, pitch, disparities)
+
+
+def _planes(gray: np.ndarray, disparities: int, pitch: int) -> wp.array:
+    """Return the six planes of an image, flat; nothing depends on the columns behind it."""
     import cv2
 
     height, width = gray.shape
     padded = cv2.copyMakeBorder(gray, 0, 0, disparities, SLACK, cv2.BORDER_CONSTANT)
-    pitch = padded.shape[1]
-    planes = wp.empty((PLANES, height, pitch), dtype=wp.uint8, device="cpu")
+    planes = wp.empty(PLANES * height * pitch, dtype=wp.uint8, device="cpu")
+    inputs = [wp.array(padded.reshape(-1), dtype=wp.uint8, device="cpu", copy=False)]
     launch_parallel(
-        planes_kernel,
-        height,
-        [
-            wp.array(padded.reshape(-1), dtype=wp.uint8, device="cpu", copy=False),
-            *(disparities + width, height, pitch),
-            planes.flatten(),
-        ],
+        planes_kernel, height, [*inputs, disparities + width, height, pitch, planes]
     )
     return planes

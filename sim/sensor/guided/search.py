@@ -10,14 +10,16 @@ from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS, choose_blocks
+from digs_warp.sim.sensor.guided.coarse import coarse_blocks
 from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW, TILE_COLUMNS, TILE_ROWS, tile_costs
+from digs_warp.sim.sensor.guided.easy import easy_squares
 from digs_warp.sim.sensor.guided.paths import (
     FIXED_POINT,
     choose_best,
     neighbor_steps,
     sum_down,
 )
-from digs_warp.sim.sensor.guided.planes import make_planes
+from digs_warp.sim.sensor.guided.planes import EyePlanes, make_planes
 from digs_warp.sim.sensor.matcher import (
     ISLAND,
     ISLAND_STEP,
@@ -122,15 +124,22 @@ class Found:
         disparity: [px], (height, width), float32, NaN where a check failed.
         cost: of the best disparity, mean per path and pixel of the window, (height, width), float32.
         rival: the same of the best disparity that is not next to it.
+        wide_share: of the pixels that tried four blocks; the others tried two. 0 to 1.
     """
 
     disparity: np.ndarray
     cost: np.ndarray
     rival: np.ndarray
+    wide_share: float
 
 
 def search(
-    left: np.ndarray, right: np.ndarray, surface: np.ndarray, disparities: int, window: int = 5
+    left: np.ndarray,
+    right: np.ndarray,
+    surface: np.ndarray,
+    disparities: int,
+    window: int = 5,
+    second: np.ndarray | None = None,
 ) -> Found:
     """Match a rectified pair in a band round the true disparity.
 
@@ -140,6 +149,8 @@ def search(
         surface: true disparity of the left image [px], (height, width), float32, NaN where there is nothing.
         disparities: end of the search range, which begins at 0 [px]; a multiple of 8, 32 to 1024.
         window: width of the square block [px], 1, 3, 5 or 7.
+        second: disparity of what shows through a surface or is reflected in it [px], (height, width),
+            float32, NaN where there is nothing of that kind; None: nowhere. Such pixels try it as well.
     """
     count = disparities // BLOCK
     if disparities % BLOCK or not BLOCKS <= count <= MAX_BLOCKS:
@@ -147,40 +158,46 @@ def search(
     if window % 2 == 0 or not 1 <= window <= LARGEST_WINDOW:
         raise DigsError(f"window: {window}, expected 1, 3, 5 or 7 pixels; wider ones overflow")
     check_shape("right image", right, left.shape)
-    blocks = choose_blocks(surface, left, right, count, window)
-    raw, cost, rival = search_blocks(left, right, blocks, disparities, window)
+    true = known_disparity(surface, disparities)
+    eyes = make_planes(left, right, disparities)
+    coarse = coarse_blocks(left, right, count, window)
+    blocks = choose_blocks(true, coarse, easy_squares(eyes, true), count, second)
+    raw, cost, rival = search_blocks(eyes, blocks, window)
     disparity = _without_islands(raw)
     disparity[disparity > np.arange(left.shape[1]) + 0.5] = (
         np.nan
     )  # matched what is not in the image
     scale = np.float32(1 / (5 * window * window))
-    return Found(disparity, cost * scale, rival * scale)
+    wide_share = float((blocks.numpy() >= 0).mean())
+    return Found(disparity, cost * scale, rival * scale, wide_share)
+
+
+def known_disparity(surface: np.ndarray, disparities: int) -> np.ndarray:
+    """Return the true disparity within the search range, 0 where there is nothing."""
+    import cv2
+
+    true = np.clip(surface, 0, disparities, dtype=np.float32)
+    return cv2.patchNaNs(true, 0.0)
 
 
 def search_blocks(
-    left: np.ndarray,
-    right: np.ndarray,
-    blocks: wp.array,
-    disparities: int,
-    window: int,
-    uniqueness: int = UNIQUENESS,
+    eyes: EyePlanes, blocks: wp.array, window: int, uniqueness: int = UNIQUENESS
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return disparity in sixteenths of a pixel and the two costs, (height, width), int16; see `search`."""
-    height, width = left.shape
-    planes = [make_planes(image, disparities) for image in (left, right)]
+    width, height = eyes.width, eyes.height
     strips = -(-height // STRIP_ROWS)
     small_step, large_step = (step * window * window for step in (SMALL_STEP, LARGE_STEP))
     steps = wp.array(neighbor_steps(small_step).reshape(-1), dtype=wp.int16, device="cpu")
     pair = packed(
         Pair,
-        left=planes[0].flatten(),
-        right=planes[1].flatten(),
+        left=eyes.left,
+        right=eyes.right,
         blocks=blocks.flatten(),
         steps=steps,
         width=width,
         height=height,
-        pitch=planes[0].shape[2],
-        searched=disparities,
+        pitch=eyes.pitch,
+        searched=eyes.searched,
         reach=window // 2,
         small_step=small_step,
         large_step=large_step,
@@ -192,11 +209,11 @@ def search_blocks(
         costs=_shorts(strips * TILE_ROWS * lanes),
         sums=_shorts(strips * lanes),
         paths=_shorts(strips * 6 * lanes),
-        right=_shorts(strips * 2 * (width + disparities)),
+        right=_shorts(strips * 2 * (width + eyes.searched)),
     )
     outputs = [_shorts(height * width) for _ in range(3)]
     launch_parallel(search_kernel, strips, [pair, scratch, *outputs])
-    disparity, cost, rival = (output.numpy().reshape(left.shape) for output in outputs)
+    disparity, cost, rival = (output.numpy().reshape(height, width) for output in outputs)
     return disparity, cost, rival
 
 
