@@ -111,31 +111,102 @@ def twin_matches(
 def tried_disparities(blocks: np.ndarray, disparities: int) -> np.ndarray:
     """Return which disparities packed blocks stand for, (height, width, disparities), bool."""
     tried = np.zeros((*blocks.shape, disparities), bool)
-    for slot in range(4):
-        block = (blocks >> (7 * slot)) & 127
-        for m in range(8):
-            np.put_along_axis(tried, (8 * block + m)[..., None], True, axis=2)
+    for y, x in np.ndindex(blocks.shape):
+        for block in unpacked(int(blocks[y, x])):
+            tried[y, x, 8 * block : 8 * block + 8] = True
     return tried
 
 
-def twin_blocks(own: int, side: int, other: int, far: int, count: int) -> set[int]:
-    """Return the four blocks that a pixel tries, from the rules in words.
+def unpacked(bits: int) -> list[int]:
+    """Return the blocks of a pixel in their order: two of them where the sign bit is set."""
+    return [(bits >> (7 * slot)) & 127 for slot in range(2 if bits < 0 else 4)]
 
-    Its own and the nearer neighbor always. A far one and one beyond a step take the place of the remaining
-    two; what is outside or there already is replaced by the nearest that is free, its own side first.
+
+def twin_blocks(
+    disparity: float,
+    around: np.ndarray,
+    far: int,
+    count: int,
+    easy: bool = False,
+    second: float = np.nan,
+) -> set[int]:
+    """Return the blocks that a pixel tries, from the rules in words.
+
+    Its own block and the nearer neighbor always; then that of the second surface, the one beyond a step, the
+    one that the coarse search prefers, the neighbor of the second surface's. What is left of four goes to
+    the nearest that are free, its own side first. In an easy square without any of them, two are enough.
+
+    Args:
+        disparity: of the pixel [px], within the image.
+        around: disparities within four pixels.
+        far: block that the coarse search prefers, -1: none.
+        count: of all blocks.
+        easy: whether the square is.
+        second: disparity of the second surface, NaN: none.
     """
-    wanted = [own, own + side, own - side, own + 2 * side]
-    beyond = other if other >= 0 and abs(other - own) > 1 else None
-    remote = far if far >= 0 and abs(far - own) > 1 else None
-    if beyond is not None and remote is not None:
-        wanted[2:] = [beyond, remote]
-    elif beyond is not None or remote is not None:
-        wanted[3] = beyond if beyond is not None else remote  # pyright: ignore
-    chosen = {block for block in wanted if 0 <= block < count}
-    nearest = [own + distance * way for distance in range(1, 8) for way in (side, -side)]
-    for block in nearest:
-        if len(chosen) == 4:
-            break
-        if 0 <= block < count:
-            chosen.add(block)
-    return chosen
+    own, side = _block_and_side(disparity)
+    own = min(own, count - 1)
+    side = 1 if disparity - 8 * own >= 4 else -1
+    wanted = [own, own + side]
+    beyond = [
+        v for v, step in ((around.max(), 1), (around.min(), -1)) if step * (v - disparity) > 2
+    ]
+    has_second = 0 <= second < 8 * count
+    two = {max(0, min(own, own + side, count - 2)) + i for i in range(2)}
+    if easy and not beyond and not has_second and far in two:
+        return two
+    behind, nearer = _block_and_side(second if has_second else 0)
+    if has_second:
+        wanted.append(behind)
+    wanted += [int(v // 8) for v in beyond[:1]]
+    wanted.append(far)
+    if has_second:
+        wanted.append(behind + nearer)
+    wanted += [own + distance * way for distance in range(1, 8) for way in (side, -side)]
+    chosen: list[int] = []
+    for block in wanted:
+        if 0 <= block < count and block not in chosen:
+            chosen.append(block)
+    return set(chosen[:4])
+
+
+def _block_and_side(disparity: float) -> tuple[int, int]:
+    """Return the block of a disparity, and on which side the nearer neighbor is."""
+    return int(disparity // 8), 1 if disparity % 8 >= 4 else -1
+
+
+def twin_easy(
+    left: np.ndarray, right: np.ndarray, surface: np.ndarray, largest: float, least: float
+) -> np.ndarray:
+    """Return the squares in which two blocks are enough, from the formulas, in float64.
+
+    The difference between the eyes at the true disparity over the gradient, both summed over 8 x 8 pixels
+    and smoothed over squares; the largest ratio of 3 x 3 squares decides. Mean gradients below ``least``
+    [DN/px] count as an infinite ratio.
+    """
+    _, (u, u_low, u_high) = _planes(left.astype(np.int64))
+    # A row at a time: slopes reach over rows, gray values do not.
+    _, (v, v_low, v_high) = _planes(np.pad(right.astype(np.int64), ((0, 0), (1024, 0))))
+    height, width = left.shape
+    rows, columns = height // 8, (width - 2) // 8
+    sums = np.zeros((2, rows, columns))
+    for j, i in np.ndindex(rows, columns):
+        for y in range(8 * j, 8 * j + 8):
+            d = float(surface[y, 8 * i + 4])
+            x = np.arange(8 * i, 8 * i + 8)
+            a, b = (y, x), (y, x + 1024 - int(d + 0.5))
+            of_left = np.maximum(np.maximum(u[a] - v_high[b], v_low[b] - u[a]), 0)
+            of_right = np.maximum(np.maximum(v[b] - u_high[a], u_low[a] - v[b]), 0)
+            sums[0, j, i] += np.minimum(of_left, of_right).sum() if d <= 8 * i else 10**6
+            sums[1, j, i] += np.abs(u[y, x + 2] - u[y, x]).sum() / 2
+    for axis in (1, 2):
+        pad = [(0, 0)] * 3
+        pad[axis] = (1, 1)
+        padded = np.moveaxis(
+            np.pad(sums, pad, mode="reflect" if sums.shape[axis] > 1 else "edge"), axis, 0
+        )
+        sums = np.moveaxis((padded[:-2] + 2 * padded[1:-1] + padded[2:]) / 4, 0, axis)
+    ratio = np.full((rows + 2, columns + 2), -np.inf)
+    ratio[1:-1, 1:-1] = np.where(sums[1] < 64 * least, np.inf, sums[0] / np.maximum(sums[1], 1e-9))
+    shifts = [(j, i) for j in range(3) for i in range(3)]
+    return np.max([ratio[j : j + rows, i : i + columns] for j, i in shifts], axis=0) < largest

@@ -37,9 +37,8 @@ for (int x = 0; x < width; ++x) {
     const int whole = (int)(disparity * 0.125f);
     const int own = whole < count ? whole : count - 1;
     const int side = disparity - 8.0f * own >= 4.0f;
-    const int nearer = (int)(near_row[x] * 0.125f), farther = (int)(far_row[x] * 0.125f);
-    const int beyond = disparity - far_row[x] > STEP ? farther < 254 ? farther + 1 : 255 : 0;
-    const int other = near_row[x] - disparity > STEP ? nearer < 254 ? nearer + 1 : 255 : beyond;
+    const int beyond = disparity - far_row[x] > STEP ? (int)(far_row[x] * 0.125f) + 1 : 0;
+    const int other = near_row[x] - disparity > STEP ? (int)(near_row[x] * 0.125f) + 1 : beyond;
     out[x] = own | side << 7 | other << 8;
 }
 const int coarse_row = (row >> 3) < coarse_height ? row >> 3 : coarse_height - 1;
@@ -139,8 +138,8 @@ def blocks_kernel(
 ):
     """Process one row."""
     # fmt: off
-    write_blocks(surface, nearest, farthest, seconds, coarse, easy, blocks, has_second, first + wp.tid(), width,
-                 coarse_width, coarse_height, easy_width, easy_height, count)
+    write_blocks(surface, nearest, farthest, seconds, coarse, easy, blocks, has_second, first + wp.tid(),
+                 width, coarse_width, coarse_height, easy_width, easy_height, count)
     # fmt: on
 
 
@@ -159,7 +158,7 @@ def choose_blocks(
     there is none of the others.
 
     Args:
-        surface: true disparity [px], (height, width), float32, >= 0, 0 where there is nothing.
+        surface: true disparity [px], (height, width), float32, 0 to 8 ``count``, 0 where there is nothing.
         coarse: blocks from `digs_warp.sim.sensor.guided.coarse.coarse_blocks`.
         easy: squares of 8 x 8 pixels, see `digs_warp.sim.sensor.guided.easy.easy_squares`; pixels that no
             square covers are not easy.

@@ -20,62 +20,61 @@ NOT_FOUND = -FIXED_POINT
 _RELAX = r"""
 typedef short Costs __attribute__((ext_vector_type(32)));
 typedef short Half __attribute__((ext_vector_type(16)));
-typedef short Plain __attribute__((vector_size(16)));
+typedef short Eight __attribute__((vector_size(16)));
 typedef short Block __attribute__((ext_vector_type(8), aligned(2)));
 const short missing = MISSING;
 auto load = [](auto& costs, const short* source) { __builtin_memcpy(&costs, source, sizeof costs); };
 auto store = [](short* target, auto costs) { __builtin_memcpy(target, &costs, sizeof costs); };
+auto min = [](auto a, auto b) { return __builtin_elementwise_min(a, b); };
 // The costs of the disparities one below and one above; rotated, but what comes round is never used.
 auto one_below = [](auto costs) {
     if constexpr (sizeof costs == 64)
-        return __builtin_shufflevector(costs, costs, 31, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
-            17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
+        return __builtin_shufflevector(costs, costs, 31, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14,
+            15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30);
     else
         return __builtin_shufflevector(costs, costs, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14);
 };
 auto one_above = [](auto costs) {
     if constexpr (sizeof costs == 64)
-        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18,
-            19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 0);
+        return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
+            17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 0);
     else
         return __builtin_shufflevector(costs, costs, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0);
 };
-#ifdef __SSE4_1__
-// The least of 16 costs, in lane 0: an instruction that LLVM does not always find.
-auto least_of_half = [](Half costs) -> Plain {
-    const Plain low = __builtin_shufflevector(costs, costs, 0, 1, 2, 3, 4, 5, 6, 7);
-    const Plain high = __builtin_shufflevector(costs, costs, 8, 9, 10, 11, 12, 13, 14, 15);
-    return __builtin_ia32_phminposuw128(__builtin_elementwise_min(low, high));
-};
-#endif
 // The least of some costs, in all lanes.
 auto least_of = [&](auto costs) {
 #ifdef __SSE4_1__
-    if constexpr (sizeof costs == 64) {
-        const Half half = __builtin_elementwise_min(
+    // Halved until one instruction does the rest, which LLVM does not find by itself.
+    Half half;
+    if constexpr (sizeof costs == 64)
+        half = min(
             __builtin_shufflevector(costs, costs, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15),
-            __builtin_shufflevector(costs, costs, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31));
-        const Plain found = least_of_half(half);
-        return __builtin_shufflevector(found, found, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
-            0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
-    } else {
-        const Plain found = least_of_half(costs);
-        return __builtin_shufflevector(found, found, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
-    }
+            __builtin_shufflevector(costs, costs, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29,
+                30, 31));
+    else
+        half = costs;
+    const Eight low = __builtin_shufflevector(half, half, 0, 1, 2, 3, 4, 5, 6, 7);
+    const Eight high = __builtin_shufflevector(half, half, 8, 9, 10, 11, 12, 13, 14, 15);
+    const Eight least = __builtin_ia32_phminposuw128(min(low, high));
+    if constexpr (sizeof costs == 64)
+        return __builtin_shufflevector(least, least, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+            0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+    else
+        return __builtin_shufflevector(least, least, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
 #else
     return costs - costs + __builtin_reduce_min(costs);
 #endif
 };
-// What a pixel inherits from one with the same blocks, whose least cost is at most ``most`` - large_step.
+// What a pixel inherits from one with the same blocks, whose least cost is ``most`` - large_step.
 auto relaxed = [&](auto before, int mine, auto most) {
     auto lower_step = before, upper_step = before;
     const short* step = steps.data + ((mine >> 28) & 7) * 64;
     load(lower_step, step);
     load(upper_step, step + 32);
-    const auto lower = one_below(before) + lower_step, upper = one_above(before) + upper_step;
-    return __builtin_elementwise_min(__builtin_elementwise_min(before, most), __builtin_elementwise_min(lower, upper));
+    const auto step_down = one_below(before) + lower_step, step_up = one_above(before) + upper_step;
+    return min(min(before, most), min(step_down, step_up));
 };
-// What a pixel (blocks: mine) inherits from another one (blocks: its), whose costs are kept minus their least.
+// What a pixel (blocks: mine) inherits from another one (blocks: its), whose costs are minus their least.
 auto inherit = [&](auto& result, const short* before, int its, int mine) {
     auto all = result;
     if (its == mine) {
@@ -98,9 +97,8 @@ auto inherit = [&](auto& result, const short* before, int its, int mine) {
         Block upper = __builtin_shufflevector(same, same, 1, 2, 3, 4, 5, 6, 7, 7);
         lower[0] = below;
         upper[7] = above;
-        Block step = __builtin_elementwise_min(lower, upper) + (Block)(short)small_step;
-        Block least = __builtin_elementwise_min(same, (Block)(short)large_step);
-        *(Block*)(costs + slot * 8) = __builtin_elementwise_min(least, step);
+        Block step = min(lower, upper) + (Block)(short)small_step;
+        *(Block*)(costs + slot * 8) = min(min(same, (Block)(short)large_step), step);
     }
     load(result, costs);
 };

@@ -129,7 +129,5 @@ def _planes(gray: np.ndarray, disparities: int, pitch: int) -> wp.array:
     padded = cv2.copyMakeBorder(gray, 0, 0, disparities, SLACK, cv2.BORDER_CONSTANT)
     planes = wp.empty(PLANES * height * pitch, dtype=wp.uint8, device="cpu")
     inputs = [wp.array(padded.reshape(-1), dtype=wp.uint8, device="cpu", copy=False)]
-    launch_parallel(
-        planes_kernel, height, [*inputs, disparities + width, height, pitch, planes]
-    )
+    launch_parallel(planes_kernel, height, [*inputs, disparities + width, height, pitch, planes])
     return planes

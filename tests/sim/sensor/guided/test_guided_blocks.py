@@ -3,56 +3,69 @@
 import numpy as np
 import pytest
 
-from digs_warp.sim.sensor.guided.blocks import choose_blocks, coarse_blocks
-from reference.guided_twin import twin_blocks
+from digs_warp.sim.sensor.guided.blocks import choose_blocks
+from digs_warp.sim.sensor.guided.coarse import coarse_blocks
+from reference.guided_twin import twin_blocks, unpacked
 from reference.stereo_frames import broadband
 
-
-def unpacked(blocks: np.ndarray) -> np.ndarray:
-    return np.stack([(blocks >> (7 * slot)) & 127 for slot in range(4)], axis=-1)
+Scene = tuple[np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two unrelated images, whose coarse search prefers anything, and a surface with steps everywhere."""
+def scene() -> Scene:
+    """A surface with steps everywhere, and squares whose coarse search prefers anything."""
     rng = np.random.default_rng(4)
     surface = rng.uniform(0, 159, (8, 12)).repeat(9, 0).repeat(11, 1).astype(np.float32)
-    left, right = rng.integers(0, 256, (2, *surface.shape), np.uint8)
-    return surface, left, right
+    surface[:40] = np.linspace(0, 60, surface.shape[1], dtype=np.float32)  # a slope without steps
+    coarse = (surface[::8, ::8] // 8).astype(np.int32)
+    wrong = rng.random(coarse.shape) < 0.5
+    coarse[wrong] = rng.integers(-1, 20, wrong.sum())
+    return surface, coarse
 
 
 @pytest.mark.parametrize("count", [4, 5, 20, 128])
-def test_the_blocks_follow_the_rules(
-    scene: tuple[np.ndarray, np.ndarray, np.ndarray], count: int
-) -> None:
-    surface, left, right = scene
-    found = unpacked(choose_blocks(surface, left, right, count, 5).numpy())
-    coarse = coarse_blocks(left, right, count, 5)
+@pytest.mark.parametrize("has_second", [False, True])
+def test_the_blocks_follow_the_rules(scene: Scene, count: int, has_second: bool) -> None:
+    surface, coarse = np.minimum(scene[0], 8 * count), np.minimum(scene[1], count - 1)
+    rng = np.random.default_rng(1)
+    easy = rng.random((9, 15)) < 0.6  # fewer squares than the image has
+    second = rng.uniform(-20, 9 * count, surface.shape).astype(np.float32)
+    second[rng.random(surface.shape) < 0.5] = np.nan
+    blocks = choose_blocks(surface, coarse, easy, count, second if has_second else None).numpy()
     height, width = surface.shape
-    for y in range(0, height, 5):
+    narrow = 0
+    for y in range(0, height, 3):
         for x in range(0, width, 3):
             around = surface[max(y - 4, 0) : y + 5, max(x - 4, 0) : x + 5]
-            d = min(surface[y, x], x)  # what lies farther left has no partner
-            other = -1
-            if d - around.min() > 2:
-                other = int(around.min() // 8)
-            if around.max() - d > 2:
-                other = int(around.max() // 8)
-            far = coarse[min(y // 8, len(coarse) - 1), min(x // 8, coarse.shape[1] - 1)]
-            own = min(int(d // 8), count - 1)
-            side = 1 if d - 8 * own >= 4 else -1
-            assert set(found[y, x]) == twin_blocks(own, side, other, int(far), count)
+            d = min(float(surface[y, x]), x)  # what lies farther left has no partner
+            far = int(coarse[min(y // 8, len(coarse) - 1), min(x // 8, coarse.shape[1] - 1)])
+            is_easy = y // 8 < 9 and x // 8 < 15 and bool(easy[y // 8, x // 8])
+            other = min(float(second[y, x]), x) if 0 <= second[y, x] < 8 * count else np.nan
+            wanted = twin_blocks(d, around, far, count, is_easy, other if has_second else np.nan)
+            assert set(unpacked(int(blocks[y, x]))) == wanted
+            narrow += len(wanted) == 2
+    assert narrow > 20, "or the easy squares were not tested"
 
 
-def test_blocks_are_sorted_and_their_bits_tell_neighbors(
-    scene: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> None:
-    surface, left, right = scene
-    packed = choose_blocks(surface, left, right, 20, 5).numpy()
-    found = unpacked(packed)
-    assert (np.diff(found, axis=-1) > 0).all()
-    bits = np.stack([(packed >> (28 + i)) & 1 for i in range(3)], axis=-1)
-    np.testing.assert_array_equal(bits, np.diff(found, axis=-1) == 1)
+def test_blocks_are_sorted_and_their_bits_tell_neighbors(scene: Scene) -> None:
+    surface, coarse = scene
+    blocks = choose_blocks(surface, coarse, np.ones((9, 16), bool), 20).numpy()
+    assert (blocks < 0).any() and (blocks >= 0).any()
+    for bits in np.unique(blocks).tolist():
+        steps = np.diff(unpacked(bits))
+        assert (steps > 0).all()
+        assert [(bits >> (28 + i)) & 1 for i in range(len(steps))] == (steps == 1).tolist()
+
+
+def test_a_second_surface_is_tried_with_its_nearer_neighbor() -> None:
+    surface = np.full((16, 200), 100, np.float32)
+    second = np.full((16, 200), 45, np.float32)  # in the upper half of block 5
+    second[8:] = np.nan
+    coarse = np.full((2, 25), 12, np.int32)
+    easy = np.ones((2, 24), bool)
+    blocks = choose_blocks(surface, coarse, easy, 20, second).numpy()
+    assert unpacked(int(blocks[4, 150])) == [5, 6, 12, 13]
+    assert unpacked(int(blocks[12, 150])) == [12, 13]
 
 
 def test_repeating_texture_adds_the_disparity_that_a_full_search_might_take() -> None:
@@ -63,7 +76,8 @@ def test_repeating_texture_adds_the_disparity_that_a_full_search_might_take() ->
     right = stripes[:, 80:400] + rng.standard_normal((96, 320))  # 80 px: one period is 16 px
     left, right = (np.clip(image, 0, 255).astype(np.uint8) for image in (left, right))
     surface = np.full((96, 320), 80, np.float32)
-    found = unpacked(choose_blocks(surface, left, right, 20, 5).numpy())
-    tries_two = (found == 2).any(axis=-1)  # 16 px
-    assert (found == 10).any(axis=-1).all()
-    assert tries_two[:, 160:].mean() > 0.3
+    coarse = coarse_blocks(left, right, 20, 5)
+    blocks = choose_blocks(surface, coarse, np.ones((12, 39), bool), 20).numpy()
+    found = [set(unpacked(int(bits))) for bits in blocks[:, 160:].ravel()]
+    assert all(10 in tried for tried in found)
+    assert np.mean([2 in tried for tried in found]) > 0.3  # 16 px

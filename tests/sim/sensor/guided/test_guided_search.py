@@ -8,7 +8,9 @@ from digs_warp.checks import DigsError
 from digs_warp.device import parallel
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.guided.blocks import choose_blocks
+from digs_warp.sim.sensor.guided.coarse import coarse_blocks
 from digs_warp.sim.sensor.guided.confidence import confidence_of
+from digs_warp.sim.sensor.guided.planes import make_planes
 from digs_warp.sim.sensor.guided.search import STRIP_ROWS, WARM_UP, search, search_blocks
 from reference.guided_twin import tried_disparities, twin_costs, twin_matches, twin_sums
 from reference.stereo_frames import broadband
@@ -31,14 +33,47 @@ def stepped_pair(
     return left, right, surface.astype(np.float32)
 
 
+def wide_blocks(
+    left: np.ndarray, right: np.ndarray, surface: np.ndarray, count: int, window: int = 5
+) -> np.ndarray:
+    """Four blocks for every pixel."""
+    coarse = coarse_blocks(left, right, count, window)
+    return choose_blocks(surface, coarse, np.zeros((0, 0), bool), count).numpy()
+
+
+def some_narrow(blocks: np.ndarray, surface: np.ndarray, seed: int) -> np.ndarray:
+    """Two blocks in every other patch, whose size is random: all kinds of neighbors meet."""
+    rng = np.random.default_rng(seed)
+    marks = rng.random((9, 13)).repeat(4, 0).repeat(6, 1)[: blocks.shape[0], : blocks.shape[1]]
+    first = np.maximum(surface.astype(int) - 4, 0) // 8 + (marks > 0.9)
+    narrow = first | (first + 1) << 7 | 1 << 28 | -1 << 31
+    return np.where(marks > 0.5, narrow, blocks).astype(np.int32)
+
+
+def searched(
+    left: np.ndarray,
+    right: np.ndarray,
+    blocks: np.ndarray,
+    disparities: int,
+    window: int = 5,
+    uniqueness: int = 13,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    eyes = make_planes(left, right, disparities)
+    return search_blocks(eyes, wp.array(blocks, dtype=int, device="cpu"), window, uniqueness)
+
+
 @pytest.mark.parametrize("window", [1, 3, 5, 7])
-def test_disparity_and_costs_equal_the_twin_to_the_bit(window: int) -> None:
+@pytest.mark.parametrize("is_mixed", [False, True])
+def test_disparity_and_costs_equal_the_twin_to_the_bit(window: int, is_mixed: bool) -> None:
     left, right, surface = stepped_pair((35, 75), seed=window)
-    blocks = choose_blocks(surface, left, right, 10, window)
-    found = search_blocks(left, right, blocks, 80, window, uniqueness=13)
+    blocks = wide_blocks(left, right, surface, 10, window)
+    if is_mixed:
+        blocks = some_narrow(blocks, surface, window)
+        assert 0.3 < (blocks < 0).mean() < 0.7
+    found = searched(left, right, blocks, 80, window)
     costs = twin_costs(left, right, 80, window)
     steps = (8 * window * window, 32 * window * window)
-    sums = twin_sums(costs, tried_disparities(blocks.numpy(), 80), *steps)
+    sums = twin_sums(costs, tried_disparities(blocks, 80), *steps)
     for mine, twins in zip(found, twin_matches(sums, 13, 1), strict=True):
         np.testing.assert_array_equal(mine, twins)
     assert 0.3 < (found[0] >= 0).mean() < 1, "or the checks were not tested"
@@ -49,8 +84,8 @@ def test_with_the_full_range_in_the_band_it_is_opencvs_search() -> None:
 
     left, right, _ = stepped_pair((120, 200))
     surface = np.full(left.shape, 12.0, np.float32)  # 32 disparities: all are tried
-    blocks = choose_blocks(surface, left, right, 4, 5)
-    found, _, _ = search_blocks(left, right, blocks, 32, 5, uniqueness=10)
+    blocks = wide_blocks(left, right, surface, 4)
+    found, _, _ = searched(left, right, blocks, 32, uniqueness=10)
     matcher = cv2.StereoSGBM.create(0, 32, 5, 200, 800, 1, 0, 10, 0, 0)
     pair = [cv2.copyMakeBorder(i, 0, 0, 32, 0, cv2.BORDER_CONSTANT) for i in (left, right)]
     full = matcher.compute(pair[0], pair[1])[:, 32:]
@@ -64,15 +99,28 @@ def test_strips_hardly_differ_from_one_search_and_not_with_the_threads(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     left, right, surface = stepped_pair((2 * STRIP_ROWS, 120))
-    blocks = choose_blocks(surface, left, right, 10, 5)
-    both = search_blocks(left, right, blocks, 80, 5)[0]
+    blocks = wide_blocks(left, right, surface, 10)
+    both = searched(left, right, blocks, 80)[0]
     monkeypatch.setattr(parallel, "default_threads", lambda: 1)
-    np.testing.assert_array_equal(both, search_blocks(left, right, blocks, 80, 5)[0])
+    np.testing.assert_array_equal(both, searched(left, right, blocks, 80)[0])
     # The lower half alone, with the rows above in which its paths warm up.
     lower = slice(STRIP_ROWS - WARM_UP - 2, None)
-    alone = search_blocks(left[lower], right[lower], wp.array(blocks.numpy()[lower]), 80, 5)[0]
+    alone = searched(left[lower], right[lower], blocks[lower], 80)[0]
     same = alone[WARM_UP + 4 :] == both[STRIP_ROWS + 2 :]
     assert same[: STRIP_ROWS // 2].mean() > 0.97
+
+
+def test_two_blocks_find_what_four_do_where_two_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right, surface = stepped_pair((200, 400), noise=1.0)
+    found = search(left, right, surface, 80)
+    assert found.wide_share < 0.8, "or nothing is compared"
+    nowhere = np.zeros((0, 0), bool)
+    monkeypatch.setattr("digs_warp.sim.sensor.guided.search.easy_squares", lambda *_: nowhere)
+    wide = search(left, right, surface, 80)
+    assert wide.wide_share == 1
+    close = np.abs(found.disparity - wide.disparity) <= 1 / 16
+    same = close | (np.isnan(found.disparity) & np.isnan(wide.disparity))
+    assert same.mean() > 0.999
 
 
 @pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
