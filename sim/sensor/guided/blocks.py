@@ -5,6 +5,11 @@ Bits 28 to 30 say whether the first and second, second and third, third and four
 Where two blocks are enough, the sign bit is set: they are the first two, and always neighbors.
 """
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 import numpy as np
 import warp as wp
 

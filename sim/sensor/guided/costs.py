@@ -4,6 +4,11 @@ The cost of one pixel pair is the smaller of the two distances between a pixel a
 partner (Birchfield and Tomasi 1998), of the slopes plus a quarter of that of the gray values, at most 93.
 """
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 import warp as wp
 
 # Rows and columns of a tile. Vectors have 64 columns; the rest are the margin of the largest window.

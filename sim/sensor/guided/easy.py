@@ -5,6 +5,11 @@ the true disparity is compared with the gradient. Where noise makes both, their 
 whatever the noise.
 """
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 import numpy as np
 import warp as wp
 

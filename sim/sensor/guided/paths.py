@@ -5,6 +5,11 @@ neighboring one plus P1, any other plus P2 (Hirschmueller 2008). Here a pixel kn
 of its blocks; those that the pixel before did not try cost P2. Costs on a path are kept minus their least.
 """
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 import numpy as np
 import warp as wp
 

@@ -4,6 +4,11 @@ Birchfield and Tomasi (1998) compare a pixel with the range that the other image
 left and half a pixel right, so that the cost does not depend on how the sensor samples an edge.
 """
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,10 @@
 """The band-limited search of a pair: strips of the image, a launch for all."""
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 from dataclasses import dataclass
 
 import numpy as np
