@@ -8,6 +8,8 @@ from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.sim.mesh.placement import Unit
 
+Tier = Literal["truth", "law", "guided", "matcher"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateConfig:
@@ -35,15 +37,14 @@ class SimulateConfig:
     samples_per_pixel: int = 4
     """Rays per pixel; more give smoother edges and take longer."""
 
-    tier: Literal["truth", "law", "planned", "guided", "matcher"] = "planned"
-    """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'planned' has the
-    effects that the scene calls for, on depth and images; 'guided' matches the two recorded images near the
-    truth, so that errors lie where a camera has them; 'matcher' matches them over the full range, ten times
-    as slowly."""
+    tier: Tier = "guided"
+    """Sensor: 'truth' is perfect; 'law' has the noise, steps and range of stereo depth; 'guided' matches the
+    two recorded images near the truth, so that errors lie where a camera has them; 'matcher' matches them
+    over the full range, ten times as slowly."""
 
     effects: str = "auto"
     """Effects of the sensor: auto (what the scene calls for), all, none, or names separated by commas
-    ('digs-warp plan' lists them). For the tiers 'planned', 'guided' and 'matcher'."""
+    ('digs-warp plan' lists them). For the tiers 'guided' and 'matcher'."""
 
     strength: float = 1.0
     """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
@@ -84,11 +85,11 @@ class SimulateConfig:
             )
         if self.effects != "auto" and not self.plans_effects:
             raise DigsError(
-                f"--effects {self.effects}: has no meaning with --tier {self.tier}; choose --tier planned, "
-                "guided or matcher, or leave the effects out"
+                f"--effects {self.effects}: has no meaning with --tier {self.tier}; choose --tier guided or "
+                "matcher, or leave the effects out"
             )
 
     @property
     def plans_effects(self) -> bool:
         """Whether the tier asks the scene which effects it calls for."""
-        return self.tier in ("planned", "guided", "matcher")
+        return self.tier in ("guided", "matcher")

@@ -8,7 +8,7 @@ bounded by such data, not fitted to one device. A custom profile is a YAML file:
     base: zed2-720
     figures:
       baseline: {value: 0.2, origin: measured, note: calibration of 3 May}
-      random_invalid: {value: 0.0, origin: tuned}
+      static_field: {value: 0.0, origin: tuned}
 """
 
 from collections.abc import Mapping
@@ -90,7 +90,7 @@ class Profile:
         else:
             intrinsics = Intrinsics.from_fov(width, height, horizontal_fov_deg)
         values: dict[str, Any] = {name: self.figures[name].value for name in RIG_FIGURES}
-        for kind, names in ((int, ("window", "unit")), (bool, ("post_filter", "drops_saturated"))):
+        for kind, names in ((int, ("window", "unit")), (bool, ("post_filter",))):
             values |= {name: kind(values[name]) for name in names}
         return StereoRig(intrinsics=intrinsics, **values)
 
@@ -100,21 +100,14 @@ def _figures(origin: Origin, note: str, **values: float) -> dict[str, Figure]:
 
 
 _MATCHER = {
-    **_figures(
-        "measured", "semi-global matching, synthetic pairs", window=5, noise_correlation=4.0
-    ),
+    **_figures("measured", "semi-global matching, synthetic pairs", window=5),
     **_figures("measured", "fixed point of semi-global matchers", disparity_step=1 / 16),
-    # Octant means of a real pair: -0.08 to +0.06 px (ideal pairs show twice that).
-    **_figures("measured", "real pair with ground truth, Middlebury Motorcycle", ripple=0.07),
     # Measured 0.15 to 0.2 px there, including the error of the ground truth; range data of the first ZED
     # limit it.
     **_figures("tuned", "bounded by range data of the ZED (v1)", static_field=0.1),
     **_figures("tuned", "high-frequency error of a real pair: 0.10-0.15 px", disparity_sigma=0.1),
-    **_figures(
-        "tuned", "synthetic pairs: 0.02-0.06 px temporal, 0.03-0.1 px fixed", temporal_share=0.5
-    ),
     **_figures("tuned", "any specimen", unit=0),
-    **_figures("tuned", "as the matcher leaves it", drops_saturated=0.0, post_filter=0.0),
+    **_figures("tuned", "as the matcher leaves it", post_filter=0.0),
     # Vendors state depth errors below 1 to 2 % at 2 to 4 m, which are 0.2 to 0.4 px: two standard deviations.
     **_figures("tuned", "half of the vendors' depth errors, 0.1-0.2 px", rotation_drift=0.01),
     **_figures("tuned", "lens that warms by 10 K, 0.1-0.2 px at the sides", focal_drift=2e-4),
@@ -128,37 +121,31 @@ _ZED2 = {
     **_figures("vendor", "data sheet", baseline=0.12, min_depth=0.3, max_depth=20.0),
     **_figures("tuned", "no limit but the nearest depth", max_disparity=0.0),
     **_figures("vendor", "neural depth modes smooth across edges", post_filter=1.0),
-    **_figures("vendor", "default of the ROS 2 wrapper", drops_saturated=1.0),
 }
 
 _CALIBRATED = "factory calibration of one device"
 _LINES = "line time x lines, vendor's support pages"
 
-# Differences between the image modes. Random invalid pixels: Ortiz et al. 2018, doi 10.5565/rev/elcvia.1084,
-# measured on the first ZED.
+# Differences between the image modes.
 _ZED2_MODES = {
     "2K": {
         **_figures("vendor", "image mode", width=2208, height=1242),
         **_figures("measured", _CALIBRATED, focal=1063.98),
-        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0230),
         **_figures("vendor", _LINES, readout_time=0.0556),
     },
     "1080": {
         **_figures("vendor", "image mode", width=1920, height=1080),
         **_figures("tuned", "taken for a crop of the 2K mode", focal=1063.98),
-        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0243),
         **_figures("vendor", _LINES, readout_time=0.0276),
     },
     "720": {
         **_figures("vendor", "image mode", width=1280, height=720),
         **_figures("measured", _CALIBRATED, focal=531.99),
-        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0206),
         **_figures("vendor", _LINES, readout_time=0.0184),
     },
     "VGA": {
         **_figures("vendor", "image mode", width=672, height=376),
         **_figures("tuned", "half of the 720 mode", focal=265.995),
-        **_figures("measured", "ZED (v1), Ortiz et al. 2018", random_invalid=0.0209),
         **_figures("tuned", "376 lines at the line time of the 720 mode", readout_time=0.0096),
     },
 }
@@ -175,8 +162,6 @@ _D435 = {
     **_figures("vendor", "1/32 px", disparity_step=1 / 32),
     **_figures("vendor", "rule of thumb of the vendor's engineers", disparity_sigma=0.08),
     **_figures("tuned", "0.11 px; the vendor's 2 % at 2 m allow twice that", rotation_drift=0.015),
-    **_figures("vendor", "sub-pixel linearity improved 3-5 times", ripple=0.02),
-    **_figures("tuned", "projected pattern; no published figure", random_invalid=0.005),
     **_figures("vendor", "global shutter", readout_time=0.0),
 }
 
@@ -190,7 +175,6 @@ _OAKD = {
     **_figures("vendor", "3 sub-pixel bits", disparity_step=1 / 8),
     # Vendor's medians (2 % at 4 m, 4 % at 7 m) are bounds with bias: they allow 0.3 px.
     **_figures("tuned", "census matching, below the vendor's bound", disparity_sigma=0.15),
-    **_figures("tuned", "no published figure", random_invalid=0.01),
     **_figures("vendor", "global shutter", readout_time=0.0),
 }
 

@@ -23,24 +23,19 @@ class StereoRig:
     Attributes:
         intrinsics: of either eye.
         baseline: [m].
-        disparity_sigma: standard deviation of the disparity noise on well textured surfaces [px].
+        disparity_sigma: standard deviation of the disparity noise [px], for the tier "law"; matching makes
+            its own.
         disparity_step: step in which disparity is reported [px]; 0: none.
         min_depth: nearest depth that is reported [m].
         max_depth: farthest depth that is reported [m].
         max_disparity: end of the search range [px]; 0: as far as the nearest depth requires.
         window: width of the matching window [px].
-        noise_correlation: distance at which the noise's correlation has fallen to 1/e [px].
-        temporal_share: share of the noise's variance that changes from frame to frame, 0 to 1; the rest
-            belongs to the texture.
-        ripple: amplitude of the pixel-locking ripple [px].
         static_field: standard deviation of the smooth, constant error of a unit [px].
         unit: number of the unit; each has a different static field.
-        random_invalid: share of pixels that drop out for no visible reason, 0 to 1.
         rotation_drift: standard deviation of each of the three angles by which the right eye has turned since
             the calibration [degree].
         focal_drift: standard deviation of the change of the right eye's focal length, relative.
         baseline_drift: standard deviation of the change of the baseline, relative.
-        drops_saturated: whether pixels in saturated areas are dropped even if smoothness could fill them.
         post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of each color channel of a mid-gray pixel [DN of 255].
         full_well: electrons of a white pixel at the gain in use; determines how noise grows with light.
@@ -57,16 +52,11 @@ class StereoRig:
     max_depth: float
     max_disparity: float = 0.0
     window: int = 5
-    noise_correlation: float = 4.0
-    temporal_share: float = 0.5
-    ripple: float = 0.07
     static_field: float = 0.1
     unit: int = 0
-    random_invalid: float = 0.023
     rotation_drift: float = 0.0
     focal_drift: float = 0.0
     baseline_drift: float = 0.0
-    drops_saturated: bool = False
     post_filter: bool = False
     image_noise: float = 2.0
     full_well: float = 4_400.0
@@ -81,9 +71,8 @@ class StereoRig:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise DigsError(f"rig: {name}={value}, expected a finite number >= 0")
-        for name in ("temporal_share", "random_invalid", "vignetting"):
-            if getattr(self, name) > 1:
-                raise DigsError(f"rig: {name}={getattr(self, name)}, expected a share from 0 to 1")
+        if self.vignetting > 1:
+            raise DigsError(f"rig: vignetting={self.vignetting}, expected a share from 0 to 1")
         if self.window < 1 or self.window % 2 == 0:
             raise DigsError(f"rig: window={self.window}, expected an odd number of pixels >= 1")
         if self.unit < 0:
@@ -109,11 +98,7 @@ _AMOUNTS = (
     "disparity_sigma",
     "disparity_step",
     "max_disparity",
-    "noise_correlation",
-    "temporal_share",
-    "ripple",
     "static_field",
-    "random_invalid",
     "rotation_drift",
     "focal_drift",
     "baseline_drift",

@@ -27,11 +27,10 @@ from digs_warp.sim.shutter import Shutter
 # Frames that are rendered for the plan, evenly spaced: two on each of the three orbits.
 SAMPLE_FRAMES = 6
 
-# Effects that act on depth in the tiers that plan effects. Matching makes its own errors.
+# Effects that act on depth in the tiers that plan effects. A full search finds second surfaces by itself.
 _DEPTH_EFFECTS = {
-    "planned": frozenset(EFFECT_NAMES),
-    "guided": AFTER_MATCHING,
-    "matcher": frozenset(),
+    "guided": frozenset(EFFECT_NAMES),
+    "matcher": frozenset(effect.name for effect in AFTER_MATCHING),
 }
 
 # Effects on the photographs, then those on depth.
@@ -126,8 +125,8 @@ def check_effects(config: SimulateConfig) -> None:
     idle = wanted & frozenset(EFFECT_NAMES) - _DEPTH_EFFECTS[config.tier]
     if idle:
         raise DigsError(
-            f"--effects {', '.join(sorted(idle))}: the tier '{config.tier}' gets such errors from the images "
-            "that it matches; leave them out, or choose --tier planned"
+            f"--effects {', '.join(sorted(idle))}: the tier '{config.tier}' searches the full range and "
+            "finds such surfaces by itself; leave them out, or choose --tier guided"
         )
 
 

@@ -19,9 +19,8 @@ from digs_warp.words import counted
 class _PlanOptions(SimulateConfig):
     """The recording that is planned."""
 
-    tier: Literal["planned", "guided", "matcher"] = "planned"
-    """Sensor: 'planned' has effects on depth and images; 'guided' on images, and on depth those that no image
-    shows; 'matcher' on images alone."""
+    tier: Literal["guided", "matcher"] = "guided"
+    """Sensor: 'guided' searches near the truth; 'matcher' searches the full range."""
 
 
 @dataclass(frozen=True, kw_only=True)

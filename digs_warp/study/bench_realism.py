@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.record.progress import progress
-from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.tiers import Tier, sense
+from digs_warp.sim.sensor.tiers import sense
 from digs_warp.sim.sensor_plan import SensorPlan, plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
@@ -38,7 +38,7 @@ FRAMES = 60  # of the walk
 NUMBER = 17  # the one that is taken
 DRAWS = 8  # of the image noise, for what changes from frame to frame
 
-SENSORS: tuple[Tier, ...] = ("planned", "guided")
+SENSORS: tuple[Tier, ...] = ("guided",)
 YARDSTICK, OTHER_NOISE = "matcher", "matcher, other noise"
 
 
@@ -63,8 +63,7 @@ class Scene:
         plan = self.plans[tier]
         recorded = recorded_images(self.truth, plan.pixel_effects, draw)
         # The yardstick has neither calibration errors nor filters: both are left out.
-        depth = plan.depth if tier == "planned" else ()
-        return sense(self.truth, tier, depth, draw, recorded=recorded)
+        return sense(self.truth, tier, (), draw, recorded=recorded)
 
 
 def bench_realism(data: Path | None = None, widths: Sequence[int] = WIDTHS) -> list[Result]:

@@ -1,33 +1,33 @@
 """`digs-warp bench sim`: time and realism of each tier and effect of the simulated depth sensor.
 
-Every tier senses frames of four sample meshes, or of the built-in object where there is no sample data. The
-matcher is the yardstick: it compares the two images and knows nothing of effects. The tables show, for each
-effect, its time alone, what it changes, and whether that brings the planned tier closer to the matcher; for
-each cause, the share of the frame that it takes. A real pair with true disparity checks both. The gap cannot
-vanish: a profile with a post-filter has flying pixels, and a camera that removes saturated areas has holes
-there; the matcher has neither.
+Every tier senses frames of four sample meshes, or of the built-in object where there is no sample data, and
+a real pair with true disparity. The matcher is the yardstick: it searches the full range and is told nothing.
+The tables show, for each tier, time and errors; for each cause, the share of the frame that it takes; for
+each effect on matched depth, its time and what it changes.
 """
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from digs_warp.record.progress import progress
-from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.record import WORKERS
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import measure_facts
-from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import Scores, score
-from digs_warp.sim.sensor.tiers import Tier, sense, sense_effects
+from digs_warp.sim.sensor.tiers import apply_effects, sense
 from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
@@ -44,7 +44,7 @@ WIDTH = 1280
 FRAMES = 7  # of the walk; the third one is taken: from half above
 
 ROUNDS = 5
-TIERS: tuple[Tier, ...] = ("truth", "law", "planned", "guided", "matcher")
+TIERS: tuple[Tier, ...] = ("truth", "law", "guided", "matcher")
 
 TIME, ALONE = "time [ms/MP]", "alone [ms/MP]"
 
@@ -57,6 +57,9 @@ COLUMNS = {
     "occluded_holes": "occluded holes",
 }
 SHARES = ("fill", "bad-1", "edge bad-1", "occluded holes")
+
+# Scores that the table of effects shows the change of.
+CHANGED = ("fill", "bad-1", "rms [px]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +91,7 @@ class Case:
 def bench_sim(
     data: Path | None = None, meshes: Sequence[str] = MESHES, width: int = WIDTH
 ) -> list[Result]:
-    """Return times and scores of the tiers on every scene, and of the effects in the mean.
+    """Return times and scores of the tiers on every scene, and of causes and effects in the mean.
 
     Args:
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
@@ -148,25 +151,20 @@ def _tier_results(case: Case) -> Iterator[Result]:
 
 
 def _effect_results(cases: Sequence[Case]) -> list[Result]:
-    """Return time alone, change and gain of each effect that is on anywhere; means over its scenes."""
+    """Return time alone and change of each effect on matched depth that is on anywhere; means over scenes."""
     measured: dict[str, list[dict[str, float]]] = {}
     for case in cases:
         truth = case.fresh()
-        matched = _columns(score(case.sense("matcher"), truth))
-        planned = _columns(score(case.sense("planned"), truth))
-        for effect in case.effects:
-            without = [name for name in case.effects if name != effect]
-            rest = _columns(score(sense_effects(case.fresh(), without).disparity, truth))
-            alone, _ = _timed(
-                lambda case=case, effect=effect: sense_effects(case.fresh(), [effect])
-            )
-            row = {ALONE: alone / (truth.depth.size / 1e6)}
-            for name in list(COLUMNS.values())[:3]:
-                row[f"changes {name}"] = planned[name] - rest[name]
-            for name in COLUMNS.values():
-                gap_without = abs(rest[name] - matched[name])
-                row[f"nearer: {name}"] = gap_without - abs(planned[name] - matched[name])
-            measured.setdefault(effect, []).append(row)
+        matched = sense(truth, "guided", recorded=case.recorded)
+        usual = _columns(score(matched.disparity, truth))
+        for effect in AFTER_MATCHING:
+            if effect.name not in case.effects:
+                continue
+            apply = partial(_after, matched, truth, effect.name)
+            after = _columns(score(apply().disparity, truth))
+            row = {ALONE: _timed(apply)[0] / (truth.depth.size / 1e6)}
+            row |= {f"changes {name}": after[name] - usual[name] for name in CHANGED}
+            measured.setdefault(effect.name, []).append(row)
     return [
         Result(
             {"effect": effect},
@@ -177,15 +175,16 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
     ]
 
 
-def _cause_results(cases: Sequence[Case]) -> list[Result]:
-    """Return the shares of the frame that each cause takes from matcher and planned tier; means.
+def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
+    return apply_effects(matched.own(), truth, [effect])
 
-    Both are told by the same rule from disparity and truth, whatever labels the planned tier has itself.
-    """
+
+def _cause_results(cases: Sequence[Case]) -> list[Result]:
+    """Return the shares of the frame that each cause takes from the tiers that match; means."""
     shares: dict[Cause, dict[str, list[float]]] = {}
     for case in cases:
         truth = case.fresh()
-        for tier in ("matcher", "planned"):
+        for tier in ("matcher", "guided"):
             disparity = case.sense(tier)
             causes, missing = blame(disparity, truth), np.isnan(disparity)
             for cause in Cause:
@@ -205,8 +204,8 @@ def _cause_results(cases: Sequence[Case]) -> list[Result]:
 
 
 def sim_charts(results: Sequence[Result]) -> list[Chart]:
-    """Return the tiers by time and distance to the matcher, and the effects by time and gain."""
-    return [_tier_chart(results), _effect_chart(results)]
+    """Return the tiers by time and distance to the matcher."""
+    return [_tier_chart(results)]
 
 
 def _tier_chart(results: Sequence[Result]) -> Chart:
@@ -226,22 +225,6 @@ def _tier_chart(results: Sequence[Result]) -> Chart:
         "time of the sensor [ms per megapixel]",
         "mean gap to the matcher in fill, bad-1,\nbad-1 at edges, holes where hidden",
         log_x=True,
-    )
-
-
-def _effect_chart(results: Sequence[Result]) -> Chart:
-    effects = sorted(
-        (r for r in results if r.table == "effects"), key=lambda r: r.values[ALONE], reverse=True
-    )
-    gains = [",  ".join(f"{n} {r.values[f'nearer: {n}']:+.3f}" for n in SHARES) for r in effects]
-    times, rows = [r.values[ALONE] for r in effects], [r.labels["effect"] for r in effects]
-    return Chart(
-        "sim_effects",
-        "Effects: time, and the gap to the matcher that each closes",
-        [Curve("time alone", times, range(len(rows)), line=False, notes=gains)],
-        "time alone [ms per megapixel]",
-        "",
-        rows=rows,
     )
 
 

@@ -22,7 +22,7 @@ from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
-from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import DepthEffect
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
@@ -172,7 +172,7 @@ def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "l
 
 def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     """Draw the strip of every effect into ``folder`` and return the numbers of those on depth."""
-    figures = {effect.name: studio.depth_figure(effect) for effect in EFFECTS}
+    figures = {effect.name: studio.depth_figure(effect) for effect in AFTER_MATCHING}
     for name, figure in figures.items():
         depth_strip(figure, folder / f"{name}.jpg")
     images = {effect.name: studio.shuttered(effect) for effect in (ROLLING_SHUTTER, IMAGE_BLUR)}

@@ -6,16 +6,14 @@ from enum import IntEnum
 class Cause(IntEnum):
     """One label per pixel, set by the last effect that removed or replaced the value.
 
-    Effects that only shift a value within the sensor's noise (noise, ripple, steps, static field) do not
-    change the label.
+    Effects that only shift a value within the sensor's noise (steps, static field) do not change the label.
+    Numbers that are missing here belong to causes that no tier has any more.
     """
 
     OK = 0
     BAND = 1  # the left margin, outside the right eye's view
     OCCLUDED = 2  # hidden from the right eye by something nearer
-    TEXTURELESS = 3  # too far from any texture
     WEAK_TEXTURE = 4  # texture below the image noise
-    GRAZING = 5  # grazing view: the two eyes see different widths
     SPECULAR = 6  # the highlight was matched, not the surface
     MIRROR = 7  # the reflected scene was matched
     TRANSPARENT = 8  # the background behind glass was matched
@@ -24,7 +22,6 @@ class Cause(IntEnum):
     FAR = 11  # farther than the sensor's range
     EDGE = 12  # the matching window straddles a depth step
     FLYING = 13  # a filter blended foreground and background
-    MOTION = 14  # blurred by motion
     RECTIFICATION = 15  # the calibration has drifted: wrong columns, or rows that are not aligned
     RANDOM = 16  # dropped for no visible reason
     FILLED = 17  # a hole that a filter filled

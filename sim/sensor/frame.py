@@ -13,8 +13,7 @@ from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.right_eye import hidden_from_right
-from digs_warp.sim.sensor.slopes import surface_slope
-from digs_warp.sim.sensor.texture import Texture, measure_texture, noise_of, texture_distance
+from digs_warp.sim.sensor.texture import gradient_in_window, noise_of
 
 
 class FrameRays(Protocol):
@@ -92,29 +91,15 @@ class FrameTruth:
         return self.drift.shown_disparity(self.disparity, self.rig.intrinsics)
 
     @cached_property
-    def slope(self) -> np.ndarray:
-        """Change of the true disparity along rows, on the surface [px/px], (height, width), float32."""
-        return surface_slope(self.disparity)
-
-    @cached_property
     def gray(self) -> np.ndarray:
         """Luma of the left image [DN], (height, width), uint8."""
         return gray_of(self.image)
 
     @cached_property
-    def texture(self) -> Texture:
-        """How much the left image changes along its rows."""
-        return measure_texture(self.gray, self.rig.window)
-
-    @property
-    def gradient(self) -> np.ndarray:
-        """RMS horizontal gradient in the matching window [DN/px], (height, width), float32."""
-        return self.texture.gradient
-
-    @cached_property
     def texture_snr(self) -> np.ndarray:
-        """``gradient`` over the image noise, (height, width), float32."""
-        return self.gradient / np.float32(noise_of(self.rig.image_noise))
+        """RMS horizontal gradient in the matching window over the image noise, (height, width), float32."""
+        gradient = gradient_in_window(self.gray, self.rig.window)
+        return gradient / np.float32(noise_of(self.rig.image_noise))
 
     @cached_property
     def hidden(self) -> np.ndarray:
@@ -126,11 +111,6 @@ class FrameTruth:
         return hidden_from_right(
             self.disparity, opaque, lambda where: self.rays.right_visibility(where, self.depth)
         )
-
-    @cached_property
-    def texture_distance(self) -> np.ndarray:
-        """Distance to the nearest matchable pixel [px], (height, width), float32, inf: none."""
-        return texture_distance(self.texture_snr)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,6 @@ from digs_warp.sim.sensor.frame import FrameTruth
 # A metal this smooth reflects its surroundings sharply.
 MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1
 
-# A highlight is this much brighter than the median of the glossy surface [DN] [tuned].
-HIGHLIGHT = 40.0
-
 # Rougher surfaces blur a highlight so much that it has no gradient to match.
 GLOSSY_ROUGHNESS = 0.3
 
@@ -46,8 +43,3 @@ def pixels_of(truth: FrameTruth, test: Callable[[Material], bool]) -> np.ndarray
         return None
     # The surround's id -1 picks the last entry.
     return np.array([*passes, False])[truth.material_ids] & np.isfinite(truth.depth)
-
-
-def highlights_on(truth: FrameTruth, glossy: np.ndarray) -> np.ndarray:
-    """Return where the glossy pixels show a highlight; both (height, width), bool, at least one glossy."""
-    return glossy & (truth.gray > np.median(truth.gray[glossy]) + HIGHLIGHT)

@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 
 from digs_warp.sim.sensor.filters import enlarge, separable
-from digs_warp.sim.sensor.row_field import RowField, spline_taps, stretched
 
 # Standard deviation and mean of a byte.
 BYTE_SIGMA = np.sqrt((256**2 - 1) / 12)
@@ -13,15 +12,6 @@ BYTE_MEAN = 127.5
 
 # Smooth fields are drawn on a coarse grid with this many points per correlation length.
 GRID_POINTS = 5.0
-
-# Distance between the knots of a spline field, in correlation lengths.
-SPLINE_STEP = np.sqrt(3) / 2
-
-# No field reaches this value.
-UNREACHED = 20.0
-
-# Patches are drawn on a grid with this many points per patch.
-PATCH_POINTS = 3.0
 
 # Gaussians are cut off here, in standard deviations; 0.3 % of their sum is lost.
 KERNEL_REACH = 3.0
@@ -89,46 +79,6 @@ def smooth_normal(
     return field[top : top + shape[0], left : left + shape[1]]
 
 
-def normal_rows(
-    rng: np.random.Generator,
-    shape: tuple[int, int],
-    correlation: float,
-    vertical_correlation: float | None = None,
-) -> RowField:
-    """Return a field like that of `smooth_normal`, for kernels that sum its rows as they go.
-
-    A cubic B-spline with independent coefficients on a coarse lattice with a random offset. Its
-    autocorrelation is a B-spline of degree 7, close to a Gaussian with a variance of 2/3 of the squared step:
-    1/e at 2 / sqrt(3) steps.
-    """
-    vertical = vertical_correlation or correlation
-    offsets = rng.random(2)
-    down, rows = spline_taps(shape[0], SPLINE_STEP * vertical, offsets[0])
-    across, columns = spline_taps(shape[1], SPLINE_STEP * correlation, offsets[1])
-    return stretched(white_normal(rng, (rows, columns)), down, across, shape)
-
-
-def level_above(share: np.ndarray) -> np.ndarray:
-    """Return the level that a normal value exceeds with a given probability, float32.
-
-    Probabilities are rounded to steps of 2^-16; the level for 0 is never reached.
-
-    Args:
-        share: the probability, 0 to 1, float32, any shape.
-    """
-    return np.take(_levels(), (share * np.float32(1 << 16) + np.float32(0.5)).astype(np.int32))
-
-
-@cache
-def _levels() -> np.ndarray:
-    """Return the level that a normal value exceeds with probability i / 2^16, for each i."""
-    from scipy.special import ndtri
-
-    levels = -ndtri(np.arange((1 << 16) + 1) / (1 << 16))
-    # Sums of lattice values exceed the 4.3 of single values.
-    return np.clip(levels, -UNREACHED, UNREACHED).astype(np.float32)
-
-
 def _grid_step(correlation: float) -> int:
     """Return the distance of grid points [px] at which linear interpolation loses 1 % of the variance."""
     return max(1, int(correlation / GRID_POINTS))
@@ -140,16 +90,3 @@ def _kernel(correlation: float) -> np.ndarray:
     reach = int(np.ceil(KERNEL_REACH * sigma))
     kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
     return kernel / np.linalg.norm(kernel)
-
-
-def patchy_uniform(rng: np.random.Generator, shape: tuple[int, int], cell: float) -> np.ndarray:
-    """Return a field, uniform from 0 to 1, that hardly changes over ``cell`` pixels, float32.
-
-    Thresholding it gives patches instead of single pixels. For whole frames; for a few pixels of a frame,
-    `digs_warp.sim.sensor.coherent` is cheaper.
-    """
-    from scipy.special import ndtr
-
-    step = max(1.0, cell / PATCH_POINTS)
-    coarse = (int(np.ceil(shape[0] / step)) + 1, int(np.ceil(shape[1] / step)) + 1)
-    return enlarge(ndtr(smooth_normal(rng, coarse, max(2.0, cell / step))), shape)

@@ -1,6 +1,6 @@
-"""Where disparity jumps from one pixel to the next; lists and runs of marked pixels.
+"""Where disparity jumps from one pixel to the next, and lists of marked pixels.
 
-The kernel's formula in NumPy: tests/reference/slopes_twin.py.
+The kernel's formula in NumPy: tests/sim/sensor/test_steps.py.
 """
 
 # Warp's stubs do not type device code.
@@ -134,44 +134,3 @@ def pixels_where(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     rows, columns = np.divmod(np.flatnonzero(mask), mask.shape[1])
     return rows, columns
-
-
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """Maximal runs of marked pixels along the rows; all shapes (n,).
-
-    Attributes:
-        rows: of each run.
-        first: first marked column.
-        end: column after the last marked one, up to the width of the image.
-    """
-
-    rows: np.ndarray
-    first: np.ndarray
-    end: np.ndarray
-
-    @property
-    def lengths(self) -> np.ndarray:
-        """Number of pixels of each run."""
-        return self.end - self.first
-
-    def pixels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return row, column and run number of every pixel in the runs, each of shape (m,)."""
-        run = np.repeat(np.arange(len(self.rows)), self.lengths)
-        before = np.cumsum(self.lengths) - self.lengths
-        columns = np.arange(len(run)) - before[run] + self.first[run]
-        return self.rows[run], columns, run
-
-
-def find_runs(marked: np.ndarray) -> Runs:
-    """Return the runs of True in each row of a (height, width) mask, in reading order."""
-    width = marked.shape[1]
-    at = np.flatnonzero(marked)
-    if len(at) == 0:
-        return Runs(at, at, at)
-    # A run ends where the next pixel is not marked, or at the end of a row.
-    ends = np.flatnonzero((np.diff(at) != 1) | (at[1:] % width == 0))
-    first = at[np.concatenate(([0], ends + 1))]
-    rows, columns = np.divmod(first, width)
-    lengths = at[np.append(ends, len(at) - 1)] + 1 - first
-    return Runs(rows, columns, columns + lengths)

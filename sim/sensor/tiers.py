@@ -1,23 +1,20 @@
 """The tiers of the depth sensor: from perfect depth to real matching of two images."""
 
 import zlib
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.sim.config import Tier
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
-from digs_warp.sim.sensor.effects.occlusion import Occlusion
+from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.law import sense_depth
 from digs_warp.sim.sensor.limit import round_into_range, within_range
-
-Tier = Literal["truth", "law", "planned", "guided", "matcher"]
 
 
 def sense(
@@ -34,13 +31,12 @@ def sense(
 
     Args:
         truth: of the frame.
-        tier: "truth": perfect; "law": the closed-form law of stereo; "planned": the effects that the
-            plan switches on; "guided": matching of the two recorded images near the true disparity, then the
-            effects that no image shows; "matcher": matching of the two images over the full range.
-        plan: for the tiers "planned" and "guided".
+        tier: "truth": perfect; "law": the closed-form law of stereo; "guided": matching of the two recorded
+            images near the true disparity, then the effects that no image shows; "matcher": the same with
+            matching over the full range.
+        plan: for the tiers that match.
         seed: of the recording, >= 0.
-        strength: factor on all effects, >= 0; 0 is the truth within the range, except in the tiers that
-            match images.
+        strength: factor on all effects, >= 0; 0 is the truth within the range.
         recorded: left and right image as the camera records them, for the tiers that match them; None: the
             images of the truth, without noise.
 
@@ -58,47 +54,42 @@ def _measured(
     strength: float,
     recorded: tuple[np.ndarray, np.ndarray] | None,
 ) -> Sensed:
-    names = {choice.effect for choice in plan if choice.on}
-    if tier == "matcher":
-        from digs_warp.sim.sensor.matcher import sense_by_matching
-
-        return sense_by_matching(truth, recorded)
-    if tier == "guided":
-        from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
-
-        matched = sense_by_guided_matching(truth, recorded)
-        return sense_effects(truth, names & AFTER_MATCHING, seed, strength, matched)
+    if tier not in get_args(Tier):
+        raise DigsError(f"tier '{tier}': expected {', '.join(get_args(Tier))}")
     if tier == "truth" or strength == 0:
         return Sensed.of(truth)
     if tier == "law":
         return _sense_law(truth, seed, strength)
-    if tier == "planned":
-        return sense_effects(truth, names, seed, strength)
-    raise DigsError(f"tier '{tier}': expected truth, law, planned, guided or matcher")
+    names = {choice.effect for choice in plan if choice.on}
+    if tier == "matcher":
+        from digs_warp.sim.sensor.matcher import sense_by_matching
+
+        matched = sense_by_matching(truth, recorded)
+    else:
+        from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
+
+        matched = sense_by_guided_matching(truth, recorded)
+    return apply_effects(matched, truth, names, seed, strength)
 
 
-def sense_effects(
-    truth: FrameTruth,
-    names: Iterable[str],
-    seed: int = 0,
-    strength: float = 1.0,
-    measured: Sensed | None = None,
+def apply_effects(
+    matched: Sensed, truth: FrameTruth, names: Collection[str], seed: int = 0, strength: float = 1.0
 ) -> Sensed:
-    """Return the frame after the named effects, in their physical order; see `sense`.
+    """Return what was matched after the named effects that act on it, in their physical order.
 
-    They act on what was ``measured`` before; None: on the truth.
+    Args:
+        matched: what the search found.
+        truth: of the frame.
+        names: of effects; those that do not act on matched depth change nothing here.
+        seed: of the recording, >= 0.
+        strength: factor on the effects, >= 0.
     """
-    wanted = set(names)
-    effects = [effect for effect in EFFECTS if effect.name in wanted]
-    sensed = (measured or Sensed.of(truth)).changeable()
-    with ThreadPoolExecutor(1, thread_name_prefix="look-ahead") as ahead:
-        # The longest piece of work does not depend on the effects before it.
-        hidden = ahead.submit(lambda: truth.hidden) if Occlusion.name in wanted else None
-        for effect in effects:
-            if hidden is not None and effect.name == Occlusion.name:
-                hidden.result()
-            rng = effect_rng(seed, truth.number, effect.name)
-            sensed = effect.apply(sensed, truth, rng, strength)
+    sensed = matched.changeable()
+    for effect in AFTER_MATCHING:
+        if effect.name in names:
+            sensed = effect.apply(
+                sensed, truth, effect_rng(seed, truth.number, effect.name), strength
+            )
     return sensed
 
 

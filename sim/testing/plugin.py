@@ -30,7 +30,7 @@ DEFAULT_SETTINGS: Mapping[str, Any] = {
     "frames": 6,
     "width": 160,
     "height": 120,
-    "tier": "planned",
+    "tier": "guided",
 }
 
 

@@ -20,9 +20,7 @@ def make_rig(width: int = 320, height: int = 240, **changes: Any) -> StereoRig:
         "disparity_step": 0.0,
         "min_depth": 0.2,
         "max_depth": 20.0,
-        "ripple": 0.0,
         "static_field": 0.0,
-        "random_invalid": 0.0,
     }
     intrinsics = Intrinsics(width, height, 500.0, 500.0, width / 2, height / 2)
     return StereoRig(intrinsics=intrinsics, baseline=0.1, **{**figures, **changes})

@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -124,38 +125,39 @@ def layers(capture: Capture) -> list[np.ndarray]:
     ]
 
 
-@pytest.mark.parametrize("changes", [{"effects": "none"}, {"strength": 0.0}])
-def test_without_effects_the_planned_sensor_is_perfect(
-    changes: dict[str, float | str], tmp_path: Path
+@pytest.mark.parametrize("tier", ["guided", "matcher"])
+def test_at_strength_zero_every_tier_is_perfect(
+    tier: Literal["guided", "matcher"], tmp_path: Path
 ) -> None:
     small = replace(CONFIG, frames=1, normals=False)
     perfect = simulate(replace(small, tier="truth"), tmp_path / "truth")
-    planned = simulate(replace(small, **changes), tmp_path / "planned")  # pyright: ignore
-    for a, b in zip(layers(perfect), layers(planned), strict=True):
+    weakest = simulate(replace(small, tier=tier, strength=0.0), tmp_path / tier)
+    for a, b in zip(layers(perfect), layers(weakest), strict=True):
         np.testing.assert_array_equal(a, b)
-    assert (planned.frames[0].load_cause() == Cause.OK).all()
+    assert (weakest.frames[0].load_cause() == Cause.OK).all()
 
 
-def test_effects_on_depth_leave_the_images_alone_and_vice_versa(tmp_path: Path) -> None:
+def test_effects_on_depth_leave_the_images_alone(tmp_path: Path) -> None:
     small = replace(CONFIG, frames=1)
     (perfect,) = simulate(replace(small, effects="none"), tmp_path / "none").frames
-    (depth_only,) = simulate(replace(small, effects="occlusion"), tmp_path / "depth").frames
+    (depth_only,) = simulate(replace(small, effects="static-field"), tmp_path / "depth").frames
     (image_only,) = simulate(replace(small, effects="shot-noise"), tmp_path / "image").frames
     np.testing.assert_array_equal(depth_only.load_image(), perfect.load_image())
-    np.testing.assert_array_equal(image_only.load_depth(), perfect.load_depth())
     assert not np.array_equal(depth_only.load_depth(), perfect.load_depth())
     assert not np.array_equal(image_only.load_image(), perfect.load_image())
+    assert not np.array_equal(image_only.load_depth(), perfect.load_depth())
 
 
-def test_the_matcher_plans_effects_on_the_images_alone(session: Session) -> None:
+def test_a_full_search_is_not_told_of_second_surfaces(session: Session) -> None:
     facts = make_plan(session).facts
     assert facts is not None
     plan = plan_for_facts(facts, session.rig, replace(CONFIG, tier="matcher", effects="all"))
-    assert plan.depth == () and all(choice.on for choice in plan.color)
+    assert all(choice.on for choice in (*plan.color, *plan.depth))
+    assert {choice.effect for choice in plan.depth}.isdisjoint({"transparency", "mirror"})
 
 
 def test_the_matcher_matches_the_images_that_are_recorded(tmp_path: Path) -> None:
-    config = replace(CONFIG, tier="matcher", frames=1)
+    config = replace(CONFIG, tier="matcher", frames=1, effects="shot-noise,read-noise")
     capture = simulate(config, tmp_path)
     (frame,) = capture.frames
     rig = prepare_session(config, load_inputs(config)).rig
@@ -195,5 +197,5 @@ def test_unusable_settings_do_not_claim_the_folder(tmp_path: Path) -> None:
 
 
 def test_effects_need_a_tier_that_has_them() -> None:
-    with pytest.raises(DigsError, match="--effects occlusion: has no meaning with --tier law"):
-        SimulateConfig(tier="law", effects="occlusion")
+    with pytest.raises(DigsError, match="--effects mirror: has no meaning with --tier law"):
+        SimulateConfig(tier="law", effects="mirror")

@@ -1,4 +1,4 @@
-"""What an effect is: a frozen value that decides whether a scene calls for it, and applies itself."""
+"""What an effect on depth is: a frozen value that decides whether a scene calls for it."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -17,8 +17,8 @@ class Choice:
     Attributes:
         effect: its name.
         on: whether it is simulated.
-        statistic: what was measured, for example "textureless_radius = 34.2 px".
-        threshold: the rule, for example "> 20 px".
+        statistic: what was measured, for example "transparent_share = 0.034".
+        threshold: the rule, for example "> 0.001".
         reason: a sentence for the user.
     """
 
@@ -29,8 +29,8 @@ class Choice:
     reason: str
 
 
-class DepthEffect(Protocol):
-    """An effect on depth. Its fields are its parameters; strength 0 has no effect at all."""
+class SensorEffect(Protocol):
+    """The part that all effects share. Its fields are its parameters."""
 
     name: ClassVar[str]
     """In kebab-case, as --effects takes it; also part of the seed of its random numbers."""
@@ -38,6 +38,10 @@ class DepthEffect(Protocol):
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """Return whether the scene calls for the effect, and why."""
         ...
+
+
+class DepthEffect(SensorEffect, Protocol):
+    """An effect on measured depth; strength 0 has no effect at all."""
 
     def apply(
         self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0

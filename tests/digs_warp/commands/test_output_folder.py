@@ -268,7 +268,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "flags",
     [
-        ["--effects", "nosuch", "--tier", "planned"],
+        ["--effects", "nosuch", "--tier", "guided"],
         ["--environment", "missing.hdr"],
         ["--mesh", "README.txt"],
         ["--profile", "no-such-camera"],

@@ -29,10 +29,10 @@ def test_the_plan_names_every_effect_and_lands_in_the_file(
 def test_a_list_of_effects_overrides_what_the_scene_calls_for(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["plan", *TINY, "--effects", "occlusion,shot-noise"]) == EXIT_OK
+    assert main(["plan", *TINY, "--effects", "mirror,shot-noise"]) == EXIT_OK
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     on = {row[0] for row in rows if row[1:2] == ["on"]}
-    assert on == {"occlusion", "shot-noise"}
+    assert on == {"mirror", "shot-noise"}
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_yaml_with_a_few_settings_is_enough(tmp_path: Path) -> None:
     command = cli.parse(["run", "--config", str(path), "--out", "x"])
     assert isinstance(command, Run)
     assert (command.recording.frames, command.init.voxel_size) == (7, 1e-3)
-    assert command.recording.tier == "planned"
+    assert command.recording.tier == "guided"
 
 
 def test_a_plan_takes_the_settings_of_a_recording(tmp_path: Path) -> None:

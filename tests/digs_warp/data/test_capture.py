@@ -42,7 +42,7 @@ def test_what_is_written_is_read(tmp_path: Path, stereo: bool) -> None:
 
 def test_facts_about_the_recording_come_back(tmp_path: Path) -> None:
     about = About(
-        recorded_as="zed", poses_known=False, tier="planned", seed=3, object_radius=0.2,
+        recorded_as="zed", poses_known=False, tier="guided", seed=3, object_radius=0.2,
         world_from_mesh=((0.0, -2.0, 0.0, 1.0), (2.0, 0.0, 0.0, 0.0), (0.0, 0.0, 2.0, 5.0),
                          (0.0, 0.0, 0.0, 1.0)),
         surround_radius=4, exposure=1.5, sensor={"baseline": 0.12, "max_depth": None},

@@ -21,9 +21,7 @@ from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.scale import estimate_scale
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.tiers import depth_of, sense_effects
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.study.synthetic_sfm import (
@@ -31,10 +29,10 @@ from digs_warp.study.synthetic_sfm import (
     with_disparity_offset,
     with_wrong_baseline,
 )
+from reference.sensed import NAMES, sensed_depth
 
 TRUE = 1.37
 FRAMES = 4
-NAMES = tuple(effect.name for effect in EFFECTS)
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 def test_every_effect_at_its_real_strength_leaves_the_scale_to_a_thousandth(
     recording: Recording, tmp_path: Path, name: str
 ) -> None:
-    frames = recording.sensed(tmp_path, lambda t: depth_of(sense_effects(t, [name]), t))
+    frames = recording.sensed(tmp_path, lambda t: sensed_depth(t, [name]))
     assert recording.scale(frames) == pytest.approx(1.0, abs=1e-3)
 
 
@@ -91,7 +89,7 @@ def test_all_effects_together(
     recording: Recording, tmp_path: Path, strength: float, bound: float
 ) -> None:
     def sense(truth: FrameTruth) -> np.ndarray:
-        return depth_of(sense_effects(truth, NAMES, strength=strength), truth)
+        return sensed_depth(truth, NAMES, strength)
 
     assert recording.scale(recording.sensed(tmp_path, sense)) == pytest.approx(1.0, abs=bound)
 

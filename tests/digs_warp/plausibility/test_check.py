@@ -17,12 +17,12 @@ from digs_warp.data.layers import Layer
 from digs_warp.interchange.captures.to_capture import nearly_rigid
 from digs_warp.plausibility.check import check_capture
 from digs_warp.report.summaries import describe
-from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.record import simulate_in_memory
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
-from digs_warp.sim.sensor.tiers import Tier, depth_of, sense
+from digs_warp.sim.sensor.tiers import depth_of, sense
 from reference import wrong_captures as wrong
 
 CONFIG = SimulateConfig(frames=18, width=160, height=90)
@@ -36,7 +36,7 @@ def rendered() -> list[RenderedFrame]:
 
 
 def sensed(rendered: list[RenderedFrame], tier: Tier, strength: float = 1.0) -> Capture:
-    """The built-in capture as a sensor measures it; 'planned' with all its effects on depth."""
+    """The built-in capture as a sensor measures it, with all effects of the device."""
     frames = []
     for number, frame in enumerate(rendered):
         truth = frame.truth
@@ -48,12 +48,12 @@ def sensed(rendered: list[RenderedFrame], tier: Tier, strength: float = 1.0) -> 
 
 @pytest.fixture(scope="module")
 def good(rendered: list[RenderedFrame]) -> Capture:
-    return sensed(rendered, "planned")
+    return sensed(rendered, "guided")
 
 
 @pytest.mark.parametrize(
     ("tier", "strength"),
-    [("truth", 0), ("law", 1), ("law", 2), ("planned", 1), ("planned", 2), ("matcher", 1)],
+    [("truth", 0), ("law", 1), ("law", 2), ("guided", 1), ("guided", 2), ("matcher", 1)],
 )
 def test_good_captures_of_every_tier_draw_no_doubt(
     rendered: list[RenderedFrame], tier: Tier, strength: float

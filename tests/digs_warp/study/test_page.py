@@ -14,7 +14,7 @@ def sections() -> list[Section]:
     table = Table("psnr", ["strategy", "PSNR [dB]"], [["a|b", "30.1"], ["<fusion>", "31.2"]])
     curves = [
         Curve("first", [1, 10, 100], [20, 25, 30], spread=[1, 1, 2]),
-        Curve("second", [1, 10], [22, 21], line=False, notes=["law", "planned"]),
+        Curve("second", [1, 10], [22, 21], line=False, notes=["law", "guided"]),
     ]
     chart = Chart("course", "Quality along time", curves, "seconds", "PSNR [dB]", log_x=True)
     return [Section("Quality", "More is better & slower.", [table], [chart])]

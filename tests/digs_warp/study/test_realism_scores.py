@@ -121,11 +121,8 @@ def test_the_benchmark_compares_on_the_built_in_object_where_there_is_no_data(tm
     results = bench_realism(tmp_path, widths=(320,))
     summary = {r.labels["sensor"]: r.values for r in results if r.table == "agreement"}
     assert summary["matcher"]["rank correlation of failures"] == pytest.approx(1)
-    guided, planned = summary["guided"], summary["planned"]
-    assert guided["rank correlation of failures"] > max(
-        0.85, planned["rank correlation of failures"]
-    )
-    assert guided["of RMS"] > max(0.85, planned["of RMS"])
+    assert summary["guided"]["rank correlation of failures"] > 0.85
+    assert summary["guided"]["of RMS"] > 0.85
     frames = {r.labels["sensor"]: r.values for r in results if r.table == "frames"}
     kept = "bad pixels bad in the next frame"
     assert frames["guided"][kept] == pytest.approx(frames["matcher"][kept], abs=0.12)

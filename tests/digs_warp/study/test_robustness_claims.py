@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import FIELDS
@@ -18,17 +17,15 @@ from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.measure.scores import mean_score
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.tiers import depth_of, sense_effects
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.train import evaluate
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
+from reference.sensed import NAMES, sensed_depth
 
-NAMES = tuple(effect.name for effect in EFFECTS)
 # The most that an effect may cost at four times its real strength [dB]; stray points cost most.
 WORST = dict.fromkeys(NAMES, 1.0) | {"flying-pixels": 7.0}
 FRAMES, STEPS = 8, 30
@@ -51,7 +48,7 @@ class Walk:
         frames = []
         for number, (frame, truth) in enumerate(zip(self.frames, self.truths, strict=True)):
             if number % 4:
-                depth = depth_of(sense_effects(truth, effects, seed, strength), truth)
+                depth = sensed_depth(truth, effects, strength, seed)
                 path = folder / f"{frame.name}.exr"
                 write_image(path, depth)
                 frames.append(frame.with_layer(Layer.DEPTH, path))
@@ -108,8 +105,3 @@ def test_all_effects_together_cost_no_more_than_their_bound(
     # A single draw may put a stray point before a camera, which costs decibels.
     found = [walk.quality(tmp_path, NAMES, strength, seed) for seed in range(3)]
     assert np.median(found) > clean - bound
-
-
-def test_depth_of_which_nothing_is_left_is_told(walk: Walk, tmp_path: Path) -> None:
-    with pytest.raises(DigsError, match="no points in"):
-        walk.quality(tmp_path, ["random-invalid"], 1000.0)  # so many times a few percent

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.frame_maker import FrameMaker
 from digs_warp.sim.profiles import PROFILES, load_profile
 from digs_warp.sim.scene import Material
@@ -13,7 +13,7 @@ from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
-from digs_warp.sim.sensor.tiers import Tier, depth_of, sense
+from digs_warp.sim.sensor.tiers import depth_of, sense
 from reference.stereo_frames import broadband, make_frame
 
 NAMES = [effect.name for effect in EFFECTS]
@@ -55,20 +55,19 @@ def assert_in_range(truth: FrameTruth, tier: Tier, names: list[str], strength: f
 def test_every_tier_of_every_camera_stays_in_range(profile: str) -> None:
     truth = wide_frame(profile)
     for strength in (0.0, 1.0, 2.0, 4.0):
-        for tier in ("truth", "law", "planned", "matcher"):
+        for tier in ("truth", "law", "guided", "matcher"):
             assert_in_range(truth, tier, NAMES, strength)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_effect_alone_stays_in_range(name: str) -> None:
     for strength in (1.0, 2.0, 10.0):
-        assert_in_range(wide_frame("zed2-720"), "planned", [name], strength)
+        assert_in_range(wide_frame("zed2-720"), "guided", [name], strength)
 
 
 def test_no_pixel_of_the_built_in_recording_lies_beyond_the_range() -> None:
-    """The plan leaves the effect 'depth-range' off: the scene ends at 6 m, but mirrors reflect farther."""
+    """The scene ends at 6 m, but wrong matches may lie farther."""
     maker = FrameMaker.of(SimulateConfig(frames=12, width=320, height=180))
-    assert "depth-range" not in maker.plan.effects_on
     for number in (0, 5, 11):
         depth = maker.finish(maker.render(number), {}).depth
         assert depth is not None

@@ -20,19 +20,7 @@ QUIET = SceneFacts(
     frames=1,
     min_depth=9.0,
     max_depth=11.0,
-    min_disparity=0.41,
-    max_disparity=0.45,
-    texture_rms=10.0,
-    textureless_share=0.0,
-    textureless_radius=5.0,
-    weak_texture_share=0.0,
-    step_share=0.0,
     large_step_share=0.0,
-    step_contrast=0.0,
-    occluded_share=0.0,
-    grazing_share=0.0,
-    specular_share=0.0,
-    highlight_shift=0.0,
     mirror_share=0.0,
     transparent_share=0.0,
     saturated_share=0.0,
@@ -48,52 +36,34 @@ def effects_on(facts: SceneFacts, rig: Any = FAULTLESS, selection: Any = "auto")
 
 
 def test_a_quiet_scene_and_a_faultless_rig_need_no_effect() -> None:
-    # 0.45 px of disparity is 2.4 px from the far end of the range: the only word of the range.
-    assert effects_on(QUIET) <= {"depth-range"}
+    assert effects_on(QUIET) == set()
 
 
 @pytest.mark.parametrize(
     ("changes", "effect"),
-    [
-        ({"textureless_radius": 20.5}, "textureless"),
-        ({"weak_texture_share": 0.02}, "weak-texture"),
-        ({"step_share": 0.01, "step_contrast": 1.0}, "edge-fattening"),
-        ({"occluded_share": 0.001}, "occlusion"),
-        ({"grazing_share": 0.01}, "grazing"),
-        ({"specular_share": 0.1, "highlight_shift": 3.0}, "specular"),
-        ({"mirror_share": 0.01}, "mirror"),
-        ({"transparent_share": 0.01}, "transparency"),
-        ({"saturated_share": 0.01}, "exposure"),
-        ({"dark_share": 0.01}, "exposure"),
-        ({"blur_px": 9.5}, "motion-blur"),
-        ({"max_disparity": 20.0}, "invalid-band"),
-        ({"max_disparity": 249.0}, "depth-range"),
-    ],
+    [({"mirror_share": 0.01}, "mirror"), ({"transparent_share": 0.01}, "transparency")],
 )
 def test_each_effect_is_switched_on_by_its_fact(changes: dict[str, float], effect: str) -> None:
-    before = effects_on(replace(QUIET, min_disparity=10.0, max_disparity=0.45))
-    after = effects_on(replace(QUIET, **{"min_disparity": 10.0, **changes}))
-    assert effect in after - before
+    assert effects_on(replace(QUIET, **changes)) == {effect}
+    slight = dict.fromkeys(changes, 0.0005)
+    assert effects_on(replace(QUIET, **slight)) == set()
 
 
 @pytest.mark.parametrize(
     ("changes", "effect"),
     [
-        ({"disparity_sigma": 0.1}, "correlated-noise"),
-        ({"ripple": 0.07}, "ripple"),
         ({"disparity_step": 0.1}, "quantum"),
         ({"static_field": 0.1}, "static-field"),
-        ({"random_invalid": 0.02}, "random-invalid"),
     ],
 )
 def test_each_fault_of_the_rig_switches_on_its_effect(
     changes: dict[str, float], effect: str
 ) -> None:
-    assert effects_on(QUIET, replace(FAULTLESS, **changes)) - effects_on(QUIET) == {effect}
+    assert effects_on(QUIET, replace(FAULTLESS, **changes)) == {effect}
 
 
 def test_only_rigs_with_a_filter_have_flying_pixels() -> None:
-    steps = replace(QUIET, step_share=0.02, large_step_share=0.02)
+    steps = replace(QUIET, large_step_share=0.02)
     assert "flying-pixels" not in effects_on(steps)
     assert "flying-pixels" in effects_on(steps, replace(FAULTLESS, post_filter=True))
 
@@ -101,7 +71,7 @@ def test_only_rigs_with_a_filter_have_flying_pixels() -> None:
 def test_the_plan_covers_all_effects_in_physical_order() -> None:
     choices = plan(QUIET, FAULTLESS)
     assert [choice.effect for choice in choices] == NAMES
-    assert len(set(NAMES)) == len(NAMES) >= 18
+    assert len(set(NAMES)) == len(NAMES)
 
 
 def test_every_choice_names_statistic_threshold_and_reason() -> None:
@@ -114,16 +84,16 @@ def test_every_choice_names_statistic_threshold_and_reason() -> None:
 def test_selection_overrides_the_facts_and_says_so() -> None:
     assert effects_on(QUIET, selection="all") == set(NAMES)
     assert effects_on(QUIET, load_profile("zed2-720").rig(), "none") == set()
-    assert effects_on(QUIET, selection="ripple, mirror") == {"ripple", "mirror"}
-    assert effects_on(QUIET, selection=["ripple"]) == {"ripple"}
+    assert effects_on(QUIET, selection="quantum, mirror") == {"quantum", "mirror"}
+    assert effects_on(QUIET, selection=["quantum"]) == {"quantum"}
     choices = {choice.effect: choice for choice in plan(QUIET, FAULTLESS, "mirror")}
     assert choices["mirror"].reason.startswith("asked for")
-    assert not choices["ripple"].reason.startswith("left out")  # it would have been off anyway
+    assert not choices["quantum"].reason.startswith("left out")  # it would have been off anyway
 
 
 def test_an_unknown_effect_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(DigsError, match=r"no effect 'kraken'.*ripple"):
-        plan(QUIET, FAULTLESS, "ripple,kraken")
+    with pytest.raises(DigsError, match=r"no effect 'kraken'.*quantum"):
+        plan(QUIET, FAULTLESS, "quantum,kraken")
 
 
 def test_the_table_has_a_line_per_effect() -> None:

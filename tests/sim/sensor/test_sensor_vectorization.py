@@ -9,10 +9,7 @@ import pytest
 
 # How many loops over a piece of a row are vector code; what only sets a value needs no loop.
 KERNELS = {
-    "digs_warp.sim.sensor.texture": 5,
-    "digs_warp.sim.sensor.slopes": 2,
     "digs_warp.sim.sensor.steps": 1,
-    "digs_warp.sim.sensor.effects.weak_texture": 2,
 }
 
 

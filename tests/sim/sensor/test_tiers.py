@@ -1,4 +1,4 @@
-"""The tiers as a whole: exactness without effects, one label per effect, seeds, and no cost when off."""
+"""The tiers as a whole: exactness without effects, labels, seeds, and no cost when off."""
 
 from dataclasses import replace
 
@@ -8,32 +8,18 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.effects import EFFECTS
+from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.frame import FrameTruth, Motion, Sensed
 from digs_warp.sim.sensor.law import sense_depth
-from digs_warp.sim.sensor.tiers import depth_of, effect_rng, sense, sense_effects
+from digs_warp.sim.sensor.tiers import apply_effects, depth_of, effect_rng, sense
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
 
 NAMES = [effect.name for effect in EFFECTS]
+AFTER = [effect.name for effect in AFTER_MATCHING]
 
 # Labels that an effect may set; the others only shift values.
-LABELS = {
-    "transparency": {Cause.TRANSPARENT},
-    "mirror": {Cause.MIRROR},
-    "specular": {Cause.SPECULAR},
-    "edge-fattening": {Cause.EDGE},
-    "exposure": {Cause.EXPOSURE},
-    "textureless": {Cause.TEXTURELESS},
-    "weak-texture": {Cause.WEAK_TEXTURE},
-    "grazing": {Cause.GRAZING},
-    "occlusion": {Cause.OCCLUDED},
-    "motion-blur": {Cause.MOTION},
-    "flying-pixels": {Cause.FLYING},
-    "invalid-band": {Cause.BAND},
-    "depth-range": {Cause.NEAR, Cause.FAR},
-    "random-invalid": {Cause.RANDOM},
-}
+LABELS = {"flying-pixels": {Cause.FLYING}}
 
 
 class StepRays(CountedRays):
@@ -48,7 +34,7 @@ class StepRays(CountedRays):
 
 
 def rich_frame(number: int = 0) -> FrameTruth:
-    """A frame with something for most effects: a step, a plain and a white area."""
+    """A frame with something for every effect: a step, a plain and a white area."""
     rig = replace(load_profile("zed2-720").rig(320, 240, 60), min_depth=0.7)
     disparity = np.broadcast_to(20 + 0.02 * np.arange(240.0)[:, None], (240, 320)).copy()
     disparity[60:180, 110:230] = 60.0
@@ -60,6 +46,11 @@ def rich_frame(number: int = 0) -> FrameTruth:
     return replace(truth, rays=StepRays((240, 320)))
 
 
+def after(truth: FrameTruth, *names: str, seed: int = 0) -> Sensed:
+    """The truth after effects."""
+    return apply_effects(Sensed.of(truth), truth, names, seed)
+
+
 def choices(*names: str) -> tuple[Choice, ...]:
     return tuple(Choice(name, name in names, "", "", "") for name in NAMES)
 
@@ -69,47 +60,46 @@ def assert_same(first: Sensed, second: Sensed) -> None:
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
 
-@pytest.mark.parametrize("tier", ["truth", "planned"])
-def test_without_effects_the_truth_comes_back_bit_for_bit(tier: str) -> None:
+def test_the_truth_comes_back_bit_for_bit() -> None:
     truth = make_frame(np.random.default_rng(0).uniform(2.5, 249, (240, 320)))
     truth.depth[5, 5:9] = np.nan
-    sensed = sense(truth, tier, choices())  # pyright: ignore[reportArgumentType]
+    sensed = sense(truth, "truth", choices())
     np.testing.assert_array_equal(depth_of(sensed, truth), truth.depth)
     assert (sensed.cause == Cause.OK).all() and (sensed.confidence == 1).all()
 
 
-def test_strength_zero_is_the_truth_within_the_range_whatever_the_plan() -> None:
+@pytest.mark.parametrize("tier", ["law", "guided", "matcher"])
+def test_strength_zero_is_the_truth_within_the_range_whatever_the_plan(tier: str) -> None:
     truth = rich_frame()
     expected = np.where(truth.depth < truth.rig.min_depth, np.float32(-np.inf), truth.depth)
     assert (expected < 0).any()
-    for tier in ("planned", "law"):
-        sensed = sense(truth, tier, choices(*NAMES), strength=0.0)
-        np.testing.assert_array_equal(depth_of(sensed, truth), expected)
+    sensed = sense(truth, tier, choices(*NAMES), strength=0.0)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_array_equal(depth_of(sensed, truth), expected)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", AFTER)
 def test_each_effect_alone_sets_only_its_own_label(name: str) -> None:
-    sensed = sense_effects(rich_frame(), [name])
+    sensed = after(rich_frame(), name)
     allowed = {Cause.OK} | LABELS.get(name, set())
     assert set(np.unique(sensed.cause)) <= {int(cause) for cause in allowed}
     assert (sensed.cause[~sensed.known] != Cause.OK).all(), "every hole has a cause"
     assert ((sensed.confidence == 0) == ~sensed.known).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", AFTER)
 def test_each_effect_gives_the_same_bytes_in_any_order_of_frames(name: str) -> None:
-    forward = [sense_effects(rich_frame(number), [name], seed=7) for number in (0, 1)]
-    backward = [sense_effects(rich_frame(number), [name], seed=7) for number in (1, 0)]
+    forward = [after(rich_frame(number), name, seed=7) for number in (0, 1)]
+    backward = [after(rich_frame(number), name, seed=7) for number in (1, 0)]
     assert_same(forward[0], backward[1])
     assert_same(forward[1], backward[0])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", AFTER)
 def test_no_effect_writes_to_the_truth_or_to_what_it_is_given(name: str) -> None:
     truth = rich_frame()
     before = {key: getattr(truth, key).copy() for key in ("depth", "disparity", "image", "gray")}
     given = Sensed.of(truth)
-    sense_effects(truth, [name])
+    apply_effects(given, truth, [name])
     for key, value in before.items():
         np.testing.assert_array_equal(getattr(truth, key), value)
     assert_same(given, Sensed.of(truth))
@@ -118,35 +108,31 @@ def test_no_effect_writes_to_the_truth_or_to_what_it_is_given(name: str) -> None
 def test_effects_that_write_in_place_give_the_same_bytes_as_those_that_copy() -> None:
     truth = rich_frame()
     copied = Sensed.of(truth)
-    for effect in EFFECTS:
+    for effect in AFTER_MATCHING:
         rng = effect_rng(3, truth.number, effect.name)
         copied = effect.apply(copied, truth, rng)
     assert not copied.owned
-    assert_same(sense_effects(truth, NAMES, seed=3), copied)
-
-
-def test_random_effects_change_with_seed_and_frame() -> None:
-    for name in ("correlated-noise", "random-invalid", "occlusion"):
-        sensed = [sense_effects(rich_frame(n), [name], seed=s) for n, s in ((0, 0), (0, 1), (1, 0))]
-        for other in sensed[1:]:
-            assert not np.array_equal(sensed[0].disparity, other.disparity, equal_nan=True)
+    assert_same(after(truth, *NAMES, seed=3), copied)
 
 
 def test_an_effect_does_not_change_the_random_numbers_of_another() -> None:
-    rig = make_rig(disparity_sigma=0.1, random_invalid=0.1)
-    truth = make_frame(50.0, rig)
-    both = sense_effects(truth, ["correlated-noise", "random-invalid"])
-    noise = sense_effects(truth, ["correlated-noise"])
-    np.testing.assert_array_equal(both.disparity[both.known], noise.disparity[both.known])
-
-
-def test_rays_are_cast_only_for_effects_that_are_on() -> None:
-    needs_rays = {"occlusion", "mirror", "specular", "transparency"}
     truth = rich_frame()
-    sense_effects(truth, set(NAMES) - needs_rays)
-    assert isinstance(truth.rays, CountedRays) and truth.rays.asked == []
-    sense_effects(truth, ["occlusion"])
-    assert truth.rays.asked == ["right_visibility"]
+    (flying, both) = (after(truth, *names) for names in (AFTER[2:3], [AFTER[1], AFTER[2]]))
+    np.testing.assert_array_equal(flying.cause == Cause.FLYING, both.cause == Cause.FLYING)
+    assert (flying.cause == Cause.FLYING).any()
+
+
+@pytest.mark.parametrize("tier", ["guided", "matcher"])
+def test_tiers_that_match_have_the_planned_effects_of_the_device(tier: str) -> None:
+    truth = make_frame(50.0, make_rig(static_field=0.1))
+    truth = replace(truth, right=np.roll(truth.image, -50, axis=1))
+    plain, field = (
+        sense(truth, tier, choices(*names)).disparity  # pyright: ignore[reportArgumentType]
+        for names in ((), ("static-field",))
+    )
+    added = (field - plain)[np.isfinite(plain)]
+    assert added.size > 0.7 * plain.size
+    assert added.std() == pytest.approx(0.1, rel=0.2)
 
 
 def test_law_tier_is_the_law() -> None:
@@ -165,16 +151,16 @@ def test_every_effect_bears_tiny_images(shape: tuple[int, int]) -> None:
     height, width = shape
     rig = load_profile("zed2-vga").rig(width, height, 60)
     truth = make_frame(2.0, rig, broadband(shape))
-    sensed = sense(truth, "planned", choices(*NAMES))
+    sensed = sense(truth, "guided", choices(*NAMES))
     assert sensed.disparity.shape == shape
 
 
 def test_every_effect_bears_an_empty_frame() -> None:
     truth = make_frame(np.nan, load_profile("zed2-vga").rig(64, 48))
-    sensed = sense(truth, "planned", choices(*NAMES))
-    assert np.isnan(depth_of(sensed, truth)).all()
+    sensed = sense(truth, "guided", choices(*NAMES))
+    assert sensed.disparity.shape == (48, 64)
 
 
 def test_unknown_tier_is_refused() -> None:
-    with pytest.raises(DigsError, match="expected truth, law, planned, guided or matcher"):
+    with pytest.raises(DigsError, match="expected truth, law, guided, matcher"):
         sense(make_frame(50.0), "kinect")  # pyright: ignore[reportArgumentType]

@@ -17,7 +17,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.testing.curve import DegradationCurve
 from digs_warp.sim.testing.plugin import read_marker
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
@@ -78,18 +77,19 @@ def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> 
 @pytest.mark.sensor_noise(
     mesh=BOX,
     object_size=0.5,
-    effects=("correlated-noise", "random-invalid"),
-    strengths=(0, 3),
+    effects=("static-field", "quantum"),
+    strengths=(0, 1, 3),
     frames=2,
 )
 def test_named_effects_act_alone(sensor_noise: NoiseSeries) -> None:
-    (_, perfect), (_, noisy) = sensor_noise
-    for before, after in zip(perfect.frames, noisy.frames, strict=True):
+    (_, perfect), (_, usual), (_, worse) = sensor_noise
+    for before, once, thrice in zip(perfect.frames, usual.frames, worse.frames, strict=True):
         np.testing.assert_array_equal(before.load_depth(), before.load_depth_true())
-        np.testing.assert_array_equal(before.load_image(), after.load_image())
-        causes = set(np.unique(after.load_cause()))
-        assert causes == {Cause.OK, Cause.RANDOM}
-        assert np.isnan(after.load_depth()).mean() == pytest.approx(3 * 0.0206, rel=0.2)
+        for after in (once, thrice):
+            np.testing.assert_array_equal(before.load_image(), after.load_image())
+        # The same images, the same failures.
+        first, second = (np.isnan(after.load_depth()) for after in (once, thrice))
+        np.testing.assert_array_equal(first, second)
 
 
 # The cache
@@ -279,8 +279,8 @@ def test_the_marker_is_described(tmp_path: Path) -> None:
     [
         ("strenghts=(0, 1)", "no setting 'strenghts'; did you mean 'strengths'?"),
         ("'law'", "found ('law',), expected keyword arguments only"),
-        ("effects='oclusion'", "no effect 'oclusion'; did you mean 'occlusion'?"),
-        ("effects=('occlusion', 'quantm')", "no effect 'quantm'; did you mean 'quantum'?"),
+        ("effects='miror'", "no effect 'miror'; did you mean 'mirror'?"),
+        ("effects=('mirror', 'quantm')", "no effect 'quantm'; did you mean 'quantum'?"),
         ("frames=0", "--frames: 0, expected 1 to 100,000"),
         ("strengths=(2, 1)", "expected rising numbers"),
         ("strengths='auto'", "expected finite numbers"),
@@ -296,7 +296,7 @@ def test_a_misspelled_effect_is_told_before_any_test_runs(tmp_path: Path) -> Non
     (tmp_path / "test_wrong.py").write_text(
         "import pytest\n"
         "def test_before(): open('ran', 'w')\n"
-        "@pytest.mark.sensor_noise(effects='oclusion')\n"
+        "@pytest.mark.sensor_noise(effects='miror')\n"
         "def test_occlusion(sensor_noise): pass\n"
     )
     done = run_pytest(tmp_path)
