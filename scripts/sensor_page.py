@@ -12,9 +12,8 @@ from page_marks import DOCS, fill
 from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
-from digs_warp.sim.sensor.color.protocol import ColorEffect
 from digs_warp.sim.sensor.effects import EFFECTS
-from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect
+from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.study.sensor_pictures import DepthFigure, SensorStudio, draw_all
 from digs_warp.study.table import Table
@@ -43,14 +42,16 @@ def main() -> None:
         fill(PAGE, mark, text)
 
 
-def section(effect: DepthEffect | ColorEffect, facts: SceneFacts, studio: SensorStudio) -> str:
+def section(effect: SensorEffect, facts: SceneFacts, studio: SensorStudio) -> str:
     """Return heading, explanation, rule and picture of an effect."""
     what = (
         f"{first_paragraph(sys.modules[type(effect).__module__])} {first_paragraph(type(effect))}"
     )
     choice: Choice = effect.choose(facts, studio.rig)
-    picture = f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)"
-    return f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n\n{picture}\n"
+    parts = [f"### {effect.name}", what, rule(choice)]
+    if (DOCS / PICTURES / f"{effect.name}.jpg").is_file():
+        parts.append(f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)")
+    return "\n\n".join(parts) + "\n"
 
 
 def rule(choice: Choice) -> str:

@@ -129,12 +129,12 @@ def test_an_unknown_profile_is_refused_with_the_known_ones(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     "changes",
-    [{"window": 4}, {"temporal_share": 1.5}, {"random_invalid": -0.1}, {"unit": -1}]
+    [{"window": 4}, {"vignetting": 1.5}, {"static_field": -0.1}, {"unit": -1}]
     + [
         {"full_well": 0.0},
         {"rotation_drift": float("nan")},
         {"focal_drift": -0.1},
-        {"ripple": float("inf")},
+        {"disparity_sigma": float("inf")},
     ],
 )
 def test_impossible_figures_are_refused(changes: dict[str, float]) -> None:

@@ -39,9 +39,9 @@ def test_a_list_of_effects_overrides_what_the_scene_calls_for(
     ("arguments", "code", "word"),
     [
         (
-            ["--effects", "rain"],
+            ["--effects", "vigneting"],
             EXIT_BAD_INPUT,
-            "no effect 'rain'; did you mean 'grazing'? (expected one of auto, all",
+            "no effect 'vigneting'; did you mean 'vignetting'? (expected one of auto, all",
         ),
         (["--profile", "kinect"], EXIT_BAD_INPUT, "profile 'kinect': not known"),
         (["--tier", "law"], EXIT_WRONG_USAGE, "law"),

@@ -78,7 +78,7 @@ WRONG: dict[str, tuple[Callable[[Capture], Capture], str]] = {
     "unit of SfM": (lambda c: wrong.scaled_depth(c, 2.5), r"different units \(depth x 0.4 fits\)"),
     "focal x10": (lambda c: wrong.other_focal(c, 10), r"focal length \(about 0.1 times"),
     "focal x1.3": (lambda c: wrong.other_focal(c, 1.3), r"focal length \(about 0.77 times"),
-    "focal x1.1": (lambda c: wrong.other_focal(c, 1.1), r"focal length \(about 0.91 times"),
+    "focal x1.15": (lambda c: wrong.other_focal(c, 1.15), r"focal length \(about 0.87 times"),
     "focal x0.7": (lambda c: wrong.other_focal(c, 0.7), r"focal length \(about 1.43 times"),
     "OpenCV axes": (wrong.opencv_axes, "the poses have OpenCV camera axes"),
     "inverted": (wrong.inverted, r"the poses are inverted \(camera from world\)\. "),

@@ -60,7 +60,7 @@ def test_contact_sheet_shows_every_kind_of_image_of_six_frames(
 
 
 CHOICE = {
-    "effect": "occlusion",
+    "effect": "mirror",
     "on": True,
     "statistic": "occluded_share = 0.09",
     "threshold": "> 0.0001",

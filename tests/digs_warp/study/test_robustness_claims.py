@@ -1,12 +1,13 @@
 """What the robustness study claims, at a size for the suite: errors of depth may blur, but break nothing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from digs_warp.checks import DigsError
 from digs_warp.data.capture import Frame, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import FIELDS
@@ -105,3 +106,9 @@ def test_all_effects_together_cost_no_more_than_their_bound(
     # A single draw may put a stray point before a camera, which costs decibels.
     found = [walk.quality(tmp_path, NAMES, strength, seed) for seed in range(3)]
     assert np.median(found) > clean - bound
+
+
+def test_depth_of_which_nothing_is_left_is_told(walk: Walk, tmp_path: Path) -> None:
+    blind = [replace(truth, depth=np.full_like(truth.depth, np.nan)) for truth in walk.truths]
+    with pytest.raises(DigsError, match="no points in"):
+        replace(walk, truths=blind).quality(tmp_path, [], 1.0)

@@ -57,7 +57,6 @@ def test_exposure_is_counted() -> None:
 @pytest.mark.parametrize(
     ("material", "fact"),
     [
-        (Material("lacquer", np.ones(3), roughness=0.2), "specular_share"),
         (Material("chrome", np.ones(3), roughness=0.05, metallic=1.0), "mirror_share"),
         (Material("glass", np.ones(3), transmission=1.0), "transparent_share"),
     ],
