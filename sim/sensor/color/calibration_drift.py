@@ -28,7 +28,7 @@ class CalibrationDrift:
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """On if a drift of one standard deviation shows."""
-        corner, scale = corner_shift(rig), rig.baseline_drift * facts.max_disparity
+        corner, scale = corner_shift(rig), rig.baseline_drift * rig.focal_baseline / facts.min_depth
         on = corner > VISIBLE_SHIFT_PX or scale > VISIBLE_SHIFT_PX
         return Choice(
             self.name,

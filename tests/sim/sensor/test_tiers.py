@@ -115,13 +115,6 @@ def test_effects_that_write_in_place_give_the_same_bytes_as_those_that_copy() ->
     assert_same(after(truth, *NAMES, seed=3), copied)
 
 
-def test_an_effect_does_not_change_the_random_numbers_of_another() -> None:
-    truth = rich_frame()
-    (flying, both) = (after(truth, *names) for names in (AFTER[2:3], [AFTER[1], AFTER[2]]))
-    np.testing.assert_array_equal(flying.cause == Cause.FLYING, both.cause == Cause.FLYING)
-    assert (flying.cause == Cause.FLYING).any()
-
-
 @pytest.mark.parametrize("tier", ["guided", "matcher"])
 def test_tiers_that_match_have_the_planned_effects_of_the_device(tier: str) -> None:
     truth = make_frame(50.0, make_rig(static_field=0.1))
