@@ -1,34 +1,47 @@
 """Makes the images of one frame: the truth, the sensor's measurement, and the content of the files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from digs_warp.data.capture_writer import FrameImages
 from digs_warp.data.images import to_uint8
-from digs_warp.data.layers import BASIC_LAYERS, Layer
+from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
 from digs_warp.record.run_log import timed
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.color.recorded import recorded_images
-from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.infrared.color_camera import ColorView, Registered, registered
+from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
-from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.session import Session, load_inputs, prepare_session, rig_of
+
+# Added to the seed for the noise of a color camera beside an infrared pair.
+COLOR_SEED = 2**32
 
 
 def layers_of(config: SimulateConfig) -> tuple[Layer, ...]:
     """Return the layers that a recording writes for every frame."""
+    basic = INFRARED_LAYERS if rig_of(config).has_color_camera else BASIC_LAYERS
     sensor = (Layer.CAUSE, Layer.CONFIDENCE) if config.plans_effects else ()
     normals = (Layer.NORMALS,) if config.normals else ()
-    return (*BASIC_LAYERS, *sensor, *normals)
+    return (*basic, *sensor, *normals)
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """A frame before the sensor: its truth and the mask of the object."""
+    """A frame before the sensor.
+
+    Attributes:
+        truth: of the eyes that measure depth.
+        mask: of the object in the recorded image, (height, width), uint8.
+        color: what the color camera beside an infrared pair sees; None: the left eye takes the images.
+    """
 
     truth: FrameTruth
     mask: np.ndarray
+    color: ColorView | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +67,11 @@ class FrameMaker:
         config, rig = self.session.config, self.session.rig
         shutter = self.plan.shutter(rig, config.strength)
         drift = self.plan.drift(rig, config.seed, config.strength)
-        return RenderedFrame(*self.session.truth(number, shutter, drift))
+        truth, mask = self.session.truth(number, shutter, drift, self.plan.projects)
+        if not rig.has_color_camera:
+            return RenderedFrame(truth, mask)
+        color = self.session.color_view(number, shutter)
+        return RenderedFrame(truth, color.mask, color)
 
     def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
         """Return the content of the files; safe to call during `render` in another thread.
@@ -63,14 +80,13 @@ class FrameMaker:
             frame: what the eyes see.
             seconds: takes the time of each stage.
         """
+        if frame.color is not None:
+            return self._registered(frame.truth, frame.color, seconds)
         config, truth = self.session.config, frame.truth
         with timed(seconds, "color"):
-            effects = self.plan.pixel_effects
-            image, right = recorded_images(truth, effects, config.seed, config.strength)
+            image, right = self._recorded(truth)
         with timed(seconds, "sense"):
-            sensed = sense(
-                truth, config.tier, self.plan.depth, config.seed, config.strength, (image, right)
-            )
+            sensed = self._sensed(truth, (image, right))
             depth = depth_of(sensed, truth)
         tells = config.plans_effects
         return FrameImages(
@@ -83,3 +99,47 @@ class FrameMaker:
             confidence=to_uint8(sensed.confidence) if tells else None,
             normals=truth.normals_world if config.normals else None,
         )
+
+    def _registered(
+        self, truth: FrameTruth, view: ColorView, seconds: dict[str, float]
+    ) -> FrameImages:
+        """Return the content of the files of a color camera beside an infrared pair."""
+        config = self.session.config
+        tells = config.plans_effects
+        with timed(seconds, "color"):
+            image = self._recorded_color(truth, view)
+            left, right = (one_channel(eye) for eye in self._recorded(truth))
+        with timed(seconds, "sense"):
+            if tells:
+                pair = (in_three_channels(left), in_three_channels(right))
+                measured = registered(self._sensed(truth, pair), truth, view)
+            else:  # a law on perfect depth: there is nothing to register
+                measured = Registered.of(self._sensed(view.as_truth(truth)), view.as_truth(truth))
+        return FrameImages(
+            image=image,
+            depth=measured.depth,
+            mask=view.mask,
+            depth_true=view.depth,
+            cause=measured.cause if tells else None,
+            confidence=to_uint8(measured.confidence) if tells else None,
+            normals=view.normals_world if config.normals else None,
+            infrared_left=left,
+            infrared_right=right,
+        )
+
+    def _recorded(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
+        config = self.session.config
+        return recorded_images(truth, self.plan.pixel_effects, config.seed, config.strength)
+
+    def _recorded_color(self, truth: FrameTruth, view: ColorView) -> np.ndarray:
+        """Return the color camera's image after the effects on it; its noise is not that of the eyes."""
+        config = self.session.config
+        alone = replace(view.as_truth(truth), right=view.image)
+        seed = config.seed + COLOR_SEED
+        return recorded_images(alone, self.plan.pixel_effects, seed, config.strength)[0]
+
+    def _sensed(
+        self, truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> Sensed:
+        config = self.session.config
+        return sense(truth, config.tier, self.plan.depth, config.seed, config.strength, recorded)

@@ -19,7 +19,7 @@ LOST_PIXELS = 1.5
 
 def orbit_distance(scene: Scene, rig: StereoRig) -> float:
     """Return the distance [m] at which the object fits the image and no part is too near for the sensor."""
-    fitting = fitting_distance(scene.radius, rig.intrinsics)
+    fitting = fitting_distance(scene.radius, rig.image_intrinsics)
     return max(fitting, rig.min_depth + NEAR_MARGIN * scene.radius)
 
 
@@ -44,8 +44,8 @@ def check_reach(scene: Scene, rig: StereoRig) -> None:
             measured,
             _hint(scene),
         )
-    if distance > LOST_PIXELS * fitting_distance(scene.radius, rig.intrinsics):
-        k = rig.intrinsics
+    if distance > LOST_PIXELS * fitting_distance(scene.radius, rig.image_intrinsics):
+        k = rig.image_intrinsics
         _log.warning(
             "nearest depth of this camera is %g m; an object of %s spans %.0f of %d x %d px. Use more pixels "
             "(--width) or a camera that measures nearer (--profile), or scale the object (--object-size)",

@@ -9,7 +9,7 @@ from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About, matrix_rows
-from digs_warp.data.capture import INDEX_NAME, Capture, Rig, read_capture
+from digs_warp.data.capture import INDEX_NAME, Capture, InfraredPair, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
@@ -20,6 +20,7 @@ from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame, layers_of
 from digs_warp.sim.profiles import Profile
+from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.scene import Scene
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
@@ -78,7 +79,7 @@ def _simulate(
         if config.plans_effects:
             drift = plan.drift(session.rig, config.seed, config.strength)
             write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json(drift)).encode())
-        writer = CaptureWriter(folder, session.rig.intrinsics, Rig(session.rig.baseline))
+        writer = CaptureWriter(folder, session.rig.image_intrinsics, _rig_record(session.rig))
         _record(FrameMaker(session, plan), writer, log, record)
         capture = writer.finish(_about(session, plan))
         log.results = {
@@ -98,7 +99,7 @@ def simulate_in_memory(config: SimulateConfig) -> Capture:
     """
     maker = FrameMaker.of(config)
     rig = maker.session.rig
-    writer = MemoryWriter(rig.intrinsics, Rig(rig.baseline))
+    writer = MemoryWriter(rig.image_intrinsics, _rig_record(rig))
     _record(maker, writer, RunLog("simulate", config), None)
     return writer.finish(_about(maker.session, maker.plan))
 
@@ -201,6 +202,14 @@ def _about(session: Session, plan: SensorPlan) -> About:
         effects=plan.effects_on,
         cause_labels={cause.value: cause.name.lower() for cause in Cause},
     )
+
+
+def _rig_record(rig: StereoRig) -> Rig:
+    """Return where the eyes are beside the camera that takes the images, as a capture holds it."""
+    if not rig.has_color_camera:
+        return Rig(rig.baseline)
+    k = rig.intrinsics
+    return Rig(rig.baseline, InfraredPair(-rig.color_offset, k.fx, k.fy, k.cx, k.cy))
 
 
 def _object_record(scene: Scene) -> dict[str, Any]:

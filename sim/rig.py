@@ -1,6 +1,6 @@
 """The stereo camera: two rectified eyes side by side, and the parameters of its depth sensor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,11 @@ class StereoRig:
         exposure_time: [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.
         vignetting: light lost in the corners, 0 to 1.
+        projector_power: brightness of a projected dot on a white matte wall at 1 m, in the unit of the
+            environment's radiance, where usual panoramas have a mean of about 0.7; 0: no projector.
+        projector_offset: place of the projector along the baseline, from the left eye [m].
+        color_offset: place of the color camera along the baseline, from the left eye [m].
+        color_zoom: focal length of the color camera over that of the eyes.
     """
 
     intrinsics: Intrinsics
@@ -63,6 +68,10 @@ class StereoRig:
     exposure_time: float = 0.01
     readout_time: float = 0.0
     vignetting: float = 0.3
+    projector_power: float = 0.0
+    projector_offset: float = 0.0
+    color_offset: float = 0.0
+    color_zoom: float = 1.0
 
     def __post_init__(self) -> None:
         check_positive("rig: baseline [m]", self.baseline)
@@ -73,6 +82,10 @@ class StereoRig:
                 raise DigsError(f"rig: {name}={value}, expected a finite number >= 0")
         if self.vignetting > 1:
             raise DigsError(f"rig: vignetting={self.vignetting}, expected a share from 0 to 1")
+        check_positive("rig: color_zoom", self.color_zoom)
+        for name in ("projector_offset", "color_offset"):
+            if not np.isfinite(getattr(self, name)):
+                raise DigsError(f"rig: {name}={getattr(self, name)}, expected a number of metres")
         if self.window < 1 or self.window % 2 == 0:
             raise DigsError(f"rig: window={self.window}, expected an odd number of pixels >= 1")
         if self.unit < 0:
@@ -86,6 +99,20 @@ class StereoRig:
     def focal_baseline(self) -> float:
         """Focal length times baseline [px m]: disparity = focal_baseline / depth."""
         return self.intrinsics.fx * self.baseline
+
+    @property
+    def has_color_camera(self) -> bool:
+        """Whether a color camera of its own takes the images, and an infrared pair measures depth.
+
+        Otherwise the left eye takes the images.
+        """
+        return self.projector_power > 0 or self.color_offset != 0 or self.color_zoom != 1
+
+    @property
+    def image_intrinsics(self) -> Intrinsics:
+        """Of the camera that takes the images, to which depth is registered; its size is that of the eyes."""
+        k = self.intrinsics
+        return replace(k, fx=k.fx * self.color_zoom, fy=k.fy * self.color_zoom)
 
     @property
     def largest_disparity(self) -> float:
@@ -106,4 +133,5 @@ _AMOUNTS = (
     "exposure_time",
     "readout_time",
     "vignetting",
+    "projector_power",
 )

@@ -13,6 +13,7 @@ from digs_warp.sim.sensor.color import (
     COLOR_EFFECTS,
     IMAGE_BLUR,
     PIXEL_EFFECTS,
+    PROJECTOR,
     ROLLING_SHUTTER,
 )
 from digs_warp.sim.sensor.color.protocol import PixelEffect
@@ -60,6 +61,11 @@ class SensorPlan:
     def pixel_effects(self) -> tuple[PixelEffect, ...]:
         """Effects for the finished images, in the order in which they act."""
         return tuple(effect for effect in PIXEL_EFFECTS if self._has_color(effect.name))
+
+    @property
+    def projects(self) -> bool:
+        """Whether the dots of the projector show."""
+        return self._has_color(PROJECTOR.name)
 
     def shutter(self, rig: StereoRig, strength: float = 1.0) -> Shutter:
         """Return the shutter of both eyes; ``strength`` stretches its times."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.camera import Camera
+from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment, load_environment, procedural_environment
@@ -17,6 +17,8 @@ from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
 from digs_warp.sim.scene import Scene
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
+from digs_warp.sim.sensor.infrared.color_camera import ColorView
+from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.sim.trajectory import Walk
 
@@ -29,7 +31,9 @@ DEFAULT_ASPECT = 16 / 9
 SURROUND_MARGIN = 2.0
 
 # Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
-LEFT_EYE, RIGHT_EYE = 101, 102
+LEFT_EYE, RIGHT_EYE, COLOR_CAMERA = 101, 102, 103
+
+UNTURNED = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,36 +64,49 @@ class Session:
         return self.walk.moments(self.config.frames)
 
     def truth(
-        self, number: int, shutter: Shutter, drift: Drift = NO_DRIFT
+        self,
+        number: int,
+        shutter: Shutter,
+        drift: Drift = NO_DRIFT,
+        projects: bool = True,
     ) -> tuple[FrameTruth, np.ndarray]:
-        """Render a frame; frames do not depend on each other.
+        """Render the two eyes of a frame; frames do not depend on each other.
 
         Args:
             number: of the frame, 0 to ``config.frames`` - 1.
             shutter: through which both eyes look.
             drift: of the right eye.
+            projects: whether the projector is on, if the camera has one.
 
         Returns:
-            The truth of the frame, and the mask of the object, (height, width), uint8.
+            The truth of the frame, and the mask of the object in the left eye, (height, width), uint8.
         """
-        moment, samples, k = (
-            self.moments[number],
-            self.config.samples_per_pixel,
-            self.rig.intrinsics,
-        )
+        moment, samples, rig = self.moments[number], self.config.samples_per_pixel, self.rig
+        left_shift, k = -rig.color_offset, rig.intrinsics
         turn, right_k = drift.believed_from_turned, drift.right_intrinsics(k)
-        left, right = (
-            ShutteredEye(self.renderer, shutter, each, partial(self._pose, moment, shift, turn))
-            for each, shift, turn in ((k, 0.0, np.eye(3)), (right_k, self.rig.baseline, turn))
-        )
+        left = self._eye(number, shutter, k, left_shift)
+        right = self._eye(number, shutter, right_k, left_shift + rig.baseline, turn)
         image, mask = left.image(samples, self._eye_seed(number, LEFT_EYE))
         right_image, _ = right.image(samples, self._eye_seed(number, RIGHT_EYE))
         depth, normals, materials = left.geometry()
+        dots_show = None
+        if rig.has_color_camera:
+            image, right_image = infrared_image(image), infrared_image(right_image)
+        gain = np.float32(rig.projector_power * self.renderer.exposure)
+        if gain > 0:
+            place = left_shift + rig.projector_offset
+            projector_at = partial(self._pose, moment, place, UNTURNED)
+            dots = left.project_dots(projector_at)
+            dots_show = stands_out(image, gain * dots.peak, rig)
+            if projects:
+                beside = right.project_dots(projector_at)
+                image = with_dots(image, gain * dots.light)
+                right_image = with_dots(right_image, gain * beside.light)
         velocity, angular_velocity = self.walk.motion(moment)
         truth = FrameTruth(
             number=number,
-            camera=Camera(k, self.walk.pose(moment)),
-            rig=self.rig,
+            camera=Camera(rig.intrinsics, self._pose(moment, left_shift, UNTURNED, 0.0)),
+            rig=rig,
             image=image,
             right=right_image,
             depth=depth,
@@ -97,10 +114,30 @@ class Session:
             material_ids=materials,
             materials=self.scene.materials,
             motion=Motion(_triple(velocity), _triple(angular_velocity)),
-            rays=left.rays(self.rig.baseline),
+            rays=left.rays(rig.baseline),
             drift=drift,
+            dots_show=dots_show,
         )
         return truth, mask
+
+    def color_view(self, number: int, shutter: Shutter) -> ColorView:
+        """Render what the color camera of a rig with an infrared pair sees; see `truth`."""
+        k, pose = self.rig.image_intrinsics, self.walk.pose(self.moments[number])
+        eye = self._eye(number, shutter, k, 0.0)
+        samples, seed = self.config.samples_per_pixel, self._eye_seed(number, COLOR_CAMERA)
+        return ColorView(Camera(k, pose), *eye.image(samples, seed), *eye.geometry())
+
+    def _eye(
+        self,
+        number: int,
+        shutter: Shutter,
+        intrinsics: Intrinsics,
+        shift: float,
+        turn: np.ndarray = UNTURNED,
+    ) -> ShutteredEye:
+        """Return the eye ``shift`` metres to the right of the camera that takes the images."""
+        pose_at = partial(self._pose, self.moments[number], shift, turn)
+        return ShutteredEye(self.renderer, shutter, intrinsics, pose_at)
 
     def _pose(self, moment: float, shift: float, turn: np.ndarray, after: float) -> np.ndarray:
         """Return the pose of an eye ``shift`` metres to the right, ``after`` seconds after a moment.
@@ -138,7 +175,7 @@ def load_inputs(config: SimulateConfig) -> Inputs:
 
         check_opengl()
     profile = load_profile(config.profile or DEFAULT_PROFILE)
-    rig = _make_rig(config, profile)
+    rig = rig_of(config)
     scene = _load_object(config)
     check_reach(scene, rig)
     if config.environment is None:
@@ -174,7 +211,9 @@ def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     return Session(config, scene, surround, inputs.profile, rig, walk, renderer)
 
 
-def _make_rig(config: SimulateConfig, profile: Profile) -> StereoRig:
+def rig_of(config: SimulateConfig) -> StereoRig:
+    """Return the camera at the image size that the settings name."""
+    profile = load_profile(config.profile or DEFAULT_PROFILE)
     if config.profile is not None:
         return profile.rig(config.width, config.height)
     width = config.width or DEFAULT_WIDTH

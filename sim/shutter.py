@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.sim.render.protocol import CameraTrack, Renderer
+from digs_warp.sim.render.protocol import CameraTrack, Projected, Renderer
 from digs_warp.sim.sensor.frame import FrameRays
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
@@ -80,6 +80,18 @@ class ShutteredEye:
         depth, normals, materials = zip(*layers, strict=True)
         return np.concatenate(depth), np.concatenate(normals), np.concatenate(materials)
 
+    def project_dots(self, projector_at: PoseAt) -> Projected:
+        """Return the light of a projector at the middle of each row's exposure.
+
+        The dots move with the camera, so that its motion hardly blurs them.
+        """
+        parts = [
+            self.renderer.project_dots(camera, projector_at(middle))
+            for camera, middle in zip(self._cameras(), self._middles, strict=True)
+        ]
+        peaks, lights = ([part.peak for part in parts], [part.light for part in parts])
+        return Projected(np.concatenate(peaks), np.concatenate(lights))
+
     def rays(self, baseline: float) -> FrameRays:
         """Return the rays for the sensor's effects; they are cast on request."""
         cameras = list(self._cameras())
@@ -87,11 +99,14 @@ class ShutteredEye:
         heights = tuple(camera.intrinsics.height for camera in cameras)
         return rays[0] if len(rays) == 1 else BandedRays(tuple(rays), heights)
 
+    @property
+    def _middles(self) -> list[float]:
+        """The middle of each band's exposure [s]."""
+        return [float(self.shutter.moments(band).mean()) for band in range(self.shutter.bands)]
+
     def _cameras(self) -> Iterator[Camera]:
         """Yield the camera of each band in the middle of its exposure."""
-        shutter = self.shutter
-        middles = [float(shutter.moments(band).mean()) for band in range(shutter.bands)]
-        poses = np.array([[self.pose_at(middle)] for middle in middles])
+        poses = np.array([[self.pose_at(middle)] for middle in self._middles])
         for (camera,) in CameraTrack(self.intrinsics, poses).bands():
             yield camera
 

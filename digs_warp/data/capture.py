@@ -6,7 +6,7 @@ keys. Pixels are loaded on demand. The layout is described in docs/capture-forma
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +36,36 @@ PixelSource = Path | np.ndarray
 
 @dataclass(frozen=True)
 class Rig:
-    """The stereo rig: the right camera sits ``baseline`` metres along the left camera's x axis."""
+    """The two eyes from which depth is measured, side by side along the x axis of the frame's camera.
+
+    Attributes:
+        baseline: distance of the eyes [m].
+        infrared: the eyes are an infrared pair beside the frame's camera; None: the left eye is that camera.
+    """
 
     baseline: float
+    infrared: "InfraredPair | None" = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the rig in the form of transforms.json."""
+        pair = {} if self.infrared is None else {"infrared": asdict(self.infrared)}
+        return {"baseline": self.baseline, **pair}
+
+
+@dataclass(frozen=True)
+class InfraredPair:
+    """Two equal infrared cameras that look the same way as the frame's camera, at its image size.
+
+    Attributes:
+        offset: place of the left one along the x axis of the frame's camera [m].
+        fl_x, fl_y, cx, cy: focal lengths and principal point of either [px].
+    """
+
+    offset: float
+    fl_x: float
+    fl_y: float
+    cx: float
+    cy: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +87,15 @@ class Frame:
         return self._load_rgb(Layer.IMAGE)
 
     def load_right_image(self) -> np.ndarray:
-        """Return the right image, sRGB, shape (height, width, 3), uint8."""
+        """Return the right image, sRGB, shape (height, width, 3), uint8.
+
+        Its camera sits `Capture.right_offset` metres along the x axis of the left one.
+        """
         return self._load_rgb(Layer.RIGHT)
+
+    def load_infrared(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the left and the right infrared image, each (height, width), uint8."""
+        return self._load_grey(Layer.INFRARED_LEFT), self._load_grey(Layer.INFRARED_RIGHT)
 
     def load_depth(self) -> np.ndarray:
         """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
@@ -204,6 +238,12 @@ class Capture:
         return self.stored_in
 
     @property
+    def right_offset(self) -> float | None:
+        """Where right images are taken, along the x axis of the left camera [m]; None: there are none."""
+        is_pair = self.rig is not None and self.rig.infrared is None
+        return self.rig.baseline if self.rig and is_pair else None
+
+    @property
     def knows_poses(self) -> bool:
         """Whether the poses are valid: a recording without poses has the identity in every frame."""
         return self.about.poses_known is not False
@@ -268,7 +308,15 @@ def _read_rig(ours: dict[str, Any], where: str) -> Rig | None:
     if "rig" not in ours:
         return None
     rig = Fields.of(ours["rig"], f"{where}, rig", CaptureError)
-    return Rig(rig.number("baseline", ABOVE_ZERO, what="metres above 0"))
+    baseline = rig.number("baseline", ABOVE_ZERO, what="metres above 0")
+    if "infrared" not in rig:
+        return Rig(baseline)
+    pair = rig.section("infrared")
+    fl_x, fl_y = (pair.number(name, ABOVE_ZERO, what="pixels above 0") for name in ("fl_x", "fl_y"))
+    return Rig(
+        baseline,
+        InfraredPair(pair.number("offset"), fl_x, fl_y, pair.number("cx"), pair.number("cy")),
+    )
 
 
 def _read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) -> Frame:

@@ -36,6 +36,8 @@ class FrameImages:
     cause: np.ndarray | None = None
     confidence: np.ndarray | None = None
     normals: np.ndarray | None = None
+    infrared_left: np.ndarray | None = None
+    infrared_right: np.ndarray | None = None
 
     def by_layer(self) -> dict[Layer, np.ndarray]:
         """Return the images that are present."""
@@ -97,7 +99,7 @@ class CaptureWriter:
         k = self.intrinsics
         ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": DEPTH_UNIT}
         if self.rig is not None:
-            ours["rig"] = {"baseline": self.rig.baseline}
+            ours["rig"] = self.rig.as_json()
         index = {
             "camera_model": "PINHOLE",
             "w": k.width,

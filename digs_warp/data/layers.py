@@ -21,6 +21,8 @@ class Layer(Enum):
     MASK = "mask_path", "mask", "masks/{:04d}.png"
     CAUSE = "cause_file_path", "cause", "cause/{:04d}.png"
     CONFIDENCE = "confidence_file_path", "confidence", "confidence/{:04d}.png"
+    INFRARED_LEFT = "infrared_left_file_path", "left infrared image", "infrared_left/{:04d}.png"
+    INFRARED_RIGHT = "infrared_right_file_path", "right infrared image", "infrared_right/{:04d}.png"
     NORMALS = "normals_file_path", "normals", "normals/{:04d}.exr"
 
     def __new__(cls, key: str, label: str, pattern: str) -> "Layer":
@@ -31,5 +33,15 @@ class Layer(Enum):
         return layer
 
 
-# The layers of every simulated frame; the others exist for some sensors, or on request.
+# The layers of every frame of a color stereo camera; the others exist for some sensors, or on request.
 BASIC_LAYERS = (Layer.IMAGE, Layer.RIGHT, Layer.DEPTH, Layer.DEPTH_TRUE, Layer.MASK)
+
+# The same for a color camera beside an infrared pair.
+INFRARED_LAYERS = (
+    Layer.IMAGE,
+    Layer.INFRARED_LEFT,
+    Layer.INFRARED_RIGHT,
+    Layer.DEPTH,
+    Layer.DEPTH_TRUE,
+    Layer.MASK,
+)

@@ -152,7 +152,7 @@ def front_end(
             config.init,
             sfm=model.sfm if model else None,
             sfm_per_metre=model.sfm_per_metre if model else None,
-            baseline=capture.rig.baseline if capture.rig else None,
+            baseline=capture.right_offset,
         )
     prepared = Prepared(
         frames,

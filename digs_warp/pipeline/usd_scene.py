@@ -132,7 +132,7 @@ def _camera_path(capture: Capture, posed: PosedFrames) -> "CameraPath | None":
             times=tuple(times),
             names=tuple(frame.name for frame, _ in views),
             held_out=tuple(held_out for _, held_out in views),
-            baseline=capture.rig.baseline if capture.rig else None,
+            baseline=capture.right_offset,
         )
     except DigsError as error:
         logger.warning("the scene gets no cameras: %s", error)

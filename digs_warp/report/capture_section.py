@@ -75,6 +75,9 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
     def grey(frame: Frame) -> np.ndarray:
         return np.repeat(frame.load_mask()[..., None], 3, axis=2)
 
+    def infrared(frame: Frame) -> np.ndarray:
+        return np.repeat(frame.load_infrared()[0][..., None], 3, axis=2)
+
     def error(frame: Frame) -> np.ndarray:
         # The surroundings are much farther away and noisier, and would hide the object's errors.
         return np.where(_on_object(frame)[..., None], errors.paint(_error_mm(frame)), _OUTSIDE)
@@ -82,6 +85,12 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
     return [
         _Column("Left", "left image", (Layer.IMAGE,), Frame.load_image),
         _Column("Right", "right image", (Layer.RIGHT,), Frame.load_right_image),
+        _Column(
+            "Infrared, left",
+            "left infrared image",
+            (Layer.INFRARED_LEFT, Layer.INFRARED_RIGHT),
+            infrared,
+        ),
         _Column(
             "Depth, true",
             "true depth in colours",

@@ -72,7 +72,7 @@ def of_capture(folder: Path) -> Facts:
         "length": f"{counted(len(capture), 'frame')} in {span:.1f} s",
         "image size": f"{k.width} x {k.height}",
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
-        "baseline": f"{capture.rig.baseline * 1e3:.1f} mm" if capture.rig else "none (one camera)",
+        "baseline": _baseline(capture),
         "layers": ", ".join(layer.label for layer in Layer if first.has(layer)),
         "camera path": _extent(np.stack([f.camera.center_world for f in capture.frames]))
         if capture.knows_poses
@@ -258,6 +258,13 @@ def _of_record(folder: Path) -> Facts:
 def _of_seconds(record: RunRecord) -> Facts:
     seconds = ", ".join(f"{name} {value:.1f}" for name, value in record.seconds.items())
     return {"seconds": seconds} if seconds else {}
+
+
+def _baseline(capture: Capture) -> str:
+    if capture.rig is None:
+        return "none (one camera)"
+    eyes = "" if capture.rig.infrared is None else " (infrared pair)"
+    return f"{capture.rig.baseline * 1e3:.1f} mm{eyes}"
 
 
 def _extent(points: np.ndarray) -> str:

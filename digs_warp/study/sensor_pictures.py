@@ -1,7 +1,8 @@
 """Pictures of what each effect of the sensor does alone: off and on, side by side."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,14 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.geometry import rigid
 from digs_warp.record.files import write_atomically
+from digs_warp.sim.profiles import PROFILES
+from digs_warp.sim.render.protocol import Projected
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.sensor.color import (
     CALIBRATION_DRIFT,
     IMAGE_BLUR,
     PIXEL_EFFECTS,
+    PROJECTOR,
     ROLLING_SHUTTER,
 )
 from digs_warp.sim.sensor.color.encoding import decode, encode
@@ -26,6 +30,7 @@ from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import DepthEffect
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.sensor.tiers import effect_rng
 from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.study.still_life import (
@@ -96,7 +101,7 @@ class SensorStudio:
         self._renderer = RaycastRenderer(self._scene, environment)
         self.rig = still_life_rig()
         self.truth = photograph(self._renderer, self._scene, self.rig)
-        self.facts = measure_facts([self.truth])
+        self.facts = measure_facts([replace(self.truth, dots_show=self._dots_show())])
 
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
         """Return the result of an effect alone."""
@@ -126,6 +131,25 @@ class SensorStudio:
         """Return the left image after an effect alone."""
         eyes = EyeImages(self.rig.intrinsics, decode(self.truth.image), decode(self.truth.right))
         return encode(effect.apply(eyes, self.rig, effect_rng(SEED, 0, effect.name)).left)
+
+    def infrared(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the left infrared image of a rig with the D435's projector, off and on."""
+        off = infrared_image(self.truth.image)
+        gain, projected = self._projected
+        return off, with_dots(off, gain * projected.light)
+
+    def _dots_show(self) -> np.ndarray:
+        gain, projected = self._projected
+        return stands_out(infrared_image(self.truth.image), gain * projected.peak, self.rig)
+
+    @cached_property
+    def _projected(self) -> tuple[np.float32, Projected]:
+        """The brightness of the D435's dots, and where they are."""
+        figures = PROFILES["d435"].figures
+        camera = still_life_camera(self.rig)
+        place = camera.shifted_right(figures["projector_offset"].value).world_from_cam
+        gain = np.float32(figures["projector_power"].value * self._renderer.exposure)
+        return gain, self._renderer.project_dots(camera, place)
 
     def drifted(self) -> np.ndarray:
         """Return the right image of a rig whose calibration has drifted."""
@@ -179,6 +203,7 @@ def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     images |= {effect.name: studio.colored(effect) for effect in PIXEL_EFFECTS}
     for name, image in images.items():
         color_strip(studio.truth.image, image, folder / f"{name}.jpg")
+    color_strip(*studio.infrared(), folder / f"{PROJECTOR.name}.jpg", "left infrared")
     path = folder / f"{CALIBRATION_DRIFT.name}.jpg"
     color_strip(studio.truth.right, studio.drifted(), path, "right")
     return figures

@@ -21,7 +21,8 @@ from digs_warp.sim.render.gl_scene import (
     two_lights,
 )
 from digs_warp.sim.render.lighting import prepare_light
-from digs_warp.sim.render.protocol import CameraTrack, RenderedView, exposure_by_views
+from digs_warp.sim.render.projector import project_dots
+from digs_warp.sim.render.protocol import CameraTrack, Projected, RenderedView, exposure_by_views
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
 from digs_warp.sim.render.view import check_inside
@@ -116,6 +117,11 @@ class GlRenderer:
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
         depth = np.where(is_object, depth, far)
         return depth.astype(np.float32), normals.astype(np.float32), materials
+
+    def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
+        """Return the light of a dot projector of that pose, (4, 4), in the camera, by rays."""
+        surface, radius = self._device_scene.surface, self.surround_radius
+        return project_dots(surface, camera, radius, world_from_projector, self._threads)
 
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
         """Return the rays for the sensor's effects; they are cast on request."""

@@ -1,5 +1,10 @@
 """The material at a hit: color, finish, emission and normal, filtered over the ray's cone."""
 
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
 import warp as wp
 
 from digs_warp.sim.render.surface import (
@@ -94,10 +99,10 @@ def mapped_normal(
 
 
 @wp.func
-def look_at_hit(
+def material_at_hit(
     surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
 ) -> Look:
-    """Collect the look of a hit; ``cone_width`` is the width of the ray's cone there [m]."""
+    """Collect the look of a hit without its openness; ``cone_width`` as in `look_at_hit`."""
     data = surface.data[surface.materials[hit.face]]
     uv = texture_position(surface, hit)
     level = texture_level(surface, hit, direction, cone_width)
@@ -119,5 +124,14 @@ def look_at_hit(
     if data.emission_texture >= 0:
         glow = sample_texture(surface.textures, data.emission_texture, uv, level, SRGB)
         look.emission = wp.cw_mul(look.emission, glow)
+    return look
+
+
+@wp.func
+def look_at_hit(
+    surface: Surface, hit: wp.MeshQueryRay, direction: wp.vec3, cone_width: float
+) -> Look:
+    """Collect the look of a hit; ``cone_width`` is the width of the ray's cone there [m]."""
+    look = material_at_hit(surface, hit, direction, cone_width)
     look.openness = interpolated_openness(surface, hit, look.side)
     return look

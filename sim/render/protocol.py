@@ -67,6 +67,19 @@ class CameraTrack:
             yield [Camera(rows, pose) for pose in poses]
 
 
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """The light of a projector in one eye, linear; 1: a mean dot on a white wall that faces it at 1 m.
+
+    Attributes:
+        peak: of a mean dot, were its center here, (height, width), float32; 0 where no light arrives.
+        light: of the pattern, (height, width), float32.
+    """
+
+    peak: np.ndarray
+    light: np.ndarray
+
+
 class Renderer(Protocol):
     """A scene in its surround, ready to be rendered for any camera inside."""
 
@@ -99,6 +112,10 @@ class Renderer(Protocol):
 
     def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return only depth, world normals and material ids."""
+        ...
+
+    def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
+        """Return the light of a dot projector of that pose, (4, 4), in the camera."""
         ...
 
     def frame_rays(self, camera: Camera, baseline: float) -> FrameRays:

@@ -15,7 +15,8 @@ from digs_warp.sim.environment import Environment
 from digs_warp.sim.render.kernels import color_kernel, geometry_kernel
 from digs_warp.sim.render.lighting import prepare_light
 from digs_warp.sim.render.openness import measure_openness
-from digs_warp.sim.render.protocol import CameraTrack, RenderedView
+from digs_warp.sim.render.projector import project_dots
+from digs_warp.sim.render.protocol import CameraTrack, Projected, RenderedView
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view
@@ -93,6 +94,11 @@ class RaycastRenderer:
             normals.numpy().reshape(height, width, 3),
             materials.numpy().reshape(height, width),
         )
+
+    def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
+        """Return the light of a dot projector of that pose, (4, 4), in the camera."""
+        surface, radius = self._surface, self.surround_radius
+        return project_dots(surface, camera, radius, world_from_projector, self.threads)
 
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
         """Return the rays for the sensor's effects; they are cast on request."""

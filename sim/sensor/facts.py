@@ -39,6 +39,7 @@ class SceneFacts:
     dark_share: float  # share below 15 of 255
     blur_px: float  # 95th percentile of the motion during the exposure [px]
     skew_px: float  # 95th percentile of the motion during the shutter's read-out [px]
+    dot_share: float = 0.0  # share where a projected dot exceeds the image noise
 
 
 # Extremes over the frames; every other fact is the mean over the frames where it can be measured.
@@ -85,6 +86,7 @@ def _measure(truth: FrameTruth) -> dict[str, float]:
         "dark_share": float(np.mean(gray < DARK)),
         **_materials(truth, len(depth)),
         **_motion(truth),
+        "dot_share": 0.0 if truth.dots_show is None else float(np.mean(truth.dots_show[visible])),
     }
 
 

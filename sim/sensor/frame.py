@@ -63,6 +63,8 @@ class FrameTruth:
         motion: of the rig.
         rays: more rays on request.
         drift: of the right eye; ``right`` is what the drifted eye sees.
+        dots_show: where the center of a projected dot would stand out of the image noise, (height, width),
+            bool; None: the camera has no projector.
     """
 
     number: int
@@ -77,6 +79,7 @@ class FrameTruth:
     motion: Motion
     rays: FrameRays
     drift: Drift = NO_DRIFT
+    dots_show: np.ndarray | None = None
 
     # Computed once, when the first effect needs it.
 

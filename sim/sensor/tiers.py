@@ -110,10 +110,15 @@ def depth_of(sensed: Sensed, truth: FrameTruth) -> np.ndarray:
         depth = np.float32(truth.rig.focal_baseline) / sensed.disparity
     np.copyto(depth, truth.depth, where=sensed.disparity == truth.disparity)
     round_into_range(depth, truth.rig)
-    missing = np.isnan(depth)
-    np.copyto(depth, np.float32(-np.inf), where=missing & (sensed.cause == Cause.NEAR))
-    np.copyto(depth, np.float32(np.inf), where=missing & (sensed.cause == Cause.FAR))
+    code_missing(depth, sensed.cause)
     return depth
+
+
+def code_missing(depth: np.ndarray, cause: np.ndarray) -> None:
+    """Say in place why depth is missing: -inf too near, +inf too far, else NaN; both (height, width)."""
+    missing = np.isnan(depth)
+    np.copyto(depth, np.float32(-np.inf), where=missing & (cause == Cause.NEAR))
+    np.copyto(depth, np.float32(np.inf), where=missing & (cause == Cause.FAR))
 
 
 def _sense_law(truth: FrameTruth, seed: int, strength: float) -> Sensed:

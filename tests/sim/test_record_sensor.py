@@ -183,7 +183,7 @@ def test_a_profile_brings_its_image(tmp_path: Path) -> None:
     capture = simulate(config, tmp_path / "capture")
     k = capture.frames[0].camera.intrinsics
     assert (k.width, k.height) == (106, 60)
-    assert k.fx == pytest.approx(424 * 106 / 848)
+    assert k.fx == pytest.approx(1.444 * 424 * 106 / 848)  # its color camera
     assert capture.rig is not None and capture.rig.baseline == 0.05
 
 

@@ -4,10 +4,12 @@ from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
+from digs_warp.sim.sensor.color.projector import Projector
 from digs_warp.sim.sensor.color.protocol import ColorEffect, PixelEffect
 from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
 from digs_warp.sim.sensor.color.vignetting import Vignetting
 
+PROJECTOR = Projector()
 ROLLING_SHUTTER = RollingShutter()
 IMAGE_BLUR = ImageBlur()
 CALIBRATION_DRIFT = CalibrationDrift()
@@ -16,6 +18,7 @@ CALIBRATION_DRIFT = CalibrationDrift()
 PIXEL_EFFECTS: tuple[PixelEffect, ...] = (Vignetting(), AutoExposure(), ShotNoise(), ReadNoise())
 
 COLOR_EFFECTS: tuple[ColorEffect, ...] = (
+    PROJECTOR,
     ROLLING_SHUTTER,
     IMAGE_BLUR,
     CALIBRATION_DRIFT,

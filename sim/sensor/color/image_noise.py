@@ -39,6 +39,11 @@ def read_sigma(rig: StereoRig) -> float:
     return float(np.sqrt(max(total - shot_factor(rig) ** 2 * MIDDLE_GREY, 0.0)))
 
 
+def noise_sigma(linear: np.ndarray, rig: StereoRig) -> np.ndarray:
+    """Return the standard deviation of both kinds of noise at pixels of that brightness, in linear light."""
+    return np.sqrt(shot_factor(rig) ** 2 * np.maximum(linear, 0) + read_sigma(rig) ** 2)
+
+
 @dataclass(frozen=True)
 class ShotNoise:
     """Shot noise: its variance is proportional to the signal, per pixel, channel and eye."""

@@ -1,0 +1,1 @@
+"""Cameras with an infrared pair: a projector of dots for the pair, and a color camera at its own place."""

@@ -1,0 +1,208 @@
+"""The dots of the projector: their places, brightness and shadows against formulas, and what they are for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+
+from digs_warp.camera import Camera, pixel_centers
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS, PROJECTOR
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
+from digs_warp.sim.sensor.infrared.pattern import DENSITY, FIELD_DEG, LEAST_DISTANCE
+from digs_warp.sim.sensor.tiers import Tier, sense
+from digs_warp.sim.shutter import Shutter
+from reference.infrared_scenes import (
+    ROOM,
+    WHITE,
+    dots_of_pattern,
+    infrared_rig,
+    matte_share,
+    spots_at,
+    still_session,
+    wall,
+)
+from reference.plates import join_scenes, plate
+
+RIG = infrared_rig(color_offset=0.0)  # the left eye is in the origin
+PLACE = RIG.projector_offset
+PROJECTOR_POSE = Camera(RIG.intrinsics, np.eye(4)).shifted_right(PLACE).world_from_cam
+
+
+def light_of(scene: Scene, rig: StereoRig = RIG, eye: float = 0.0) -> np.ndarray:
+    """What the projector adds to the image of an eye ``eye`` metres to the right of the left one."""
+    renderer = still_session(scene, rig).renderer
+    assert isinstance(renderer, RaycastRenderer)
+    camera = Camera(rig.intrinsics, np.eye(4)).shifted_right(eye)
+    return renderer.project_dots(camera, PROJECTOR_POSE).light
+
+
+def test_the_pattern_has_the_density_and_the_distances_of_the_real_one() -> None:
+    dots = dots_of_pattern()
+    half = np.tan(np.deg2rad(FIELD_DEG) / 2)
+    assert len(dots) == pytest.approx(DENSITY * 4 * half[0] * half[1], rel=1e-3)
+    assert (np.abs(dots[:, :2]) <= half).all()
+    nearest = KDTree(dots[:, :2]).query(dots[:, :2], k=2)[0][:, 1] * np.sqrt(DENSITY)
+    assert nearest.min() >= LEAST_DISTANCE * (1 - 1e-5)
+    # On the gray box of realsense_d435_ir_pair: 0.77, 0.85 and 1.0.
+    np.testing.assert_allclose(np.percentile(nearest, [5, 50, 95]), [0.77, 0.83, 1.0], atol=0.03)
+    assert dots[:, 2].mean() == pytest.approx(1, abs=1e-5)
+
+
+@pytest.mark.parametrize("distance", [0.6, 1.7])
+@pytest.mark.parametrize("eye", [0.0, 0.05])
+def test_brightness_on_a_wall_follows_the_formula(distance: float, eye: float) -> None:
+    light = light_of(wall(distance), eye=eye)
+    k = RIG.intrinsics
+    rng = np.random.default_rng(1)
+    rows, columns = rng.integers(0, k.height, 400), rng.integers(0, k.width, 400)
+    u, v = pixel_centers(k.width, k.height)[rows, columns].T
+    place = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones(400)], 1) * distance
+    to_light = np.array([PLACE - eye, 0, 0]) - place
+    x, y = -to_light[:, 0] / distance, -to_light[:, 1] / distance
+    expected = spots_at(x, y, k.fx) / distance**2
+    for i in range(400):
+        light_way, eye_way = (d / np.linalg.norm(d) for d in (to_light[i], -place[i]))
+        half = light_way + eye_way
+        cosine = float(np.dot(light_way, half) / np.linalg.norm(half))
+        share = matte_share(0.8, -light_way[2], -eye_way[2], cosine)
+        expected[i] *= (
+            share / -light_way[2]
+        )  # a plane across the view is lit as brightly at its sides
+    assert expected.max() > 0.1 / distance**2
+    np.testing.assert_allclose(
+        light[rows, columns], expected, rtol=3e-3, atol=1e-4 * expected.max()
+    )
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.7])
+def test_both_eyes_see_a_dot_at_the_same_point_of_the_wall(slope: float) -> None:
+    scene = wall(1.0, slope=slope)
+    session = still_session(scene, RIG)
+    truth, _ = session.truth(0, Shutter(), projects=False)
+    along = np.gradient(truth.disparity, axis=1)
+    left, right = (light_of(scene, eye=eye) for eye in (0.0, RIG.baseline))
+    found = 0
+    for row, column in zip(*np.nonzero(is_peak(left)), strict=True):
+        u, v = centroid(left, row, column)
+        disparity = float(truth.disparity[row, column] + (u - column - 0.5) * along[row, column])
+        there = round(u - disparity - 0.5)
+        if not (8 <= there < left.shape[1] - 8 and 8 <= column < left.shape[1] - 8):
+            continue
+        u_right, v_right = centroid(right, row, there)
+        assert u - u_right == pytest.approx(disparity, abs=0.05)
+        assert v - v_right == pytest.approx(0, abs=0.05)
+        found += 1
+    assert found > 200
+
+
+def is_peak(light: np.ndarray) -> np.ndarray:
+    """Dots that stand alone, away from the borders."""
+    import cv2
+
+    peak = (light == cv2.dilate(light, np.ones((7, 7)))) & (light > 0.3 * light.max())
+    inside = np.zeros_like(peak)
+    inside[8:-8, 8:-8] = True
+    return peak & inside
+
+
+def centroid(light: np.ndarray, row: int, column: int) -> tuple[float, float]:
+    """The center of the spot round a pixel: the top of a paraboloid through the logarithm."""
+    top = np.log(light[row - 1 : row + 2, column - 1 : column + 2].astype(np.float64))
+    steps = [
+        (top[1, 0] - top[1, 2]) / (2 * (top[1, 0] - 2 * top[1, 1] + top[1, 2])),
+        (top[0, 1] - top[2, 1]) / (2 * (top[0, 1] - 2 * top[1, 1] + top[2, 1])),
+    ]
+    return column + 0.5 + steps[0], row + 0.5 + steps[1]
+
+
+def test_a_near_thing_throws_a_shadow_on_the_side_that_the_projector_cannot_see() -> None:
+    near, far = 0.5, 1.0
+    # Its left edge is in the middle of the image; the projector sits to the right of the eye.
+    screen = plate((0.2, 0, near), (0.2, 0, 0), (0, -2, 0), WHITE)
+    scene = join_scenes(wall(far), screen)
+    session = still_session(scene, RIG)
+    camera = Camera(RIG.intrinsics, np.eye(4))
+    peak = session.renderer.project_dots(camera, PROJECTOR_POSE).peak[120]
+    width = RIG.intrinsics.fx * PLACE * (1 / near - 1 / far)
+    dark = np.flatnonzero(peak == 0)
+    assert dark.max() == RIG.intrinsics.width // 2 - 1
+    assert len(dark) == pytest.approx(width, abs=1.01)
+
+
+def test_metal_and_black_send_nothing_back_and_glass_lets_light_through() -> None:
+    white = light_of(wall(1.0)).mean()
+    mirror = Material("mirror", np.full(3, 0.9), roughness=0.05, metallic=1.0)
+    assert light_of(wall(1.0, mirror, slope=1.5)).mean() < 1e-3 * white
+    black = Material("black", np.full(3, 0.02), roughness=1.0)
+    assert light_of(wall(1.0, black)).mean() < 0.08 * white
+    glass = Material("glass", np.ones(3), roughness=0.05, transmission=0.95)
+    pane = plate((0, 0, 0.5), (2, 0, 0), (0, -2, 0), glass)
+    through = light_of(join_scenes(wall(1.0), pane))
+    np.testing.assert_allclose(through, light_of(wall(1.0)), rtol=1e-3, atol=1e-5)
+
+
+def sensed_wall(
+    scene: Scene, tier: Tier, projects: bool = True, radiance: float = ROOM
+) -> tuple[Sensed, FrameTruth]:
+    """What the pair measures of a scene, with image noise."""
+    session = still_session(scene, RIG, radiance)
+    truth, _ = session.truth(0, Shutter(), projects=projects)
+    noisy = recorded_images(truth, PIXEL_EFFECTS, seed=4)
+    left, right = (in_three_channels(one_channel(image)) for image in noisy)
+    return sense(truth, tier, recorded=(left, right)), truth
+
+
+def filled(sensed: Sensed, truth: FrameTruth) -> float:
+    """Share of right matches where both eyes see the wall."""
+    columns = np.arange(truth.depth.shape[1])
+    both = np.broadcast_to(truth.disparity < columns - 5, truth.depth.shape)
+    return float(np.mean((np.abs(sensed.disparity - truth.disparity) <= 1)[both]))
+
+
+@pytest.mark.parametrize("tier", ["guided", "matcher"])
+def test_a_white_wall_has_depth_with_the_projector_and_none_without(tier: Tier) -> None:
+    scene = wall(1.0)
+    assert filled(*sensed_wall(scene, tier)) > 0.9
+    assert filled(*sensed_wall(scene, tier, projects=False)) < 0.3
+
+
+def test_bright_light_drowns_the_dots_and_the_plan_says_so() -> None:
+    scene = wall(1.0)
+    bright = 150 * ROOM
+    sensed, truth = sensed_wall(scene, "guided", radiance=bright)
+    assert filled(sensed, truth) < 0.3
+    off = PROJECTOR.choose(measure_facts([truth]), RIG)
+    assert not off.on and "drowns" in off.reason
+    _, indoors = sensed_wall(scene, "guided")
+    assert PROJECTOR.choose(measure_facts([indoors]), RIG).on
+    # Twice as far away, a quarter of the light.
+    share = [measure_facts([sensed_wall(wall(z), "guided")[1]]).dot_share for z in (1.0, 8.0)]
+    assert share[0] > 0.99 and share[1] < share[0]
+
+
+def test_a_camera_without_projector_has_none_to_plan() -> None:
+    rig = replace(RIG, projector_power=0.0)
+    session = still_session(wall(1.0), rig)
+    truth, _ = session.truth(0, Shutter())
+    choice = PROJECTOR.choose(measure_facts([truth]), rig)
+    assert not choice.on and choice.reason == "the camera has no projector"
+    assert truth.dots_show is None and PROJECTOR in COLOR_EFFECTS
+
+
+def test_a_mirror_on_the_wall_loses_the_dots() -> None:
+    metal = Material("metal", np.full(3, 0.9), roughness=0.02, metallic=1.0)
+    pane = plate((0.0, 0, 0.99), (0.3, 0, 0.1), (0, -0.3, 0), metal)
+    sensed, truth = sensed_wall(join_scenes(wall(1.2), pane), "guided")
+    on_pane = truth.material_ids == 1
+    right = np.abs(sensed.disparity - truth.disparity) <= 1
+    assert right[on_pane].mean() < 0.5 and right[~on_pane & (truth.disparity < 30)].mean() > 0.7
+    wrong = sensed.cause[on_pane & ~right]
+    assert np.mean((wrong == Cause.MIRROR) | (wrong == Cause.BAND)) > 0.9
