@@ -172,8 +172,9 @@ BENCHMARKS = (
     ),
     Benchmark(
         "realism",
-        "where the simulated sensor errs, against real matching: places, sizes, frames, confidence",
+        "where the simulated sensor errs, against real matching: places, sizes, frames, confidence, time",
         "bench_realism:bench_realism",
         "sensor-cost.md",
+        chart_function="realism_confidence:confidence_charts",
     ),
 )

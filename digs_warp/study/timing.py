@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -39,6 +40,29 @@ def best_ms(
         function()
         seconds.append(clock() - start)
     return 1e3 * min(seconds)
+
+
+def ms_side_by_side(function: Callable[[], object], calls: int, rounds: int) -> tuple[float, float]:
+    """Return wall time and CPU time per call of a function that runs several times at once [ms].
+
+    The shortest of some rounds; a first call also loads and compiles, and does not count.
+
+    Args:
+        function: safe to call from several threads.
+        calls: at a time.
+        rounds: of calls.
+    """
+    function()
+    best = (float("inf"), float("inf"))
+    with ThreadPoolExecutor(calls) as pool:
+        for _ in range(rounds):
+            watch = Stopwatch()
+            with watch:
+                for call in [pool.submit(function) for _ in range(calls)]:
+                    call.result()
+            best = min(best, (watch.seconds, watch.cpu_seconds))
+    wall, cpu = (1e3 * seconds / calls for seconds in best)
+    return wall, cpu
 
 
 def clock_for(threads: int) -> Callable[[], float]:

@@ -56,7 +56,12 @@ def search_range(rig: StereoRig) -> int:
 
 
 def match(
-    left: np.ndarray, right: np.ndarray, disparities: int, window: int = 5, checks: bool = True
+    left: np.ndarray,
+    right: np.ndarray,
+    disparities: int,
+    window: int = 5,
+    checks: bool = True,
+    uniqueness: int = UNIQUENESS,
 ) -> np.ndarray:
     """Return the disparity of a rectified pair [px], shape (height, width), float32, NaN: no match.
 
@@ -66,6 +71,7 @@ def match(
         disparities: end of the search range, which begins at 0 [px], exclusive; a multiple of 16.
         window: width of the square block, odd.
         checks: whether to drop matches that are not unique, differ between the eyes, or are islands.
+        uniqueness: by how much the best match must be better than the second best [%], 0 to 100.
     """
     import cv2
 
@@ -89,7 +95,7 @@ def match(
         P1=SMALL_STEP * window * window,
         P2=LARGE_STEP * window * window,
         disp12MaxDiff=LEFT_RIGHT if checks else -1,
-        uniquenessRatio=UNIQUENESS if checks else 0,
+        uniquenessRatio=uniqueness if checks else 0,
         speckleWindowSize=ISLAND if checks else 0,
         speckleRange=ISLAND_STEP,
     )

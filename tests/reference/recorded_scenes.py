@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.tiers import Tier, sense
+from digs_warp.sim.sensor.tiers import sense
 from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
@@ -49,18 +49,24 @@ class RecordedScene:
 
 
 def record_scene(
-    mesh: Path | None = None, environment: Path | None = None, width: int = WIDTH
+    mesh: Path | None = None, environment: Path | None = None, drifts: bool = False
 ) -> RecordedScene:
-    """Render a frame of a mesh of half a metre, or of the built-in object in its room."""
+    """Render a frame of a mesh of half a metre, or of the built-in object in its room.
+
+    ``drifts``: with the calibration of a recording that differs from the factory's.
+    """
     config = SimulateConfig(
         mesh=mesh,
         environment=environment,
         object_size=None if mesh is None else 0.5,
-        width=width,
+        width=WIDTH,
         frames=FRAMES,
         tier="guided",
     )
     session = prepare_session(config, load_inputs(config))
     truth, mask = session.truth(NUMBER, Shutter())
     plan = plan_for_facts(measure_facts([truth]), session.rig, config)
+    if drifts:
+        truth, mask = session.truth(NUMBER, Shutter(), plan.drift(session.rig, seed=3))
+        assert truth.drift.moves_right_image
     return RecordedScene(truth, mask > 127, plan.pixel_effects)

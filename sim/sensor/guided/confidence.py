@@ -8,9 +8,9 @@ from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW
 from digs_warp.sim.sensor.guided.search import search
 
 # Odds that a match is within a pixel of the truth: ODDS sqrt(rival - cost) / (cost + FLOOR)^2. Logistic
-# regression on the logarithms of the two, exponents rounded, over rendered pairs of seven objects; six others
-# agree (tests/sim/sensor/guided/test_guided_tier.py checks it on the built-in one).
-ODDS = 76.0
+# regression on the logarithms of the two, exponents rounded, over matches within the range of the camera on
+# seven rendered meshes; six others agree (`scripts/tune_guided.py`, docs/sensor-cost.md).
+ODDS = 118.0
 FLOOR = 0.5
 
 # Mean horizontal gradient [DN/px] below which there is nothing to compare: saturated or black areas. Noise

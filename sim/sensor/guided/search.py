@@ -43,7 +43,7 @@ STRIP_ROWS = 180
 WARM_UP = 16
 
 # By how much a match must be better than its best rival [%]. The full search asks for 10; three more stand
-# for the rivals that are not tried (holes and wrong matches then agree with it, `digs-warp bench realism`).
+# for the rivals that are not tried: as many pixels are then missing (`scripts/tune_guided.py`).
 UNIQUENESS = 13
 
 _LANES = wp.constant(BLOCKS * BLOCK)
@@ -145,6 +145,7 @@ def search(
     disparities: int,
     window: int = 5,
     second: np.ndarray | None = None,
+    uniqueness: int = UNIQUENESS,
 ) -> Found:
     """Match a rectified pair in a band round the true disparity.
 
@@ -156,6 +157,7 @@ def search(
         window: width of the square block [px], 1, 3, 5 or 7.
         second: disparity of what shows through a surface or is reflected in it [px], (height, width),
             float32, NaN where there is nothing of that kind; None: nowhere. Such pixels try it as well.
+        uniqueness: by how much a match must be better than its best rival [%], 0 to 100.
     """
     count = disparities // BLOCK
     if disparities % BLOCK or not BLOCKS <= count <= MAX_BLOCKS:
@@ -167,7 +169,7 @@ def search(
     eyes = make_planes(left, right, disparities)
     coarse = coarse_blocks(left, right, count, window)
     blocks = choose_blocks(true, coarse, easy_squares(eyes, true), count, second)
-    raw, cost, rival = search_blocks(eyes, blocks, window)
+    raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness)
     disparity = _without_islands(raw)
     disparity[disparity > np.arange(left.shape[1]) + 0.5] = (
         np.nan

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from digs_warp.study.bench_realism import bench_realism
 from digs_warp.study.error_patches import auc_of_classifier, patch_features
 from digs_warp.study.realism_scores import (
     agreement,
@@ -115,14 +114,3 @@ def test_a_classifier_tells_smooth_errors_from_white_ones_and_not_equals() -> No
     smooth = [patch_features(noisy(s, correlation=3) - TRUE) for s in range(3)]
     assert auc_of_classifier(smooth, white) > 0.98
     assert auc_of_classifier(again, white) == pytest.approx(0.5, abs=0.15)
-
-
-def test_the_benchmark_compares_on_the_built_in_object_where_there_is_no_data(tmp_path) -> None:
-    results = bench_realism(tmp_path, widths=(320,))
-    summary = {r.labels["sensor"]: r.values for r in results if r.table == "agreement"}
-    assert summary["matcher"]["rank correlation of failures"] == pytest.approx(1)
-    assert summary["guided"]["rank correlation of failures"] > 0.85
-    assert summary["guided"]["of RMS"] > 0.85
-    frames = {r.labels["sensor"]: r.values for r in results if r.table == "frames"}
-    kept = "bad pixels bad in the next frame"
-    assert frames["guided"][kept] == pytest.approx(frames["matcher"][kept], abs=0.12)

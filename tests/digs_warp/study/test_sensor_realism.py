@@ -32,15 +32,15 @@ from reference.stereo_pairs import bad_by_edge_distance
 SAMPLES = {"painted_stool": "st_fagans_interior", "spot": "forest_slope"}
 DRAWS = 5  # of the image noise
 
-TRUSTED = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0)  # ranges of confidence
+TRUSTED = (0.0, 0.6, 0.8, 0.9, 0.95, 0.98, 1.0)  # ranges of confidence
 FEW = 1000  # matches in such a range say little
 
 
-@pytest.fixture(scope="module", params=["built-in", *SAMPLES])
+@pytest.fixture(scope="module", params=["built-in", "drifted", *SAMPLES])
 def scene(request: pytest.FixtureRequest) -> RecordedScene:
     name = request.param
-    if name == "built-in":
-        return record_scene()
+    if name not in SAMPLES:
+        return record_scene(drifts=name == "drifted")
     data: Path = request.getfixturevalue("sample_data")
     (environment,) = (data / "envs" / SAMPLES[name]).glob("*.hdr")
     return record_scene(data / "meshes" / name / f"{name}.glb", environment)
@@ -117,9 +117,10 @@ def test_disparities_come_in_sixteenths_and_gather_at_whole_pixels(scene: Record
     """Ripple: the parabola pulls toward whole pixels, as in the full search."""
     shares = []
     for disparity in both(scene)[:2]:
-        sixteenths = 16 * disparity[np.isfinite(disparity)]
-        assert (sixteenths == np.rint(sixteenths)).all()
-        shares.append(np.bincount(sixteenths.astype(int) % 16, minlength=16) / len(sixteenths))
+        found = disparity[np.isfinite(disparity)] / (1 + scene.truth.drift.baseline)
+        sixteenths = np.rint(16 * found).astype(int)
+        np.testing.assert_allclose(16 * found, sixteenths, atol=0.01)
+        shares.append(np.bincount(sixteenths % 16, minlength=16) / len(sixteenths))
     assert np.abs(shares[0] - shares[1]).sum() / 2 < 0.025
     assert shares[1].max() > 2 / 16, "or there is no ripple"
 
@@ -148,7 +149,7 @@ def test_confidence_tells_how_often_a_match_is_right(scene: RecordedScene) -> No
     shares = [trust.right for trust in ranges if trust.count > FEW]
     assert len(shares) > 4 and (np.diff(shares) > 0).all()
     gaps = [abs(trust.right - trust.confidence) for trust in ranges]
-    assert np.average(gaps, weights=[trust.count for trust in ranges]) < 0.035
+    assert np.average(gaps, weights=[trust.count for trust in ranges]) < 0.03
 
 
 def test_confidence_is_no_label(scene: RecordedScene) -> None:

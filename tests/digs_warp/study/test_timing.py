@@ -3,11 +3,12 @@
 import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 
-from digs_warp.study.timing import Stopwatch, best_ms, peak_memory
+from digs_warp.study.timing import Stopwatch, best_ms, ms_side_by_side, peak_memory
 
 
 def test_the_peak_counts_and_not_what_is_left():
@@ -60,3 +61,16 @@ def test_a_stopwatch_keeps_the_time_of_a_block_that_fails() -> None:
     with pytest.raises(ValueError, match="late"), watch:
         raise ValueError("late")
     assert watch.seconds > 0
+
+
+def test_calls_side_by_side_share_the_time_and_the_first_does_not_count() -> None:
+    calls = []
+
+    def slow_at_first() -> None:
+        calls.append(len(calls))
+        time.sleep(0.05 if len(calls) > 1 else 0.5)
+
+    wall, cpu = ms_side_by_side(slow_at_first, calls=4, rounds=2)
+    assert len(calls) == 1 + 4 * 2
+    assert 12 < wall < 45  # 50 ms for four
+    assert cpu < wall
