@@ -1,0 +1,115 @@
+"""Put faults into the depth camera, one after the other, and see which tests notice.
+
+    python scripts/mutate_sensor.py                          # all faults, some minutes
+    python scripts/mutate_sensor.py --only holes-as-salt
+    python scripts/mutate_sensor.py --page                   # all, and the table in docs/sensor-cost.md
+
+A fault replaces a function or a constant in the process of the tests; no file changes. The exit code is 1 if
+the test that is there for a fault does not notice it, or if a test fails without any.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from mutations.catalogue import MUTATIONS, find_mutation
+from mutations.plugin import VARIABLE
+from page_marks import fill
+
+from digs_warp.record.progress import progress, show_progress
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+PAGE = "sensor-cost.md"
+
+# Tests of the default sensor and of the images that it reads.
+TESTS = (
+    "tests/digs_warp/study/test_sensor_realism.py",
+    "tests/sim/sensor/guided",
+    "tests/sim/sensor/test_color_path.py",
+    "tests/sim/sensor/test_calibration_drift.py",
+)
+
+
+def failing(mutation: str, tests: Sequence[str] = TESTS) -> list[str]:
+    """Return the tests that fail under a mutation ("": none), by file and function, sorted.
+
+    Raises:
+        RuntimeError: pytest did not run the tests.
+    """
+    # fmt: off
+    command = [sys.executable, "-m", "pytest", "-q", "--tb=no", "-rfE", "-p", "mutations.plugin",
+               "-p", "no:cacheprovider", *tests]
+    # fmt: on
+    paths = (str(REPOSITORY), str(REPOSITORY / "scripts"), os.environ.get("PYTHONPATH", ""))
+    environment = os.environ | {VARIABLE: mutation, "PYTHONPATH": os.pathsep.join(paths)}
+    ran = subprocess.run(
+        command, cwd=REPOSITORY, env=environment, capture_output=True, text=True, check=False
+    )
+    if ran.returncode not in (0, 1):  # 1: tests failed
+        raise RuntimeError(f"{' '.join(command)}:\n{ran.stdout}{ran.stderr}")
+    lines = re.findall(r"^(?:FAILED|ERROR) (\S+?)(?:\[.*)?(?: - .*)?$", ran.stdout, re.MULTILINE)
+    return sorted(set(lines))
+
+
+def unnoticed(found: dict[str, list[str]]) -> list[str]:
+    """Return the faults that the test does not notice that is there for it."""
+    return [
+        name
+        for name, tests in found.items()
+        if find_mutation(name).meant not in {test.rpartition("::")[2] for test in tests}
+    ]
+
+
+def table(found: dict[str, list[str]]) -> str:
+    """Return the Markdown table: each fault, the test that is there for it, and how many others notice it."""
+    missed = unnoticed(found)
+    rows = []
+    for name, tests in found.items():
+        mutation = find_mutation(name)
+        meant = mutation.meant.removeprefix("test_").replace("_", " ")
+        seen, others = ("**no**", len(tests)) if name in missed else ("yes", len(tests) - 1)
+        rows.append(f"| {mutation.what} | {meant} | {seen} | {others} |")
+    head = "| fault | test that is there for it | notices it | others that do |\n|---|---|---|--:|"
+    return "\n".join([head, *rows])
+
+
+def main() -> int:
+    """Try the mutations; return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    names = [mutation.name for mutation in MUTATIONS]
+    parser.add_argument("--only", action="append", choices=names, help="a fault; several")
+    parser.add_argument("--page", action="store_true", help=f"write the table into docs/{PAGE}")
+    parser.add_argument("--jobs", type=int, default=1, help="faults that are tried at a time")
+    options = parser.parse_args()
+    show_progress()
+    if before := failing(""):
+        _say("without any fault fail: " + ", ".join(before))
+        return 1
+    chosen = options.only or names
+    with (
+        progress(len(chosen), "Trying", "fault") as bar,
+        ThreadPoolExecutor(options.jobs) as threads,
+    ):
+        found: dict[str, list[str]] = {}
+        for name, tests in zip(chosen, threads.map(failing, chosen), strict=True):
+            found[name] = tests
+            bar.update()
+            _say(f"{name}: {len(tests)}\n" + "".join(f"    {test}\n" for test in tests))
+    _say(table(found))
+    if options.page:
+        _say(str(fill(PAGE, "mutations", table(found))))
+    return int(bool(unnoticed(found)))
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

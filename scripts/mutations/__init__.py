@@ -1,0 +1,1 @@
+"""Faults that the tests of the depth camera have to notice; see `scripts/mutate_sensor.py`."""

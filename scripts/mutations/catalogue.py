@@ -1,0 +1,361 @@
+"""The faults, and where each is put into the running program; no file is edited."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import import_module
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mutations import wrong_errors as wrong
+
+GUIDED = "digs_warp.sim.sensor.guided"
+COLOR = "digs_warp.sim.sensor.color"
+MATCHING = f"{GUIDED}.tier:sense_by_guided_matching"
+NOISES = tuple(f"{COLOR}.image_noise:{kind}.apply" for kind in ("ShotNoise", "ReadNoise"))
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """A fault.
+
+    Attributes:
+        name: in kebab-case.
+        what: the fault in words.
+        meant: the function of the test that is there to notice it.
+        places: "module:attribute" or "module:Class.attribute", what is replaced.
+        change: returns the replacement of what is there.
+    """
+
+    name: str
+    what: str
+    meant: str
+    places: tuple[str, ...]
+    change: Callable[[Any], Any]
+
+    def apply(self, patch: pytest.MonkeyPatch) -> None:
+        """Put the fault into the running program.
+
+        Raises:
+            AttributeError: there is no such place any more.
+        """
+        for place in self.places:
+            module, _, path = place.partition(":")
+            *owners, name = path.split(".")
+            owner: Any = import_module(module)
+            for step in owners:
+                owner = getattr(owner, step)
+            old = getattr(owner, name)
+            new = self.change(old)
+            patch.setattr(owner, name, new)
+            if not owners and isinstance(old, FunctionType):
+                _replace_imported(patch, name, old, new)
+
+
+def _replace_imported(patch: pytest.MonkeyPatch, name: str, old: Any, new: Any) -> None:
+    """Replace a function in the modules that have imported it by name."""
+    for module in list(sys.modules.values()):
+        if getattr(module, "__dict__", {}).get(name) is old:
+            patch.setattr(module, name, new)
+
+
+def stronger(factor: float) -> Callable[[Any], Any]:
+    """Return what turns an effect on the images into a stronger one."""
+
+    def mutate(apply: Any) -> Any:
+        def mutated(self: Any, eyes: Any, rig: Any, rng: Any, strength: float = 1.0) -> Any:
+            return apply(self, eyes, rig, rng, factor * strength)
+
+        return mutated
+
+    return mutate
+
+
+def same_in_both_eyes(apply: Any) -> Any:
+    """Return an effect whose change of the left image is made to both."""
+
+    def mutated(self: Any, eyes: Any, *arguments: Any, **named: Any) -> Any:
+        changed = apply(self, eyes, *arguments, **named)
+        return replace(changed, right=eyes.right + (changed.left - eyes.left))
+
+    return mutated
+
+
+def blind_to_noise(matching: Any) -> Any:
+    """Return matching of the rendered instead of the recorded images."""
+
+    def mutated(truth: Any, recorded: Any = None, *arguments: Any, **named: Any) -> Any:
+        return matching(truth, None, *arguments, **named)
+
+    return mutated
+
+
+def with_default(**defaults: Any) -> Callable[[Any], Any]:
+    """Return what gives a function other values for arguments that callers leave out."""
+
+    def mutate(function: Any) -> Any:
+        def mutated(*arguments: Any, **named: Any) -> Any:
+            return function(*arguments, **(defaults | named))
+
+        return mutated
+
+    return mutate
+
+
+def nothing_far(coarse_blocks: Any) -> Any:
+    """Return a coarse search that never prefers anything."""
+
+    def mutated(*arguments: Any, **named: Any) -> Any:
+        return np.full_like(coarse_blocks(*arguments, **named), -1)
+
+    return mutated
+
+
+def drifting_farther(draw: Any) -> Any:
+    """Return a draw of a stronger drift."""
+
+    def mutated(self: Any, rig: Any, seed: int, strength: float = 1.0) -> Any:
+        return draw(self, rig, seed, 1.3 * strength)
+
+    return mutated
+
+
+def value(new: Any) -> Callable[[Any], Any]:
+    """Return what replaces a constant."""
+    return lambda old: new
+
+
+# The first of these are asked for by name; each of them has to be noticed whatever else changes.
+REQUIRED = (
+    Mutation(
+        "noise-1.3",
+        "image noise x 1.3",
+        "test_the_images_have_the_noise_that_the_rig_states",
+        NOISES,
+        stronger(1.3),
+    ),
+    Mutation(
+        "no-correlation",
+        "small errors change places within squares of 20 px",
+        "test_errors_are_as_alike_nearby",
+        (MATCHING,),
+        wrong.disparity(wrong.shuffled_in_squares),
+    ),
+    Mutation(
+        "no-weak-texture",
+        "the truth is found where there is less texture than noise",
+        "test_failures_and_errors_lie_where_the_matchers_do",
+        (MATCHING,),
+        wrong.disparity(wrong.right_in_weak_texture),
+    ),
+    Mutation(
+        "strips-doubled",
+        "every run of failures along a row is twice as long",
+        "test_failures_are_strips_of_the_same_length",
+        (MATCHING,),
+        wrong.disparity(wrong.strips_doubled),
+    ),
+    Mutation(
+        "no-persistence",
+        "in every frame errors lie elsewhere in their squares of 20 px",
+        "test_errors_stay_from_frame_to_frame_as_the_matchers",
+        (MATCHING,),
+        wrong.disparity(wrong.new_in_every_frame),
+    ),
+    Mutation(
+        "holes-as-salt",
+        "as many holes in every square of 20 px, as single pixels",
+        "test_holes_are_as_large",
+        (MATCHING,),
+        wrong.disparity(wrong.salt),
+    ),
+    Mutation(
+        "confidence-label",
+        "confidence 1 for right matches, 0.5 for wrong ones",
+        "test_confidence_is_no_label",
+        (MATCHING,),
+        wrong.confidence(wrong.label),
+    ),
+)
+
+OTHERS = (
+    Mutation(
+        "noise-0.77",
+        "image noise / 1.3",
+        "test_the_images_have_the_noise_that_the_rig_states",
+        NOISES,
+        stronger(1 / 1.3),
+    ),
+    Mutation(
+        "noise-shared",
+        "the same noise in both eyes",
+        "test_noise_is_white_and_independent_between_eyes",
+        NOISES,
+        same_in_both_eyes,
+    ),
+    Mutation(
+        "no-noise",
+        "the images without noise are matched",
+        "test_failures_and_errors_lie_where_the_matchers_do",
+        (MATCHING,),
+        blind_to_noise,
+    ),
+    Mutation(
+        "vignetting-2",
+        "vignetting x 2",
+        "test_vignetting_takes_what_the_rig_states_from_the_corners_and_nothing_from_the_middle",
+        (f"{COLOR}.vignetting:Vignetting.apply",),
+        stronger(2.0),
+    ),
+    Mutation(
+        "white-errors",
+        "small errors are white noise as strong in every square of 20 px",
+        "test_errors_are_as_alike_nearby",
+        (MATCHING,),
+        wrong.disparity(wrong.white),
+    ),
+    Mutation(
+        "errors-1.3",
+        "small errors x 1.3",
+        "test_as_much_is_missing_and_the_rest_is_as_far_off",
+        (MATCHING,),
+        wrong.disparity(wrong.scaled(1.3)),
+    ),
+    Mutation(
+        "errors-0.77",
+        "small errors / 1.3",
+        "test_as_much_is_missing_and_the_rest_is_as_far_off",
+        (MATCHING,),
+        wrong.disparity(wrong.scaled(1 / 1.3)),
+    ),
+    Mutation(
+        "errors-flipped",
+        "small errors have the wrong sign",
+        "test_disparities_come_in_sixteenths_and_gather_at_whole_pixels",
+        (MATCHING,),
+        wrong.disparity(wrong.scaled(-1)),
+    ),
+    Mutation(
+        "fewer-wrong",
+        "a quarter of the wrong matches are right",
+        "test_as_much_is_wrong_on_the_object_and_around_it",
+        (MATCHING,),
+        wrong.disparity(wrong.fewer_wrong),
+    ),
+    Mutation(
+        "wrong-side",
+        "what one eye cannot see is lost on the other side of the near surface",
+        "test_hidden_pixels_and_edges_fail_as_often",
+        (MATCHING,),
+        wrong.disparity(wrong.wrong_side),
+    ),
+    Mutation(
+        "quantum-2",
+        "disparity in eighths of a pixel",
+        "test_disparities_come_in_sixteenths_and_gather_at_whole_pixels",
+        (MATCHING,),
+        wrong.disparity(wrong.eighths),
+    ),
+    Mutation(
+        "confidence-nearness",
+        "confidence falls smoothly with the true error",
+        "test_the_same_match_has_the_same_confidence_whatever_is_true",
+        (MATCHING,),
+        wrong.confidence(wrong.nearness),
+    ),
+    Mutation(
+        "confidence-boasts",
+        "the odds of a right match are stated 1.5 times too high",
+        "test_confidence_tells_how_often_a_match_is_right",
+        (MATCHING,),
+        wrong.confidence(wrong.boasting),
+    ),
+    Mutation(
+        "not-smooth",
+        "changes of disparity cost nothing",
+        "test_disparity_and_costs_equal_the_twin_to_the_bit",
+        (f"{GUIDED}.search:SMALL_STEP", f"{GUIDED}.search:LARGE_STEP"),
+        value(0),
+    ),
+    Mutation(
+        "not-unique",
+        "matches with equally good rivals are kept",
+        "test_as_much_is_missing_and_the_rest_is_as_far_off",
+        (f"{GUIDED}.search:search",),
+        with_default(uniqueness=0),
+    ),
+    Mutation(
+        "one-eyed",
+        "matches on which the eyes disagree are kept",
+        "test_disparity_and_costs_equal_the_twin_to_the_bit",
+        (f"{GUIDED}.search:_LEFT_RIGHT",),
+        value(10_000),
+    ),
+    Mutation(
+        "islands",
+        "small islands are kept",
+        "test_as_much_is_missing_and_the_rest_is_as_far_off",
+        (f"{GUIDED}.search:ISLAND",),
+        value(0),
+    ),
+    Mutation(
+        "own-side-only",
+        "the disparity beyond a depth step is not tried",
+        "test_the_blocks_follow_the_rules",
+        (f"{GUIDED}.blocks:STEP_REACH",),
+        value(0),
+    ),
+    Mutation(
+        "near-only",
+        "disparities far from the true one are not tried",
+        "test_repeating_texture_adds_the_disparity_that_a_full_search_might_take",
+        (f"{GUIDED}.coarse:coarse_blocks",),
+        nothing_far,
+    ),
+    Mutation(
+        "drift-1.3",
+        "the calibration drifts 1.3 times as far",
+        "test_the_drift_belongs_to_seed_and_unit_and_has_the_stated_size",
+        (f"{COLOR}.calibration_drift:CalibrationDrift.draw",),
+        drifting_farther,
+    ),
+    Mutation(
+        "drift-unfollowed",
+        "the search expects matches where the factory calibration has them",
+        "test_the_shown_disparity_is_that_of_the_projected_points",
+        ("digs_warp.sim.sensor.drift:Drift.shown_disparity",),
+        lambda old: lambda self, disparity, k: disparity,
+    ),
+    Mutation(
+        "baseline-flipped",
+        "a longer baseline makes depth larger",
+        "test_a_changed_baseline_scales_depth",
+        ("digs_warp.sim.sensor.drift:Drift.reported_disparity",),
+        lambda old: lambda self, matched: matched / np.float32(1 + self.baseline),
+    ),
+    Mutation(
+        "cold-strips",
+        "paths begin at the first row of a strip, not above it",
+        "test_hidden_pixels_and_edges_fail_as_often",
+        (f"{GUIDED}.search:_WARM_UP",),
+        value(0),
+    ),
+)
+
+MUTATIONS = REQUIRED + OTHERS
+
+
+def find_mutation(name: str) -> Mutation:
+    """Return the mutation of that name.
+
+    Raises:
+        ValueError: there is none.
+    """
+    for mutation in MUTATIONS:
+        if mutation.name == name:
+            return mutation
+    known = ", ".join(mutation.name for mutation in MUTATIONS)
+    raise ValueError(f"mutation '{name}': expected one of {known}")

@@ -1,0 +1,77 @@
+"""The faults of `scripts/mutate_sensor.py` can still be put in, and tests notice some quick ones."""
+
+from importlib import import_module
+from typing import Any
+
+import pytest
+from mutate_sensor import REPOSITORY, failing, table, unnoticed
+from mutations.catalogue import MUTATIONS, REQUIRED, Mutation, find_mutation
+
+REALISM = "tests/digs_warp/study/test_sensor_realism.py"
+COLOR = "tests/sim/sensor/test_color_path.py"
+GUIDED = "tests/sim/sensor/guided"
+
+
+def at(place: str) -> Any:
+    module, _, path = place.partition(":")
+    found = import_module(module)
+    for name in path.split("."):
+        found = getattr(found, name)
+    return found
+
+
+@pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda mutation: mutation.name)
+def test_every_fault_has_its_place_and_leaves_no_trace(mutation: Mutation) -> None:
+    before = [at(place) for place in mutation.places]
+    with pytest.MonkeyPatch.context() as patch:
+        mutation.apply(patch)
+        assert all(at(p) is not old for p, old in zip(mutation.places, before, strict=True))
+    assert all(at(p) is old for p, old in zip(mutation.places, before, strict=True))
+
+
+def test_a_function_is_replaced_where_it_was_imported() -> None:
+    from digs_warp.sim.sensor.guided import tier
+
+    with pytest.MonkeyPatch.context() as patch:
+        Mutation("x", "", "", ("digs_warp.sim.sensor.blame:blame",), lambda old: "new").apply(patch)
+        assert tier.blame == "new"
+
+
+def test_a_place_that_is_gone_is_an_error() -> None:
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(AttributeError, match="gone"):
+        Mutation("x", "", "", ("digs_warp.sim.sensor.blame:gone",), lambda old: old).apply(patch)
+    with pytest.raises(ValueError, match=r"mutation 'nose': expected one of noise-1\.3"):
+        find_mutation("nose")
+
+
+@pytest.mark.parametrize(
+    ("name", "test"),
+    [
+        ("noise-1.3", f"{COLOR}::test_both_noises_make_what_the_rig_states_at_middle_grey"),
+        ("not-smooth", f"{GUIDED}/test_guided_search.py::test_disparity_and_costs_equal_the_twin_to_the_bit"),
+        ("confidence-label", f"{REALISM}::test_confidence_is_no_label"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_noticed(name: str, test: str) -> None:
+    case = {"not-smooth": "[3]", "confidence-label": "[built-in]"}.get(name, "")
+    assert failing(name, [test + case]) == [test]
+
+
+def test_without_a_fault_nothing_fails() -> None:
+    assert failing("", [COLOR]) == []
+
+
+def test_every_fault_has_a_test_that_is_there_for_it() -> None:
+    files = [*REPOSITORY.glob("tests/sim/**/test_*.py"), REPOSITORY / REALISM]
+    source = "".join(file.read_text(encoding="utf-8") for file in files)
+    assert [m.name for m in MUTATIONS if f"def {m.meant}(" not in source] == []
+
+
+def test_the_table_tells_whether_the_test_for_a_fault_notices_it() -> None:
+    noise, correlation = REQUIRED[:2]
+    found = {noise.name: ["a.py::test_one", f"b.py::{noise.meant}"], correlation.name: []}
+    assert unnoticed(found) == [correlation.name]
+    rows = table(found).splitlines()[2:]
+    assert rows[0].startswith("| image noise x 1.3 | the images have the noise")
+    assert rows[0].endswith("| yes | 1 |")
+    assert rows[1].endswith("| **no** | 0 |")
