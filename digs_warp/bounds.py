@@ -85,6 +85,7 @@ _SIDE = (1, 8192)
 FLAGS: dict[str, tuple[float, float]] = {
     "--background-weight": (1, _MANY),
     "--colors-rate": (1e-12, 1000),
+    "--confidence-threshold": (0, 1),
     "--coverage-weight": (0, _MANY),
     "--depth-weight": (0, _MANY),
     "--disparity-noise": (1e-6, 1000),

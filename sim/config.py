@@ -7,6 +7,7 @@ from typing import Literal
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.sim.mesh.placement import Unit
+from digs_warp.sim.sensor.after.names import filters_named
 
 Tier = Literal["truth", "law", "guided", "matcher"]
 
@@ -46,6 +47,16 @@ class SimulateConfig:
     """Effects of the sensor: auto (what the scene calls for), all, none, or names separated by commas
     ('digs-warp plan' lists them). For the tiers 'guided' and 'matcher'."""
 
+    filters: str = "none"
+    """What the device does after matching: none, or names separated by commas. 'spatial', 'temporal' (renders
+    four frames for one) and 'hole-filling' (from the farthest neighbor; also 'hole-filling-left' and
+    'hole-filling-nearest') are librealsense's; 'dense' stands for the neural depth modes of the ZED family:
+    smooth, hardly any holes, blurred steps. For the tiers 'guided' and 'matcher'."""
+
+    confidence_threshold: float = 0.0
+    """Drop matches with less confidence before any filter, 0 (none) to 1. For the tiers 'guided' and
+    'matcher'."""
+
     strength: float = 1.0
     """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
     band that only one eye sees) do not change."""
@@ -77,17 +88,24 @@ class SimulateConfig:
         check_flag("--samples-per-pixel", self.samples_per_pixel)
         check_flag("--seed", self.seed)
         check_flag("--strength", self.strength)
+        check_flag("--confidence-threshold", self.confidence_threshold)
         check_flag("--object-size", self.object_size)
         if self.object_size is not None and self.unit != "auto":
             raise DigsError(
                 f"--object-size {self.object_size:g} and --unit {self.unit} both set the size of the object; "
                 "give one of them"
             )
-        if self.effects != "auto" and not self.plans_effects:
-            raise DigsError(
-                f"--effects {self.effects}: has no meaning with --tier {self.tier}; choose --tier guided or "
-                "matcher, or leave the effects out"
-            )
+        filters_named(self.filters)
+        for flag, value, idle in (
+            ("--effects", self.effects, "auto"),
+            ("--filters", self.filters, "none"),
+            ("--confidence-threshold", self.confidence_threshold, 0),
+        ):
+            if value != idle and not self.plans_effects:
+                raise DigsError(
+                    f"{flag} {value}: has no meaning with --tier {self.tier}; choose --tier guided or "
+                    "matcher, or leave it out"
+                )
 
     @property
     def plans_effects(self) -> bool:

@@ -1,6 +1,7 @@
 """Makes the images of one frame: the truth, the sensor's measurement, and the content of the files."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -9,10 +10,13 @@ from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
 from digs_warp.record.run_log import timed
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.color_camera import ColorView, Registered, registered
 from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
+from digs_warp.sim.sensor.limit import within_range
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
 from digs_warp.sim.session import Session, load_inputs, prepare_session, rig_of
@@ -37,11 +41,13 @@ class RenderedFrame:
         truth: of the eyes that measure depth.
         mask: of the object in the recorded image, (height, width), uint8.
         color: what the color camera beside an infrared pair sees; None: the left eye takes the images.
+        earlier: truth of the frames just before that a filter needs, the earliest first.
     """
 
     truth: FrameTruth
     mask: np.ndarray
     color: ColorView | None = None
+    earlier: tuple[FrameTruth, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +69,23 @@ class FrameMaker:
         return FrameMaker(session, make_plan(session))
 
     def render(self, number: int) -> RenderedFrame:
-        """Return the truth of a frame."""
+        """Return the truth of a frame, and of those before it that the device remembers."""
         config, rig = self.session.config, self.session.rig
         shutter = self.plan.shutter(rig, config.strength)
         drift = self.plan.drift(rig, config.seed, config.strength)
-        truth, mask = self.session.truth(number, shutter, drift, self.plan.projects)
+        look = partial(self.session.truth, number, shutter, drift, self.plan.projects)
+        truth, mask = look()
+        before = range(self.device.earlier_frames, 0, -1)
+        earlier = tuple(look(frames)[0] for frames in before)
         if not rig.has_color_camera:
-            return RenderedFrame(truth, mask)
+            return RenderedFrame(truth, mask, None, earlier)
         color = self.session.color_view(number, shutter)
-        return RenderedFrame(truth, color.mask, color)
+        return RenderedFrame(truth, color.mask, color, earlier)
+
+    @property
+    def device(self) -> AfterMatching:
+        """What the device does after matching."""
+        return AfterMatching.of(self.session.config)
 
     def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
         """Return the content of the files; safe to call during `render` in another thread.
@@ -81,12 +95,12 @@ class FrameMaker:
             seconds: takes the time of each stage.
         """
         if frame.color is not None:
-            return self._registered(frame.truth, frame.color, seconds)
+            return self._registered(frame, frame.color, seconds)
         config, truth = self.session.config, frame.truth
         with timed(seconds, "color"):
             image, right = self._recorded(truth)
         with timed(seconds, "sense"):
-            sensed = self._sensed(truth, (image, right))
+            sensed = self._reported(frame, (image, right))
             depth = depth_of(sensed, truth)
         tells = config.plans_effects
         return FrameImages(
@@ -101,10 +115,10 @@ class FrameMaker:
         )
 
     def _registered(
-        self, truth: FrameTruth, view: ColorView, seconds: dict[str, float]
+        self, frame: RenderedFrame, view: ColorView, seconds: dict[str, float]
     ) -> FrameImages:
         """Return the content of the files of a color camera beside an infrared pair."""
-        config = self.session.config
+        config, truth = self.session.config, frame.truth
         tells = config.plans_effects
         with timed(seconds, "color"):
             image = self._recorded_color(truth, view)
@@ -112,7 +126,7 @@ class FrameMaker:
         with timed(seconds, "sense"):
             if tells:
                 pair = (in_three_channels(left), in_three_channels(right))
-                measured = registered(self._sensed(truth, pair), truth, view)
+                measured = registered(self._reported(frame, pair), truth, view)
             else:  # a law on perfect depth: there is nothing to register
                 measured = Registered.of(self._sensed(view.as_truth(truth)), view.as_truth(truth))
         return FrameImages(
@@ -137,6 +151,24 @@ class FrameMaker:
         alone = replace(view.as_truth(truth), right=view.image)
         seed = config.seed + COLOR_SEED
         return recorded_images(alone, self.plan.pixel_effects, seed, config.strength)[0]
+
+    def _reported(self, frame: RenderedFrame, pair: tuple[np.ndarray, np.ndarray]) -> Sensed:
+        """Return what the device makes of a recorded pair, and of those just before."""
+        if not self.device.acts:
+            return self._sensed(frame.truth, pair)
+        shots = [self._shot(truth, self._matched_pair(truth)) for truth in frame.earlier]
+        shots.append(self._shot(frame.truth, pair))
+        return within_range(self.device.apply(shots), frame.truth.rig)
+
+    def _matched_pair(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two images that are matched, each (height, width, 3), uint8."""
+        left, right = self._recorded(truth)
+        if truth.rig.has_color_camera:
+            return in_three_channels(one_channel(left)), in_three_channels(one_channel(right))
+        return left, right
+
+    def _shot(self, truth: FrameTruth, pair: tuple[np.ndarray, np.ndarray]) -> Shot:
+        return Shot(self._sensed(truth, pair), gray_of(pair[0]))
 
     def _sensed(
         self, truth: FrameTruth, recorded: tuple[np.ndarray, np.ndarray] | None = None

@@ -30,6 +30,12 @@ DEFAULT_ASPECT = 16 / 9
 # The walls are at least this many orbit distances away.
 SURROUND_MARGIN = 2.0
 
+# [Hz] The usual mode of the cameras that the profiles describe.
+FRAME_RATE = 30.0
+
+# Added to the number of a frame for each frame that the camera took before it: no recording has so many.
+EARLIER = 1_000_000
+
 # Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
 LEFT_EYE, RIGHT_EYE, COLOR_CAMERA = 101, 102, 103
 
@@ -69,6 +75,7 @@ class Session:
         shutter: Shutter,
         drift: Drift = NO_DRIFT,
         projects: bool = True,
+        before: int = 0,
     ) -> tuple[FrameTruth, np.ndarray]:
         """Render the two eyes of a frame; frames do not depend on each other.
 
@@ -77,15 +84,18 @@ class Session:
             shutter: through which both eyes look.
             drift: of the right eye.
             projects: whether the projector is on, if the camera has one.
+            before: this many frames earlier, at FRAME_RATE; before the walk, the camera stands still.
 
         Returns:
             The truth of the frame, and the mask of the object in the left eye, (height, width), uint8.
         """
-        moment, samples, rig = self.moments[number], self.config.samples_per_pixel, self.rig
+        moment = max(self.moments[number] - before / FRAME_RATE, 0.0)
+        number += before * EARLIER
+        samples, rig = self.config.samples_per_pixel, self.rig
         left_shift, k = -rig.color_offset, rig.intrinsics
         turn, right_k = drift.believed_from_turned, drift.right_intrinsics(k)
-        left = self._eye(number, shutter, k, left_shift)
-        right = self._eye(number, shutter, right_k, left_shift + rig.baseline, turn)
+        left = self._eye(moment, shutter, k, left_shift)
+        right = self._eye(moment, shutter, right_k, left_shift + rig.baseline, turn)
         image, mask = left.image(samples, self._eye_seed(number, LEFT_EYE))
         right_image, _ = right.image(samples, self._eye_seed(number, RIGHT_EYE))
         depth, normals, materials = left.geometry()
@@ -122,21 +132,21 @@ class Session:
 
     def color_view(self, number: int, shutter: Shutter) -> ColorView:
         """Render what the color camera of a rig with an infrared pair sees; see `truth`."""
-        k, pose = self.rig.image_intrinsics, self.walk.pose(self.moments[number])
-        eye = self._eye(number, shutter, k, 0.0)
+        moment, k = self.moments[number], self.rig.image_intrinsics
+        eye, pose = self._eye(moment, shutter, k, 0.0), self.walk.pose(moment)
         samples, seed = self.config.samples_per_pixel, self._eye_seed(number, COLOR_CAMERA)
         return ColorView(Camera(k, pose), *eye.image(samples, seed), *eye.geometry())
 
     def _eye(
         self,
-        number: int,
+        moment: float,
         shutter: Shutter,
         intrinsics: Intrinsics,
         shift: float,
         turn: np.ndarray = UNTURNED,
     ) -> ShutteredEye:
         """Return the eye ``shift`` metres to the right of the camera that takes the images."""
-        pose_at = partial(self._pose, self.moments[number], shift, turn)
+        pose_at = partial(self._pose, moment, shift, turn)
         return ShutteredEye(self.renderer, shutter, intrinsics, pose_at)
 
     def _pose(self, moment: float, shift: float, turn: np.ndarray, after: float) -> np.ndarray:

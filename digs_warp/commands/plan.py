@@ -38,8 +38,8 @@ class Plan(SettingsCommand):
 
     recorded_as: ClassVar[str] = "simulate"
     main_flags: ClassVar[tuple[str, ...]] = (
-        *("mesh", "environment", "frames", "profile", "width", "tier", "effects", "strength"),
-        *("seed", "json", "overwrite"),
+        *("mesh", "environment", "frames", "profile", "width", "tier", "effects", "filters"),
+        *("confidence_threshold", "strength", "seed", "json", "overwrite"),
     )
 
     @classmethod

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.after.dense import smooth_densely
 from digs_warp.sim.sensor.after.hole_filling import Way, sources_of_holes
+from digs_warp.sim.sensor.after.names import filters_named
 from digs_warp.sim.sensor.after.spatial import smooth_spatially
 from digs_warp.sim.sensor.after.temporal import EARLIER_FRAMES, smooth_over_time
 from digs_warp.sim.sensor.blame import WRONG
@@ -41,6 +43,18 @@ class AfterMatching:
 
     filters: tuple[str, ...] = ()
     threshold: float = 0.0
+
+    @staticmethod
+    def of(config: SimulateConfig) -> "AfterMatching":
+        """Return what the settings ask for; nothing at strength 0, where depth is the truth."""
+        if config.strength == 0:
+            return AfterMatching()
+        return AfterMatching(filters_named(config.filters), config.confidence_threshold)
+
+    @property
+    def acts(self) -> bool:
+        """Whether it changes anything."""
+        return bool(self.filters) or self.threshold > 0
 
     @property
     def earlier_frames(self) -> int:

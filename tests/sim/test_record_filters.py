@@ -1,0 +1,190 @@
+"""Recording with the filters of the device and a confidence threshold."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.images import to_uint8
+from digs_warp.device import parallel
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.record import simulate
+from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
+from digs_warp.sim.sensor.cause import Cause
+from digs_warp.sim.sensor_plan import make_plan
+from digs_warp.sim.session import EARLIER, FRAME_RATE, Session, load_inputs, prepare_session
+from digs_warp.sim.shutter import Shutter
+from reference.file_hashes import file_hashes
+
+CONFIG = SimulateConfig(frames=2, width=96, samples_per_pixel=1, seed=5)
+ALL = "dense,spatial,temporal,hole-filling"
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return prepare_session(CONFIG, load_inputs(CONFIG))
+
+
+@pytest.fixture(scope="module")
+def maker_of(session: Session) -> Callable[..., FrameMaker]:
+    """Makes frames with other settings of what comes after the scene."""
+    plan = make_plan(session)
+
+    def make(**changes: Any) -> FrameMaker:
+        return FrameMaker(replace(session, config=replace(CONFIG, **changes)), plan)
+
+    return make
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """What a frame maker wrote."""
+
+    image: np.ndarray
+    depth: np.ndarray
+    cause: np.ndarray
+    confidence: np.ndarray
+
+
+def finished(maker: FrameMaker, rendered: RenderedFrame) -> Finished:
+    """The finished frame, in which nothing is left out."""
+    images = maker.finish(rendered, {})
+    layers = images.image, images.depth, images.cause, images.confidence
+    assert all(layer is not None for layer in layers)
+    return Finished(*layers)  # pyright: ignore[reportArgumentType]
+
+
+def test_frames_have_what_the_filters_make_of_the_matches(
+    maker_of: Callable[..., FrameMaker],
+) -> None:
+    plain, filtered = (maker_of(filters=names) for names in ("none", "spatial,hole-filling"))
+    rendered = filtered.render(1)
+    before, after = (finished(maker, rendered) for maker in (plain, filtered))
+    np.testing.assert_array_equal(before.image, after.image)
+    missing, left = (~np.isfinite(frame.depth) for frame in (before, after))
+    assert missing.any() and not (left & ~missing).any()
+    assert left.sum() < missing.sum() / 4
+    assert (after.cause[missing & ~left] == Cause.FILLED).all()
+    assert (after.cause[left] == before.cause[left]).all()
+    assert (before.depth != after.depth)[~missing].mean() > 0.5
+
+
+def test_the_threshold_drops_what_is_below_and_nothing_else(
+    maker_of: Callable[..., FrameMaker],
+) -> None:
+    plain, strict = maker_of(), maker_of(confidence_threshold=0.9)
+    rendered = plain.render(1)
+    before, after = (finished(maker, rendered) for maker in (plain, strict))
+    known = np.isfinite(before.depth)
+    kept = np.isfinite(after.depth)
+    np.testing.assert_array_equal(after.depth[kept], before.depth[kept])
+    limit = to_uint8(np.float32(0.9))
+    assert (before.confidence[kept] >= limit).all()
+    assert (before.confidence[known & ~kept] <= limit).all() and (known & ~kept).any()
+    assert (after.cause[known & ~kept] == Cause.LOW_CONFIDENCE).all()
+
+
+def test_the_temporal_filter_looks_at_the_frames_just_before(
+    session: Session, maker_of: Callable[..., FrameMaker]
+) -> None:
+    maker = maker_of(filters="temporal")
+    rendered = maker.render(1)
+    assert [truth.number for truth in rendered.earlier] == [n * EARLIER + 1 for n in (3, 2, 1)]
+    for before, truth in zip((3, 2, 1), rendered.earlier, strict=True):
+        pose = session.walk.pose(session.moments[1] - before / FRAME_RATE)
+        np.testing.assert_array_equal(truth.camera.world_from_cam, pose)
+    # Before the walk, the camera stands still, and only the noise differs.
+    first = maker.render(0)
+    for truth in first.earlier:
+        np.testing.assert_array_equal(truth.depth, first.truth.depth)
+        assert not np.array_equal(truth.image, first.truth.image)
+
+
+def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
+    """The same view with other image noise in every frame, against the mean of many."""
+    config = SimulateConfig(frames=1, width=320, seed=2, filters="temporal")
+    session = prepare_session(config, load_inputs(config))
+    plan = make_plan(session)
+    maker = FrameMaker(session, plan)
+    truth, _ = session.truth(0, Shutter())
+
+    def draw(number: int) -> Shot:
+        frame = replace(truth, number=number)
+        return maker._shot(frame, maker._matched_pair(frame))
+
+    shots = [draw(number) for number in range(16)]
+    stack = np.stack([shot.sensed.disparity for shot in shots])
+    filtered = np.stack([maker.device.apply(shots[i : i + 4]).disparity for i in range(0, 16, 4)])
+    fixed = stack.mean(axis=0)
+    # Where every draw gives the same match up to its noise: no averaging is cut off at delta.
+    stable = np.ptp(stack, axis=0) < 0.6
+    assert stable.mean() > 0.5
+    single = (stack - fixed)[:, stable].std() * np.sqrt(16 / 15)
+    # The mean holds each frame, too: what is left of it after the filter is a sum of known weights.
+    weights = np.zeros(16)
+    weights[:4] = 0.6**3, 0.4 * 0.6**2, 0.4 * 0.6, 0.4
+    expected = single * np.linalg.norm(weights - 1 / 16)
+    assert (filtered - fixed)[:, stable].std() == pytest.approx(expected, rel=0.05)
+    error = np.abs(fixed - truth.disparity)[stable]
+    left = np.abs(filtered.mean(axis=0) - truth.disparity)[stable]
+    assert np.sqrt((left**2).mean()) == pytest.approx(np.sqrt((error**2).mean()), rel=0.02)
+
+
+def test_filters_change_nothing_of_the_truth(tmp_path: Path) -> None:
+    config = replace(CONFIG, frames=1, strength=0.0)
+    plain = simulate(config, tmp_path / "plain")
+    filtered = replace(config, filters=ALL, confidence_threshold=0.9)
+    assert FrameMaker.of(filtered).device == AfterMatching()
+    found = simulate(filtered, tmp_path / "filtered")
+    np.testing.assert_array_equal(found.frames[0].load_depth(), plain.frames[0].load_depth())
+
+
+def test_filtered_depth_stays_in_range(maker_of: Callable[..., FrameMaker]) -> None:
+    maker = maker_of(filters=ALL)
+    images = finished(maker, maker.render(0))
+    rig = maker.session.rig
+    known = images.depth[np.isfinite(images.depth)]
+    assert known.min() >= np.float32(rig.min_depth) and known.max() <= np.float32(rig.max_depth)
+    missing = ~np.isfinite(images.depth)
+    assert (images.cause[missing] != Cause.OK).all() and (images.confidence[missing] == 0).all()
+
+
+@pytest.mark.parametrize("filters", ["spatial,hole-filling-nearest", "dense,temporal"])
+def test_any_number_of_threads_and_a_resumed_run_give_the_same_bytes(
+    tmp_path: Path, filters: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(CONFIG, filters=filters, confidence_threshold=0.4)
+    simulate(config, tmp_path / "many")
+    monkeypatch.setattr(parallel, "default_threads", lambda: 1)
+    simulate(config, tmp_path / "one")
+    assert file_hashes(tmp_path / "one") == file_hashes(tmp_path / "many")
+    shutil.copytree(tmp_path / "many", tmp_path / "again")
+    for gone in ("transforms.json", "depth/0001.exr", "confidence/0000.png"):
+        (tmp_path / "again" / gone).unlink()
+    simulate(config, tmp_path / "again", resume=True)
+    assert file_hashes(tmp_path / "again") == file_hashes(tmp_path / "many")
+
+
+@pytest.mark.parametrize("tier", ["truth", "law"])
+@pytest.mark.parametrize(
+    ("setting", "value"), [("filters", "spatial"), ("confidence_threshold", 0.5)]
+)
+def test_tiers_that_match_nothing_refuse_both(tier: Any, setting: str, value: Any) -> None:
+    flag = setting.replace("_", "-")
+    with pytest.raises(DigsError, match=rf"--{flag} {value}: has no meaning with --tier {tier}"):
+        SimulateConfig(tier=tier, **{setting: value})
+    SimulateConfig(tier=tier, filters="none", confidence_threshold=0.0)
+
+
+def test_wrong_values_are_refused_at_once() -> None:
+    with pytest.raises(DigsError, match="--filters: no filter 'blur'"):
+        SimulateConfig(filters="blur")
+    for wrong in (-0.1, 1.1, float("nan")):
+        with pytest.raises(DigsError, match=r"--confidence-threshold: .*, expected 0 to 1"):
+            SimulateConfig(confidence_threshold=wrong)
