@@ -15,12 +15,19 @@ from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
 from digs_warp.sim.sensor.facts import SceneFacts
+from digs_warp.study.filter_pictures import FilterFigure, filter_figures
 from digs_warp.study.sensor_pictures import DepthFigure, SensorStudio, draw_all
 from digs_warp.study.table import Table
 
 PAGE = "sensor.md"
 PICTURES = "images/sensor"
+FILTER_PICTURES = "images/sensor-filters"
 SHOWN_PROFILE = "zed2-720"
+
+FILTER_HEADINGS = (
+    *("after matching", "fill", "bad-1", "RMS of the rest [px]", "flying pixels"),
+    *("filled holes that are right", "their confidence", "time [ms/MP]"),
+)
 
 
 def main() -> None:
@@ -38,6 +45,8 @@ def main() -> None:
             "figures", ["figure", "value", "origin", "note"], figure_rows()
         ).markdown(),
     }
+    filters = filter_figures(DOCS / FILTER_PICTURES)
+    texts["filters"] = Table("filters", FILTER_HEADINGS, filter_rows(filters)).markdown()
     for mark, text in texts.items():
         fill(PAGE, mark, text)
 
@@ -81,6 +90,17 @@ def number_row(name: str, figure: DepthFigure) -> list[str]:
     """Return a row of the table of errors."""
     rms = f"{figure.rms:.3f}" if figure.rms == figure.rms else ""  # NaN: none
     return [name, percent(figure.holes), percent(figure.bad), rms]
+
+
+def filter_rows(figures: dict[str, FilterFigure]) -> list[list[str]]:
+    """Return the table of filters."""
+    rows = []
+    for name, figure in figures.items():
+        values = [figure.fill, figure.bad_1, figure.rms, figure.flying]
+        filled = [figure.filled_right, figure.filled_confidence]
+        cells = [f"{value:.3f}" if value == value else "" for value in [*values, *filled]]
+        rows.append([name, *cells, f"{figure.time:.0f}"])
+    return rows
 
 
 def percent(share: float) -> str:

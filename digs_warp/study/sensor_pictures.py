@@ -166,22 +166,22 @@ def depth_strip(figure: DepthFigure, path: Path) -> None:
     from matplotlib.colors import LogNorm
 
     truth, sensed = figure.truth, figure.sensed
-    rows, columns = _window(figure.changed)
+    rows, columns = window_of(figure.changed)
     error = sensed.disparity - truth.disparity
-    scale = _full_scale(np.abs(error[figure.changed]))
+    scale = full_scale(np.abs(error[figure.changed]))
     low, high = np.nanpercentile(truth.disparity[rows, columns], [1, 99])
     # Equal ratios of disparity are equal steps of color, so that far things keep theirs beside near ones.
     low = max(low, high / LARGEST_RATIO)
     norm = LogNorm(low, max(high, 1.5 * low), clip=True)
-    near_far = {"cmap": _with_holes("turbo"), "norm": norm}
-    signed = {"cmap": _with_holes("RdBu"), "vmin": -scale, "vmax": scale}
+    near_far = {"cmap": with_holes("turbo"), "norm": norm}
+    signed = {"cmap": with_holes("RdBu"), "vmin": -scale, "vmax": scale}
     panels: list[Panel] = [
         ("left image", truth.image, {}),
         ("disparity, off", truth.disparity, near_far),
         ("disparity, on", sensed.disparity, near_far),
         (f"error, ±{scale:g} px", error, signed),
     ]
-    _draw([(title, pixels[rows, columns], style) for title, pixels, style in panels], path)
+    draw_panels([(title, pixels[rows, columns], style) for title, pixels, style in panels], path)
 
 
 def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "left") -> None:
@@ -191,7 +191,7 @@ def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "l
     shown = np.clip(128 + gain * difference, 0, 255).astype(np.uint8)
     titles = (f"{eye} image, off", f"{eye} image, on", f"difference x {gain}")
     pictures = zip(titles, (before, after, shown), strict=True)
-    _draw([(title, pixels, {}) for title, pixels in pictures], path)
+    draw_panels([(title, pixels, {}) for title, pixels in pictures], path)
 
 
 def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
@@ -209,7 +209,7 @@ def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     return figures
 
 
-def _window(changed: np.ndarray) -> tuple[slice, slice]:
+def window_of(changed: np.ndarray) -> tuple[slice, slice]:
     """Return the smallest window that holds enough of the change."""
     height, width = changed.shape
     sums = np.pad(changed.astype(np.int64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
@@ -223,20 +223,21 @@ def _window(changed: np.ndarray) -> tuple[slice, slice]:
     return slice(0, height), slice(0, width)
 
 
-def _full_scale(errors: np.ndarray) -> float:
+def full_scale(errors: np.ndarray) -> float:
+    """Return the smallest of the scales that holds most of the errors [px]."""
     known = errors[np.isfinite(errors)]
     typical = float(np.percentile(known, MOST)) if len(known) else SCALES[0]
     return next((scale for scale in SCALES if typical <= scale), SCALES[-1])
 
 
-def _with_holes(name: str) -> Any:
+def with_holes(name: str) -> Any:
     """Return a color map that draws missing values black."""
     import matplotlib
 
     return matplotlib.colormaps[name].with_extremes(bad="black")
 
 
-def _draw(panels: Sequence[Panel], path: Path) -> None:
+def draw_panels(panels: Sequence[Panel], path: Path) -> None:
     """Draw titled pictures side by side into a JPEG file."""
     from matplotlib.figure import Figure
 

@@ -84,7 +84,7 @@ def test_the_threshold_drops_what_is_below_and_nothing_else(
     known = np.isfinite(before.depth)
     kept = np.isfinite(after.depth)
     np.testing.assert_array_equal(after.depth[kept], before.depth[kept])
-    limit = to_uint8(np.float32(0.9))
+    limit = int(to_uint8(np.array(0.9, np.float32)))
     assert (before.confidence[kept] >= limit).all()
     assert (before.confidence[known & ~kept] <= limit).all() and (known & ~kept).any()
     assert (after.cause[known & ~kept] == Cause.LOW_CONFIDENCE).all()

@@ -85,7 +85,7 @@ class AfterMatching:
         if self.threshold == 0:
             return sensed
         weak = sensed.confidence < np.float32(self.threshold)
-        return sensed.with_holes(weak, Cause.LOW_CONFIDENCE)
+        return sensed.own().with_holes(weak, Cause.LOW_CONFIDENCE)
 
 
 def _labelled(sensed: Sensed, disparity: np.ndarray, confidence: np.ndarray) -> Sensed:

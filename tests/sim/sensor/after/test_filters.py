@@ -198,13 +198,15 @@ def test_filters_act_in_order_and_label_what_they_change() -> None:
 def test_the_threshold_drops_exactly_what_is_below() -> None:
     disparity, confidence, gray = scene((24, 300))
     confidence[3, 4], disparity[3, 4] = np.float32(0.6), 21
-    before = Sensed(disparity, np.zeros(disparity.shape, np.uint8), confidence)
+    before = Sensed(disparity, np.zeros(disparity.shape, np.uint8), confidence, owned=True)
+    kept = before.own()
     after = AfterMatching(threshold=0.6).apply([Shot(before, gray)])
     dropped = before.known & (confidence < np.float32(0.6))
     assert dropped.any() and after.known[3, 4]
     np.testing.assert_array_equal(after.known, before.known & ~dropped)
     assert (after.cause[dropped] == Cause.LOW_CONFIDENCE).all()
     assert (after.confidence[dropped] == 0).all()
+    np.testing.assert_array_equal(before.disparity, kept.disparity)
     # In every frame, and before the filters: what it drops is filled again.
     shots = [Shot(before, gray)] * 4
     assert (AfterMatching(("temporal",), 0.6).apply(shots).known == after.known).all()
