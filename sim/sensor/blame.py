@@ -29,12 +29,15 @@ def blame(disparity: np.ndarray, truth: FrameTruth) -> np.ndarray:
     true = truth.disparity
     cause = np.full(true.shape, Cause.OK, dtype=np.uint8)
     failed = ~(np.abs(disparity - true) <= WRONG) & ~np.isnan(true)
+    at = np.flatnonzero(failed)
+    labels = np.full(len(at), Cause.RANDOM, dtype=np.uint8)
     # From the weakest to the strongest claim: later ones overwrite earlier ones.
-    cause[failed] = Cause.RANDOM
     drifted, misaligned = _claims_of_drift(failed, disparity, truth)
-    for where, label in [(misaligned, Cause.RECTIFICATION), *_claims(truth, drifted)]:
+    claims = [(misaligned, Cause.RECTIFICATION), *_claims(failed, truth, drifted)]
+    for where, label in claims:
         if where is not None:
-            cause[failed & where] = label
+            labels[where.reshape(-1)[at]] = label
+    cause.reshape(-1)[at] = labels
     return cause
 
 
@@ -57,7 +60,9 @@ def _claims_of_drift(
     return drifted, misaligned
 
 
-def _claims(truth: FrameTruth, drifted: np.ndarray | None) -> list[tuple[np.ndarray | None, Cause]]:
+def _claims(
+    failed: np.ndarray, truth: FrameTruth, drifted: np.ndarray | None
+) -> list[tuple[np.ndarray | None, Cause]]:
     true, gray, rig = truth.disparity, truth.gray, truth.rig
     columns = np.arange(true.shape[1]) + 0.5
     return [
@@ -67,7 +72,7 @@ def _claims(truth: FrameTruth, drifted: np.ndarray | None) -> list[tuple[np.ndar
         ((gray > SATURATED) | (gray < DARK), Cause.EXPOSURE),
         (pixels_of(truth, is_transparent), Cause.TRANSPARENT),
         (pixels_of(truth, is_mirror), Cause.MIRROR),
-        (truth.hidden, Cause.OCCLUDED),
+        (truth.hidden_among(failed & ~(true > columns)), Cause.OCCLUDED),
         (true > columns, Cause.BAND),
         (drifted, Cause.RECTIFICATION),
         (truth.depth > rig.max_depth, Cause.FAR),

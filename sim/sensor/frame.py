@@ -107,12 +107,16 @@ class FrameTruth:
     @cached_property
     def hidden(self) -> np.ndarray:
         """Which pixels an opaque surface hides from the right eye, (height, width), bool."""
+        return self.hidden_among(np.ones(self.depth.shape, bool))
+
+    def hidden_among(self, where: np.ndarray) -> np.ndarray:
+        """Return which pixels of ``where`` are `hidden`, (height, width), bool; rays cost most of the time."""
         clear = np.array([*(material.is_transparent for material in self.materials), False])
         opaque = self.disparity
         if clear.any():
             opaque = np.where(clear[self.material_ids], np.float32(np.nan), opaque)
         return hidden_from_right(
-            self.disparity, opaque, lambda where: self.rays.right_visibility(where, self.depth)
+            self.disparity, opaque, where, lambda some: self.rays.right_visibility(some, self.depth)
         )
 
 

@@ -186,20 +186,24 @@ def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
 
 
 def hidden_from_right(
-    disparity: np.ndarray, opaque: np.ndarray, right_visibility: Callable[[np.ndarray], np.ndarray]
+    disparity: np.ndarray,
+    opaque: np.ndarray,
+    where: np.ndarray,
+    right_visibility: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return which pixels an opaque surface hides from the right eye, (height, width), bool.
+    """Return which pixels of ``where`` an opaque surface hides from the right eye, (height, width), bool.
 
     Points that land outside the right image do not count: that is the invalid band, not occlusion.
 
     Args:
         disparity: [px], (height, width), NaN where there is nothing.
         opaque: the same, without transparent surfaces.
+        where: the pixels in question, (height, width), bool.
         right_visibility: casts rays to find whether the right eye sees the pixels of a mask, both
             (height, width), bool; see `digs_warp.sim.sensor.frame.FrameRays`.
     """
     state = classify(disparity, opaque)
-    hidden, unsure = state == HIDDEN, state == UNSURE
+    hidden, unsure = where & (state == HIDDEN), where & (state == UNSURE)
     if unsure.any():
         hidden |= unsure & ~right_visibility(unsure)
     return hidden
