@@ -29,32 +29,37 @@ const int side = 2 * reach + 1;
 const int last_x = x0 + TILE_COLUMNS < width ? x0 + TILE_COLUMNS : width;
 const int last_lane = width - 1 - x0 + reach;  // of the image; it may lie beyond the vector
 
-// Which blocks any pixel of the tile tries.
+// The blocks of the tile's pixels, and which of them any pixel tries.
+int tile_blocks[TILE_ROWS][64] __attribute__((aligned(64)));
 unsigned long long needed[2] = {0, 0};
-for (int y = y0, last = -1; y < y0 + TILE_ROWS && y < height; ++y)
-    for (int x = x0; x < last_x; ++x) {
-        const int all = blocks.data[y * width + x];
+for (int r = 0, last = -1; r < TILE_ROWS && y0 + r < height; ++r) {
+    const int* row = blocks.data + (y0 + r) * width;
+    for (int i = 0; i < 64; ++i)
+        tile_blocks[r][i] = row[x0 + i < last_x ? x0 + i : last_x - 1];
+    for (int i = 0; i < last_x - x0; ++i) {
+        const int all = tile_blocks[r][i];
         if (all == last)  // as mostly among neighbors
             continue;
         last = all;
-        for (int bits = all, i = 0; i < (all < 0 ? 2 : 4); ++i, bits >>= 7)
+        for (int bits = all, slot = 0; slot < (all < 0 ? 2 : 4); ++slot, bits >>= 7)
             needed[(bits & 127) >> 6] |= 1ull << (bits & 63);
     }
+}
 
 auto minus = [](Bytes a, Bytes b) -> Bytes { return __builtin_elementwise_sub_sat(a, b); };
-// Distance between pixels and partners, of one kind of plane.
-auto distance = [&](const unsigned char* left, const unsigned char* right) -> Bytes {
-    Bytes u = *(const Bytes*)left, v = *(const Bytes*)right;
-    Bytes u0 = *(const Bytes*)(left + plane), u1 = *(const Bytes*)(left + 2 * plane);
-    Bytes v0 = *(const Bytes*)(right + plane), v1 = *(const Bytes*)(right + 2 * plane);
-    Bytes of_left = __builtin_elementwise_max(minus(u, v1), minus(v0, u));
-    Bytes of_right = __builtin_elementwise_max(minus(v, u1), minus(u0, v));
+// A row of one kind of plane: values, lowest, highest.
+struct Row { Bytes value, low, high; };
+auto row_at = [&](const unsigned char* first) -> Row {
+    return {*(const Bytes*)first, *(const Bytes*)(first + plane), *(const Bytes*)(first + 2 * plane)};
+};
+auto distance = [&](const Row& u, const Row& v) -> Bytes {
+    Bytes of_left = __builtin_elementwise_max(minus(u.value, v.high), minus(v.low, u.value));
+    Bytes of_right = __builtin_elementwise_max(minus(v.value, u.high), minus(u.low, v.value));
     return __builtin_elementwise_min(of_left, of_right);
 };
 
 // Which pixels of a row of the tile try a block in one of their slots, one bit each.
-int row_blocks[64] __attribute__((aligned(64))) = {};
-auto pixels_with = [&](int block, int slot) -> unsigned long long {
+auto pixels_with = [&](const int* row_blocks, int block, int slot) -> unsigned long long {
     unsigned long long pixels = 0;
     for (int part = 0; part < 4; ++part) {
         const Ints bits = *(const Ints*)(row_blocks + 16 * part);
@@ -69,26 +74,28 @@ auto pixels_with = [&](int block, int slot) -> unsigned long long {
     return pixels & ((1ull << (last_x - x0)) - 1);
 };
 
-Bytes single[TILE_ROWS + LARGEST_WINDOW - 1];
+Bytes single[8][TILE_ROWS + LARGEST_WINDOW - 1];
 short columns[TILE_ROWS][64 + LARGEST_WINDOW] __attribute__((aligned(64)));
 short sums[8][TILE_ROWS][64] __attribute__((aligned(64)));
 for (int block = 0; block < 128; ++block) {
     if (!((needed[block >> 6] >> (block & 63)) & 1))
         continue;
-    for (int m = 0; m < 8; ++m) {
-        for (int r = 0; r < TILE_ROWS + 2 * reach; ++r) {
-            int y = y0 + r - reach;
-            y = y < 0 ? 0 : y > height - 1 ? height - 1 : y;
-            const int at = y * pitch + searched + x0 - reach;
-            const unsigned char* left = left_planes.data + at;
+    for (int r = 0; r < TILE_ROWS + 2 * reach; ++r) {
+        int y = y0 + r - reach;
+        y = y < 0 ? 0 : y > height - 1 ? height - 1 : y;
+        const int at = y * pitch + searched + x0 - reach;
+        const Row slope = row_at(left_planes.data + at), gray = row_at(left_planes.data + at + 3 * plane);
+        for (int m = 0; m < 8; ++m) {
             const unsigned char* right = right_planes.data + at - (block * 8 + m);
-            single[r] = distance(left, right) + (distance(left + 3 * plane, right + 3 * plane) >> (Bytes)2);
+            single[m][r] = distance(slope, row_at(right)) + (distance(gray, row_at(right + 3 * plane)) >> (Bytes)2);
         }
+    }
+    for (int m = 0; m < 8; ++m) {
         Shorts column = 0;
         for (int r = 0; r < 2 * reach; ++r)
-            column += __builtin_convertvector(single[r], Shorts);
+            column += __builtin_convertvector(single[m][r], Shorts);
         for (int r = 0; r < TILE_ROWS; ++r) {
-            column += __builtin_convertvector(single[r + 2 * reach], Shorts);
+            column += __builtin_convertvector(single[m][r + 2 * reach], Shorts);
             short* line = columns[r];
             *(Shorts*)line = column;
             // At the borders of the image the first and the last column are repeated.
@@ -97,7 +104,7 @@ for (int block = 0; block < 128; ++block) {
                     line[i] = line[reach];
             for (int i = 1; last_lane < 64 && i <= reach; ++i)
                 line[last_lane + i] = line[last_lane];
-            column -= __builtin_convertvector(single[r], Shorts);
+            column -= __builtin_convertvector(single[m][r], Shorts);
         }
         // In a loop of its own: a vector that was just written in pieces cannot be read at once.
         for (int r = 0; r < TILE_ROWS; ++r) {
@@ -109,10 +116,9 @@ for (int block = 0; block < 128; ++block) {
     }
     for (int r = 0; r < TILE_ROWS && y0 + r < height; ++r) {
         short* row_costs = costs.data + first_cost + (r * width + x0) * 32;
-        __builtin_memcpy(row_blocks, blocks.data + (y0 + r) * width + x0, 4 * (last_x - x0));
         unsigned long long with[4];
         for (int slot = 0; slot < 4; ++slot)
-            with[slot] = pixels_with(block, slot);
+            with[slot] = pixels_with(tile_blocks[r], block, slot);
         const unsigned long long any = with[0] | with[1] | with[2] | with[3];
         for (int x = 0; x < last_x - x0; x += 8) {
             if (((any >> x) & 255) == 0)
