@@ -174,6 +174,10 @@ const short* own = costs.data + first_cost;
 // Of each column of the right eye: the least cost of a match, and its disparity.
 short* right_cost = right.data + first_right;
 short* right_found = right_cost + width + searched;
+// Of each pixel: the costs of the disparities next to the best; both the least where one was not tried.
+short* lower_cost = right_found + width + searched;
+short* upper_cost = lower_cost + width;
+short* result = disparity.data + row * width;
 for (int i = 0; i < width + searched; ++i) {
     right_cost[i] = 32767;
     right_found[i] = -1;
@@ -217,7 +221,9 @@ auto choose = [&](auto zero, int begin, int end, int bits) {
         const int slot = best >> 3;
         const int found = ((bits >> (7 * slot)) & 127) * 8 + (best & 7);
         const int has_upper = steps_up >> best & 1, has_lower = (steps_up << 1) >> best & 1;
-        const int lower = total[best - has_lower], upper = total[best + has_upper];
+        const bool has_both = has_lower & has_upper;
+        lower_cost[x] = has_both ? total[best - has_lower] : least;
+        upper_cost[x] = has_both ? total[best + has_upper] : least;
         // The best rival is not next to the best.
         const auto away = lane - (short)best;
         const auto is_near = (away >= zero - (short)has_lower) & (away <= zero + (short)has_upper);
@@ -227,12 +233,7 @@ auto choose = [&](auto zero, int begin, int end, int bits) {
         const bool is_better = is_unique && right_cost[column] > least;
         right_cost[column] = is_better ? least : right_cost[column];
         right_found[column] = is_better ? found : right_found[column];
-        int result = found * 16;
-        if (has_lower & has_upper) {  // a parabola through the three costs
-            const int bend = lower + upper - 2 * least > 1 ? lower + upper - 2 * least : 1;
-            result += ((lower - upper) * 16 + bend) / (2 * bend);
-        }
-        disparity.data[row * width + x] = is_unique ? result : NOT_FOUND;
+        result[x] = is_unique ? found : -1;
         cost.data[row * width + x] = least;
         second.data[row * width + x] = rival;
     }
@@ -247,20 +248,27 @@ for (int end = width, x; end > 0; end = x) {
     else
         choose((Costs)0, x, end, bits);
 }
+// A parabola through the three costs; the quotient is exact, because both numbers are below 2^24.
+for (int x = 0; x < width; ++x) {
+    const int least = cost.data[row * width + x], lower = lower_cost[x], upper = upper_cost[x];
+    const int bend = lower + upper - 2 * least > 1 ? lower + upper - 2 * least : 1;
+    const int shift = (float)((lower - upper) * 16 + bend) / (float)(2 * bend);
+    result[x] = result[x] < 0 ? NOT_FOUND : result[x] * 16 + shift;
+}
 // A pixel whose partner in the right eye found something else has no match; both roundings have to disagree.
 for (int x = 0; x < width; ++x) {
-    const int found = disparity.data[row * width + x];
+    const int found = result[x];
     if (found < 0)
         continue;
     bool agrees = false;
     for (int up = 0; up < 2; ++up) {
-        const int whole = (found + 15 * up) >> 4;
-        const int partner = right_found[x + searched - whole];
-        const int difference = partner - whole;
+        const int rounded = (found + 15 * up) >> 4;
+        const int partner = right_found[x + searched - rounded];
+        const int difference = partner - rounded;
         agrees = agrees || partner < 0 || (difference <= left_right && difference >= -left_right);
     }
     if (!agrees)
-        disparity.data[row * width + x] = NOT_FOUND;
+        result[x] = NOT_FOUND;
 }
 """
 _CONSTANTS = f"constexpr short MISSING = {MISSING}, NOT_FOUND = {NOT_FOUND};"
@@ -293,7 +301,7 @@ def choose_best(
     costs: wp.array[wp.int16],
     steps: wp.array[wp.int16],
     sums: wp.array[wp.int16],
-    right: wp.array[wp.int16],  # scratch: [2, width + searched]
+    right: wp.array[wp.int16],  # scratch: [4, width + searched]
     disparity: wp.array[wp.int16],  # [height, width], in sixteenths of a pixel
     cost: wp.array[wp.int16],  # [height, width], of the five paths together
     second: wp.array[wp.int16],  # [height, width], of the best that is not next to it

@@ -79,7 +79,7 @@ class Scratch:
     costs: wp.array[wp.int16]  # [strips, TILE_ROWS, width, 32]
     sums: wp.array[wp.int16]  # [strips, width, 32]
     paths: wp.array[wp.int16]  # [strips, 2, 3, width, 32]
-    right: wp.array[wp.int16]  # [strips, 2, width + searched]
+    right: wp.array[wp.int16]  # [strips, 4, width + searched]
 
 
 @wp.kernel
@@ -115,7 +115,7 @@ def search_kernel(
                  after, row, pair.width, row == start, pair.small_step, pair.large_step)
         if row >= begin:
             choose_best(pair.blocks, scratch.costs, pair.steps, scratch.sums, scratch.right, disparity,
-                        cost, second, own, sums, strip * 2 * (pair.width + pair.searched), row,
+                        cost, second, own, sums, strip * 4 * (pair.width + pair.searched), row,
                         pair.width, pair.searched, pair.small_step, pair.large_step, pair.uniqueness,
                         _LEFT_RIGHT)
         # fmt: on
@@ -216,7 +216,7 @@ def search_blocks(
         costs=_shorts(strips * TILE_ROWS * lanes),
         sums=_shorts(strips * lanes),
         paths=_shorts(strips * 6 * lanes),
-        right=_shorts(strips * 2 * (width + eyes.searched)),
+        right=_shorts(strips * 4 * (width + eyes.searched)),
     )
     outputs = [_shorts(height * width) for _ in range(3)]
     launch_parallel(search_kernel, strips, [pair, scratch, *outputs])
