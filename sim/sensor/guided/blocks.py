@@ -48,23 +48,27 @@ for (int x = 0; x < width; ++x) {
 }
 const int coarse_row = (row >> 3) < coarse_height ? row >> 3 : coarse_height - 1;
 const int* preferred = coarse.data + coarse_row * coarse_width;
-const bool may_be_easy = (row >> 3) < easy_height;
-int last = -1, last_second = -1, bits = 0;
+const unsigned char* easy_row = easy.data + (row >> 3) * easy_width;
+const int easy_squares = (row >> 3) < easy_height ? easy_width : 0;
+int far = 0, of_square = 0, last = -1, last_second = -1, bits = 0;
 for (int x = 0; x < width; ++x) {
-    const int square = x >> 3;
-    const int far = preferred[square < coarse_width ? square : coarse_width - 1];
+    if ((x & 7) == 0) {
+        const int square = x >> 3;
+        far = preferred[square < coarse_width ? square : coarse_width - 1];
+        of_square = (far + 1) << 16 | (square < easy_squares && easy_row[square]) << 24;
+    }
     int second = -1;  // twice its block, plus one in the upper half
     if (has_second) {
         const float behind = seconds.data[row * width + x];
         if (behind >= 0 && behind < 8.0f * count)  // or there is none
             second = (int)((behind < x ? behind : x) * 0.25f);
     }
-    const bool is_easy = may_be_easy && square < easy_width && easy.data[(row >> 3) * easy_width + square];
-    const int key = out[x] | (far + 1) << 16 | is_easy << 24;
+    const int key = out[x] | of_square;
     if (key == last && second == last_second) {  // as mostly among neighbors
         out[x] = bits;
         continue;
     }
+    const bool is_easy = key >> 24;
     last = key;
     last_second = second;
     const int own = key & 127, side = (key >> 7 & 1) ? 1 : -1, other = (key >> 8 & 255) - 1;

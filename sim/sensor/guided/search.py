@@ -171,9 +171,6 @@ def search(
     blocks = choose_blocks(true, coarse, easy_squares(eyes, true), count, second)
     raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness)
     disparity = _without_islands(raw)
-    disparity[disparity > np.arange(left.shape[1]) + 0.5] = (
-        np.nan
-    )  # matched what is not in the image
     scale = np.float32(1 / (5 * window * window))
     wide_share = float((blocks.numpy() >= 0).mean())
     return Found(disparity, cost * scale, rival * scale, wide_share)
@@ -229,11 +226,13 @@ def _shorts(count: int) -> wp.array:
 
 
 def _without_islands(sixteenths: np.ndarray) -> np.ndarray:
-    """Return disparity [px] after OpenCV's median and without small islands; NaN where there is none."""
+    """Return disparity [px] after OpenCV's median; NaN in small islands and where there is none."""
     import cv2
 
     smooth = cv2.medianBlur(sixteenths, 3)
     cv2.filterSpeckles(smooth, -FIXED_POINT, ISLAND, ISLAND_STEP * FIXED_POINT)
-    disparity = smooth.astype(np.float32) / FIXED_POINT
-    disparity[smooth < 0] = np.nan
+    disparity = smooth * np.float32(1 / FIXED_POINT)
+    # What matched beyond the left border of the right image matched nothing.
+    inside = np.arange(smooth.shape[1], dtype=np.int32) * FIXED_POINT + FIXED_POINT // 2
+    np.putmask(disparity, (smooth < 0) | (smooth > inside), np.nan)
     return disparity
