@@ -110,7 +110,7 @@ class FrameTruth:
         return self.hidden_among(np.ones(self.depth.shape, bool))
 
     def hidden_among(self, where: np.ndarray) -> np.ndarray:
-        """Return which pixels of ``where`` are `hidden`, (height, width), bool; rays cost most of the time."""
+        """Return which pixels of ``where`` are `hidden`, both (height, width), bool."""
         clear = np.array([*(material.is_transparent for material in self.materials), False])
         opaque = self.disparity
         if clear.any():

@@ -87,7 +87,8 @@ for (int block = 0; block < 128; ++block) {
         const Row slope = row_at(left_planes.data + at), gray = row_at(left_planes.data + at + 3 * plane);
         for (int m = 0; m < 8; ++m) {
             const unsigned char* right = right_planes.data + at - (block * 8 + m);
-            single[m][r] = distance(slope, row_at(right)) + (distance(gray, row_at(right + 3 * plane)) >> (Bytes)2);
+            const Bytes of_gray = distance(gray, row_at(right + 3 * plane)) >> (Bytes)2;
+            single[m][r] = distance(slope, row_at(right)) + of_gray;
         }
     }
     for (int m = 0; m < 8; ++m) {

@@ -18,8 +18,10 @@ from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS, choose
 from digs_warp.sim.sensor.guided.coarse import coarse_blocks
 from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW, TILE_COLUMNS, TILE_ROWS, tile_costs
 from digs_warp.sim.sensor.guided.easy import easy_squares
+from digs_warp.sim.sensor.guided.islands import drop_islands
 from digs_warp.sim.sensor.guided.paths import (
     FIXED_POINT,
+    NOT_FOUND,
     choose_best,
     neighbor_steps,
     sum_down,
@@ -230,7 +232,7 @@ def _without_islands(sixteenths: np.ndarray) -> np.ndarray:
     import cv2
 
     smooth = cv2.medianBlur(sixteenths, 3)
-    cv2.filterSpeckles(smooth, -FIXED_POINT, ISLAND, ISLAND_STEP * FIXED_POINT)
+    drop_islands(smooth, NOT_FOUND, ISLAND, ISLAND_STEP * FIXED_POINT)
     disparity = smooth * np.float32(1 / FIXED_POINT)
     # What matched beyond the left border of the right image matched nothing.
     inside = np.arange(smooth.shape[1], dtype=np.int32) * FIXED_POINT + FIXED_POINT // 2
