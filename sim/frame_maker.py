@@ -11,6 +11,7 @@ from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
 from digs_warp.record.run_log import timed
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
+from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
@@ -71,7 +72,7 @@ class FrameMaker:
     def render(self, number: int) -> RenderedFrame:
         """Return the truth of a frame, and of those before it that the device remembers."""
         config, rig = self.session.config, self.session.rig
-        shutter = self.plan.shutter(rig, config.strength)
+        shutter = self.plan.shutter(rig, config.strength, self._adapted(number))
         drift = self.plan.drift(rig, config.seed, config.strength)
         look = partial(self.session.truth, number, shutter, drift, self.plan.projects)
         truth, mask = look()
@@ -142,15 +143,23 @@ class FrameMaker:
         )
 
     def _recorded(self, truth: FrameTruth) -> tuple[np.ndarray, np.ndarray]:
-        config = self.session.config
-        return recorded_images(truth, self.plan.pixel_effects, config.seed, config.strength)
+        """Return the images of the two eyes after the effects on them."""
+        config, adapted = self.session.config, self._adapted(truth.number)
+        if truth.rig.has_color_camera:  # infrared has no color
+            adapted = replace(adapted, red=0.0, blue=0.0)
+        effects = self.plan.pixel_effects
+        return recorded_images(truth, effects, config.seed, config.strength, adapted)
 
     def _recorded_color(self, truth: FrameTruth, view: ColorView) -> np.ndarray:
         """Return the color camera's image after the effects on it; its noise is not that of the eyes."""
         config = self.session.config
         alone = replace(view.as_truth(truth), right=view.image)
         seed = config.seed + COLOR_SEED
-        return recorded_images(alone, self.plan.pixel_effects, seed, config.strength)[0]
+        effects, adapted = self.plan.pixel_effects, self._adapted(truth.number)
+        return recorded_images(alone, effects, seed, config.strength, adapted)[0]
+
+    def _adapted(self, number: int) -> Adaptation:
+        return self.plan.adapted(self.session.moments[number])
 
     def _reported(self, frame: RenderedFrame, pair: tuple[np.ndarray, np.ndarray]) -> Sensed:
         """Return what the device makes of a recorded pair, and of those just before."""

@@ -113,6 +113,12 @@ _MATCHER = {
     **_figures("tuned", "lens that warms by 10 K, 0.1-0.2 px at the sides", focal_drift=2e-4),
     **_figures("tuned", "aluminum that warms by 20 K, 0.05 px at 100 px", baseline_drift=5e-4),
     **_figures("tuned", "indoor light", exposure_time=0.01, image_noise=2.0),
+    **_figures("tuned", "20 ms, two periods of lamps at 50 Hz, before gain", exposure_headroom=1.0),
+    # libcamera's controllers for the Raspberry Pi go a fifth (exposure) and a twentieth (white balance) of
+    # the way with every frame.
+    **_figures("tuned", "as libcamera's controller at 15 frames/s", exposure_lag=0.3),
+    **_figures("tuned", "as libcamera's controller at 15 frames/s", white_balance_lag=1.3),
+    **_figures("tuned", "half of what gray-world would remove", white_balance=0.5),
     **_figures("tuned", "small pixels at indoor gain", full_well=4_400.0, vignetting=0.3),
     **_figures("vendor", "no projector", projector_power=0.0, projector_offset=0.0),
     **_figures("vendor", "the left eye takes the images", color_offset=0.0, color_zoom=1.0),

@@ -163,7 +163,8 @@ def _record(
             bar.update()
         settle(0)
     for number, moment in enumerate(maker.session.moments):
-        writer.add_pose(number, maker.session.walk.pose(moment), moment)
+        gain = maker.plan.color_gain(moment, config.strength)
+        writer.add_pose(number, maker.session.walk.pose(moment), moment, color_gain=gain)
 
 
 def _finish(

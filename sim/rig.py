@@ -39,7 +39,11 @@ class StereoRig:
         post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of each color channel of a mid-gray pixel [DN of 255].
         full_well: electrons of a white pixel at the gain in use; determines how noise grows with light.
-        exposure_time: [s].
+        exposure_time: at the common exposure of the recording [s].
+        exposure_headroom: how much longer the camera can expose before it has to amplify [stops].
+        exposure_lag: time constant of the automatic exposure [s].
+        white_balance: share of a color cast that the automatic white balance removes, 0 to 1.
+        white_balance_lag: its time constant [s].
         readout_time: from the first to the last row of a rolling shutter [s]; 0: global shutter.
         vignetting: light lost in the corners, 0 to 1.
         projector_power: brightness of a projected dot on a white matte wall at 1 m, in the unit of the
@@ -66,6 +70,10 @@ class StereoRig:
     image_noise: float = 2.0
     full_well: float = 4_400.0
     exposure_time: float = 0.01
+    exposure_headroom: float = 1.0
+    exposure_lag: float = 0.3
+    white_balance: float = 0.5
+    white_balance_lag: float = 1.3
     readout_time: float = 0.0
     vignetting: float = 0.3
     projector_power: float = 0.0
@@ -80,8 +88,9 @@ class StereoRig:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise DigsError(f"rig: {name}={value}, expected a finite number >= 0")
-        if self.vignetting > 1:
-            raise DigsError(f"rig: vignetting={self.vignetting}, expected a share from 0 to 1")
+        for name in ("vignetting", "white_balance"):
+            if getattr(self, name) > 1:
+                raise DigsError(f"rig: {name}={getattr(self, name)}, expected a share from 0 to 1")
         check_positive("rig: color_zoom", self.color_zoom)
         for name in ("projector_offset", "color_offset"):
             if not np.isfinite(getattr(self, name)):
@@ -131,6 +140,10 @@ _AMOUNTS = (
     "baseline_drift",
     "image_noise",
     "exposure_time",
+    "exposure_headroom",
+    "exposure_lag",
+    "white_balance",
+    "white_balance_lag",
     "readout_time",
     "vignetting",
     "projector_power",

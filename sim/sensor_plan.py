@@ -1,21 +1,25 @@
 """The plan of a recording: the effects on depth and on the images, and why they are on or off."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.metering import meter_walk
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.color import (
+    AUTO_EXPOSURE,
     CALIBRATION_DRIFT,
     COLOR_EFFECTS,
     IMAGE_BLUR,
     PIXEL_EFFECTS,
     PROJECTOR,
     ROLLING_SHUTTER,
+    WHITE_BALANCE,
 )
+from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation, AdaptationTrack
 from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
@@ -46,11 +50,13 @@ class SensorPlan:
         depth: effects on the depth path, in the order in which they act; empty where the tier plans none.
         color: the same on the color path.
         facts: the basis of the choices; None where the tier plans nothing.
+        adaptation: how exposure and white balance follow the light; None where both are off.
     """
 
     depth: tuple[Choice, ...] = ()
     color: tuple[Choice, ...] = ()
     facts: SceneFacts | None = None
+    adaptation: AdaptationTrack | None = None
 
     @property
     def effects_on(self) -> tuple[str, ...]:
@@ -67,16 +73,37 @@ class SensorPlan:
         """Whether the dots of the projector show."""
         return self._has_color(PROJECTOR.name)
 
-    def shutter(self, rig: StereoRig, strength: float = 1.0) -> Shutter:
-        """Return the shutter of both eyes; ``strength`` stretches its times."""
+    def adapted(self, moment: float) -> Adaptation:
+        """Return what exposure and white balance are set to at a time [s], at strength 1."""
+        if self.adaptation is None:
+            return NOT_ADAPTED
+        now = self.adaptation.at(moment)
+        exposing, balancing = map(self._has_color, (AUTO_EXPOSURE.name, WHITE_BALANCE.name))
+        return Adaptation(
+            now.exposure if exposing else 0.0,
+            now.red if balancing else 0.0,
+            now.blue if balancing else 0.0,
+        )
+
+    def color_gain(self, moment: float, strength: float) -> tuple[float, float, float] | None:
+        """Return the factors of exposure and white balance on red, green and blue; None: both are off."""
+        if self.adaptation is None:
+            return None
+        return self.adapted(moment).scaled(strength).color_gain
+
+    def shutter(
+        self, rig: StereoRig, strength: float = 1.0, adapted: Adaptation = NOT_ADAPTED
+    ) -> Shutter:
+        """Return the shutter of both eyes; ``strength`` stretches its times, a longer exposure its blur."""
         rolling, blurring = map(self._has_color, (ROLLING_SHUTTER.name, IMAGE_BLUR.name))
         if self.facts is None or strength == 0:
             return Shutter()
+        longer = adapted.scaled(strength).longer_exposure(rig)
         return Shutter(
             bands=ROLLING_SHUTTER.bands(self.facts, rig, strength) if rolling else 1,
-            views=IMAGE_BLUR.views(self.facts, strength) if blurring else 1,
+            views=IMAGE_BLUR.views(self.facts, strength * longer) if blurring else 1,
             readout_time=strength * rig.readout_time if rolling else 0.0,
-            exposure_time=strength * rig.exposure_time if blurring else 0.0,
+            exposure_time=strength * longer * rig.exposure_time if blurring else 0.0,
         )
 
     def drift(self, rig: StereoRig, seed: int, strength: float = 1.0) -> Drift:
@@ -109,7 +136,14 @@ def make_plan(session: Session) -> SensorPlan:
     count = min(SAMPLE_FRAMES, config.frames)
     numbers = np.linspace(0, config.frames - 1, count).round().astype(int).tolist()
     facts = measure_facts([session.truth(number, Shutter())[0] for number in numbers])
-    return plan_for_facts(facts, session.rig, config)
+    return with_adaptation(plan_for_facts(facts, session.rig, config), session)
+
+
+def with_adaptation(plan: SensorPlan, session: Session) -> SensorPlan:
+    """Return the plan with the course of exposure and white balance, metered if one of them is on."""
+    if not {AUTO_EXPOSURE.name, WHITE_BALANCE.name} & set(plan.effects_on):
+        return plan
+    return replace(plan, adaptation=meter_walk(session))
 
 
 def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) -> SensorPlan:

@@ -74,13 +74,15 @@ class Frame:
 
     ``layers`` has a file or an array for each layer of the frame; only `Layer.IMAGE` is always there. An
     array holds what the file would hold (8 bits of sRGB, 8 bits of mask, float32 metres of depth, ...), so
-    both are decoded by the same code.
+    both are decoded by the same code. ``color_gain``: factors of automatic exposure and white balance on red,
+    green and blue in linear light, against the common exposure of the recording; None: unknown.
     """
 
     name: str
     camera: Camera
     time: float
     layers: Mapping[Layer, PixelSource]
+    color_gain: tuple[float, float, float] | None = None
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
@@ -333,7 +335,16 @@ def _read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) ->
     if Layer.IMAGE not in files:
         raise CaptureError(f"{where}: {INDEX_NAME} has no '{Layer.IMAGE.value}'")
     time = own.number("time", default=float(number))
-    return Frame(files[Layer.IMAGE].stem, camera, time, files)
+    return Frame(files[Layer.IMAGE].stem, camera, time, files, _read_color_gain(own))
+
+
+def _read_color_gain(own: Fields) -> tuple[float, float, float] | None:
+    if "color_gain" not in own:
+        return None
+    red, green, blue = gain = own.array("color_gain", (3,)).tolist()
+    if min(gain) <= 0:
+        raise CaptureError(f"{own.where}: color_gain is {shown(gain)}, expected numbers above 0")
+    return red, green, blue
 
 
 def _read_camera(own: Fields, index: dict[str, Any]) -> Camera:

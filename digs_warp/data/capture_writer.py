@@ -78,10 +78,12 @@ class CaptureWriter:
         world_from_cam: np.ndarray,
         time: float,
         intrinsics: Intrinsics | None = None,
+        color_gain: tuple[float, float, float] | None = None,
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose files have been written.
 
-        ``intrinsics`` is the frame's camera if it differs from the others', at the same image size.
+        ``intrinsics`` is the frame's camera if it differs from the others', at the same image size;
+        ``color_gain`` see `Frame`.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
         paths = {layer.value: layer.pattern.format(number) for layer in Layer}
@@ -90,6 +92,7 @@ class CaptureWriter:
             "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
             "time": time,
             **({} if intrinsics is None else camera_keys(intrinsics)),
+            **({} if color_gain is None else {"color_gain": list(color_gain)}),
         }
 
     def finish(self, about: About | None = None) -> Capture:
@@ -129,10 +132,17 @@ class MemoryWriter:
         """Keep the images of frame ``number``."""
         self._layers[number] = images.by_layer()
 
-    def add_pose(self, number: int, world_from_cam: np.ndarray, time: float) -> None:
+    def add_pose(
+        self,
+        number: int,
+        world_from_cam: np.ndarray,
+        time: float,
+        color_gain: tuple[float, float, float] | None = None,
+    ) -> None:
         """Record the pose and time [s] of frame ``number``, whose images have been written."""
         camera = Camera(self.intrinsics, world_from_cam)
-        self._frames[number] = Frame(f"{number:04d}", camera, time, self._layers[number])
+        layers = self._layers[number]
+        self._frames[number] = Frame(f"{number:04d}", camera, time, layers, color_gain)
 
     def finish(self, about: About | None = None) -> Capture:
         """Return the capture."""

@@ -22,6 +22,7 @@ from digs_warp.sim.sensor.color import (
     PROJECTOR,
     ROLLING_SHUTTER,
 )
+from digs_warp.sim.sensor.color.adaptation import Adaptation, targets
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
@@ -129,7 +130,10 @@ class SensorStudio:
 
     def colored(self, effect: PixelEffect) -> np.ndarray:
         """Return the left image after an effect alone."""
-        eyes = EyeImages(self.rig.intrinsics, decode(self.truth.image), decode(self.truth.right))
+        left, right = decode(self.truth.image), decode(self.truth.right)
+        metered = targets(left.mean(axis=(0, 1), dtype=np.float64)[None], self.rig)
+        settled = Adaptation(*metered[0].tolist())
+        eyes = EyeImages(self.rig.intrinsics, left, right, settled)
         return encode(effect.apply(eyes, self.rig, effect_rng(SEED, 0, effect.name)).left)
 
     def infrared(self) -> tuple[np.ndarray, np.ndarray]:

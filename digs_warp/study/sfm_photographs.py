@@ -4,7 +4,7 @@ Left images only, with the color errors of the sensor or of an ideal camera. The
 depth. A complete one is reused, and an interrupted one is continued.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,12 +49,12 @@ IDEAL = SensorPlan()
 def planned_sensor(session: Session) -> SensorPlan:
     """Return the planned effects on the images; none on depth, which is not recorded."""
     plan = make_plan(session)
-    return SensorPlan(color=plan.color, facts=plan.facts)
+    return replace(plan, depth=())
 
 
 def only(plan: SensorPlan, effects: frozenset[str]) -> SensorPlan:
     """Return the plan with these effects on and all others off."""
-    return SensorPlan(color=override(plan.color, effects), facts=plan.facts)
+    return replace(plan, color=override(plan.color, effects), depth=())
 
 
 def photograph_walk(session: Session, folder: Path, plan: SensorPlan = IDEAL) -> list[Frame]:
@@ -79,9 +79,10 @@ def _photograph(session: Session, folder: Path, plan: SensorPlan) -> None:
 def _left_image(session: Session, plan: SensorPlan, number: int) -> np.ndarray:
     """Return what the left eye records, sRGB, (height, width, 3), uint8."""
     moment, k = session.moments[number], session.rig.intrinsics
+    adapted = plan.adapted(moment)
     eye = ShutteredEye(
         session.renderer,
-        plan.shutter(session.rig),
+        plan.shutter(session.rig, adapted=adapted),
         k,
         lambda after: session.walk.pose(moment + after),
     )
@@ -89,7 +90,7 @@ def _left_image(session: Session, plan: SensorPlan, number: int) -> np.ndarray:
     if not plan.pixel_effects:
         return image
     linear = decode(image)
-    eyes = EyeImages(k, linear, linear)
+    eyes = EyeImages(k, linear, linear, adapted)
     for effect in plan.pixel_effects:
         rng = effect_rng(session.config.seed, number, effect.name)
         eyes = effect.apply(eyes, session.rig, rng)

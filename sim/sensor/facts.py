@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from digs_warp.checks import DigsError
+from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_mirror, is_transparent, pixels_of
 from digs_warp.sim.sensor.motion import image_motion
@@ -18,6 +19,10 @@ SATURATED, DARK = 250, 15  # [DN]
 
 # Motion is smooth over the image: every eighth pixel along each axis is enough.
 MOTION_STRIDE = 8
+
+# The mean color needs few pixels; a prime, so that they do not lie in columns.
+CAST_STRIDE = 31
+DARKEST = 1e-6  # linear; a black image has no cast
 
 PERCENTILE = 95
 
@@ -37,6 +42,7 @@ class SceneFacts:
     transparent_share: float  # share of transparent materials
     saturated_share: float  # share above 250 of 255
     dark_share: float  # share below 15 of 255
+    color_cast: float  # |log2| of red or blue over green in the mean color, the larger one [stops]
     blur_px: float  # 95th percentile of the motion during the exposure [px]
     skew_px: float  # 95th percentile of the motion during the shutter's read-out [px]
     dot_share: float = 0.0  # share where a projected dot exceeds the image noise
@@ -84,10 +90,17 @@ def _measure(truth: FrameTruth) -> dict[str, float]:
         "large_step_share": float(np.mean(large[visible])),
         "saturated_share": float(np.mean(gray > SATURATED)),
         "dark_share": float(np.mean(gray < DARK)),
+        "color_cast": _color_cast(truth.image[visible]),
         **_materials(truth, len(depth)),
         **_motion(truth),
         "dot_share": 0.0 if truth.dots_show is None else float(np.mean(truth.dots_show[visible])),
     }
+
+
+def _color_cast(pixels: np.ndarray) -> float:
+    """Return by how many stops red or blue differ from green in the mean of sRGB pixels, (n, 3)."""
+    red, green, blue = linear_from_srgb(pixels[::CAST_STRIDE] / 255.0).mean(axis=0) + DARKEST
+    return float(np.abs(np.log2([red / green, blue / green])).max())
 
 
 def _materials(truth: FrameTruth, count: int) -> dict[str, float]:

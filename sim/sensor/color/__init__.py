@@ -8,6 +8,7 @@ from digs_warp.sim.sensor.color.projector import Projector
 from digs_warp.sim.sensor.color.protocol import ColorEffect, PixelEffect
 from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
 from digs_warp.sim.sensor.color.vignetting import Vignetting
+from digs_warp.sim.sensor.color.white_balance import WhiteBalance
 
 PROJECTOR = Projector()
 ROLLING_SHUTTER = RollingShutter()
@@ -15,7 +16,15 @@ IMAGE_BLUR = ImageBlur()
 CALIBRATION_DRIFT = CalibrationDrift()
 
 # Applied to the finished images; the three above change how the images are rendered.
-PIXEL_EFFECTS: tuple[PixelEffect, ...] = (Vignetting(), AutoExposure(), ShotNoise(), ReadNoise())
+AUTO_EXPOSURE = AutoExposure()
+WHITE_BALANCE = WhiteBalance()
+PIXEL_EFFECTS: tuple[PixelEffect, ...] = (
+    Vignetting(),
+    AUTO_EXPOSURE,
+    WHITE_BALANCE,
+    ShotNoise(),
+    ReadNoise(),
+)
 
 COLOR_EFFECTS: tuple[ColorEffect, ...] = (
     PROJECTOR,

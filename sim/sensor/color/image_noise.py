@@ -7,6 +7,11 @@ In linear light (1 is white) the variance of a pixel is
 where x is the signal and W the number of electrons that a white pixel holds. x / W is shot noise (photon
 counts are Poisson distributed), r is read noise, which shows in the dark. A rig states W and the standard
 deviation at middle gray in 8-bit sRGB steps, which can be read off recorded images; r is the remainder.
+
+A longer exposure collects more electrons, so the law holds for its brighter image, too. An electronic gain g
+multiplies what is there: the image x after the gain has the variance
+
+    g x / W + g^2 r
 """
 
 from dataclasses import dataclass
@@ -15,7 +20,9 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.color.protocol import MIDDLE_GREY, EyeImages
+from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
+from digs_warp.sim.sensor.color.gain import times_channels
+from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.noise_field import white_normal
@@ -66,10 +73,11 @@ class ShotNoise:
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Add Gaussian noise: at hundreds of photons a Poisson distribution looks the same."""
-        factor = np.float32(strength * shot_factor(rig))
+        factor = strength * shot_factor(rig)
+        red, green, blue = (factor * gain**0.5 for gain in eyes.electronic_gain)
         images = (eyes.left, eyes.right)
         return eyes.with_images(
-            *(_noisy(x, factor * np.sqrt(np.maximum(x, 0)), rng) for x in images)
+            *(_noisy(x, (red, green, blue), rng, np.sqrt(np.maximum(x, 0))) for x in images)
         )
 
 
@@ -95,15 +103,21 @@ class ReadNoise:
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Add white Gaussian noise in linear light."""
-        sigma = np.float32(strength * read_sigma(rig))
-        return eyes.with_images(*(_noisy(x, sigma, rng) for x in (eyes.left, eyes.right)))
+        sigma = strength * read_sigma(rig)
+        red, green, blue = (sigma * gain for gain in eyes.electronic_gain)
+        images = (eyes.left, eyes.right)
+        return eyes.with_images(*(_noisy(x, (red, green, blue), rng) for x in images))
 
 
 def _noisy(
-    linear: np.ndarray, sigma: np.ndarray | np.float32, rng: np.random.Generator
+    linear: np.ndarray,
+    sigma: ByChannel,
+    rng: np.random.Generator,
+    relative: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the image plus white noise of standard deviation ``sigma``."""
-    noise = white_normal(rng, linear.shape)
-    noise *= sigma
+    """Return the image plus white noise of standard deviation ``sigma``, times ``relative`` if given."""
+    noise = times_channels(white_normal(rng, linear.shape), sigma)
+    if relative is not None:
+        noise *= relative
     noise += linear
     return noise

@@ -7,10 +7,12 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.facts import SceneFacts
 
-MIDDLE_GREY = 0.18  # linear; what exposure meters take for the mean of a scene (ISO 2720)
+# A figure for red, green and blue.
+ByChannel = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,11 +22,15 @@ class EyeImages:
     Attributes:
         intrinsics: of either eye.
         left, right: shape (height, width, 3), float32.
+        adaptation: what exposure and white balance are set to.
+        electronic_gain: by which the electronics have multiplied the signal so far, and its noise.
     """
 
     intrinsics: Intrinsics
     left: np.ndarray
     right: np.ndarray
+    adaptation: Adaptation = NOT_ADAPTED
+    electronic_gain: ByChannel = (1.0, 1.0, 1.0)
 
     def with_images(self, left: np.ndarray, right: np.ndarray) -> "EyeImages":
         """Return the same eyes with new images."""

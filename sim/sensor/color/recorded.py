@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.frame import FrameTruth
@@ -11,7 +12,11 @@ from digs_warp.sim.sensor.tiers import effect_rng
 
 
 def recorded_images(
-    truth: FrameTruth, effects: Sequence[PixelEffect], seed: int = 0, strength: float = 1.0
+    truth: FrameTruth,
+    effects: Sequence[PixelEffect],
+    seed: int = 0,
+    strength: float = 1.0,
+    adaptation: Adaptation = NOT_ADAPTED,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return left and right image, sRGB, (height, width, 3), uint8; unchanged if there are no effects.
 
@@ -20,10 +25,11 @@ def recorded_images(
         effects: in the order in which they act.
         seed: of the recording, >= 0.
         strength: factor on all effects, >= 0.
+        adaptation: what exposure and white balance are set to at this moment, at strength 1.
     """
     if not effects or strength == 0:
         return truth.image, truth.right
-    eyes = EyeImages(truth.rig.intrinsics, decode(truth.image), decode(truth.right))
+    eyes = EyeImages(truth.rig.intrinsics, decode(truth.image), decode(truth.right), adaptation)
     for effect in effects:
         rng = effect_rng(seed, truth.number, effect.name)
         eyes = effect.apply(eyes, truth.rig, rng, strength)

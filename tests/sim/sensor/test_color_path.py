@@ -9,7 +9,7 @@ from digs_warp.data.images import srgb_from_linear
 from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS
-from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
+from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_noise import (
     STEPS_PER_LINEAR,
@@ -32,8 +32,8 @@ def eyes(left: float | np.ndarray, right: float | np.ndarray | None = None) -> E
     k = RIG.intrinsics
     shape = (k.height, k.width, 3)
     pair = (left, left if right is None else right)
-    images = (np.broadcast_to(np.float32(value), shape).copy() for value in pair)
-    return EyeImages(k, *images)
+    both = [np.broadcast_to(np.float32(value), shape).copy() for value in pair]
+    return EyeImages(k, both[0], both[1])
 
 
 def facts_of(rig: StereoRig) -> SceneFacts:
@@ -112,27 +112,10 @@ def test_vignetting_takes_what_the_rig_states_from_the_corners_and_nothing_from_
     assert 1 - left[90, 250] / 0.5 == pytest.approx(0.4 * (1 - cos4[0]) / (1 - cos4[1]), rel=1e-3)
 
 
-@pytest.mark.parametrize("level", [0.09, 0.18, 0.3])
-def test_exposure_brings_the_left_image_to_middle_grey_and_the_right_along(level: float) -> None:
-    exposed = AutoExposure().apply(eyes(level, 0.5 * level), RIG, rng())
-    np.testing.assert_allclose(exposed.left, GREY, rtol=1e-5)
-    np.testing.assert_allclose(exposed.right, 0.5 * GREY, rtol=1e-5)
-
-
-def test_exposure_has_limits_keeps_white_white_and_bears_black() -> None:
-    dark = AutoExposure().apply(eyes(0.01), RIG, rng())
-    np.testing.assert_allclose(dark.left, 0.01 * 2**1.5, rtol=1e-5)
-    bright = eyes(0.5)
-    bright.left[:90] = 1.0
-    exposed = AutoExposure().apply(bright, RIG, rng())
-    assert (exposed.left[:90] == 1.0).all() and (exposed.left[90:] < 0.25).all()
-    black = AutoExposure().apply(eyes(0.0), RIG, rng())
-    assert (black.left == 0).all()
-
-
 @pytest.mark.parametrize("effect", PIXEL_EFFECTS, ids=lambda effect: effect.name)
 def test_strength_zero_is_no_effect_and_the_seed_decides(effect: PixelEffect) -> None:
-    images = eyes(rng(7).uniform(0, 1, (180, 320, 3)))
+    adapted = Adaptation(0.5, 0.4, -0.3)
+    images = replace(eyes(rng(7).uniform(0, 1, (180, 320, 3))), adaptation=adapted)
     untouched = effect.apply(images, RIG, rng(), strength=0.0)
     np.testing.assert_allclose(untouched.left, images.left, rtol=1e-6)
     once, again = (effect.apply(images, RIG, rng(8)) for _ in range(2))
@@ -156,9 +139,3 @@ def test_a_camera_without_the_cause_never_gets_the_effect(
     quiet_rig = replace(RIG, **quiet)
     assert effect.choose(facts_of(RIG), RIG).on
     assert not effect.choose(facts_of(quiet_rig), quiet_rig).on
-
-
-def test_exposure_is_corrected_only_where_much_is_clipped() -> None:
-    for saturated, dark, on in ((0.04, 0.04, False), (0.15, 0.0, True), (0.0, 0.15, True)):
-        facts = replace(facts_of(RIG), saturated_share=saturated, dark_share=dark)
-        assert AutoExposure().choose(facts, RIG).on == on

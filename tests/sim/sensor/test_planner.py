@@ -25,6 +25,7 @@ QUIET = SceneFacts(
     transparent_share=0.0,
     saturated_share=0.0,
     dark_share=0.0,
+    color_cast=0.0,
     blur_px=1.0,
     skew_px=1.0,
 )

@@ -1,0 +1,45 @@
+"""The light that a camera meters along its walk: tiny renders at many moments.
+
+Exposure and white balance depend on what the camera saw before. Frames must not depend on each other, so the
+light is metered before the first one, at the same moments whatever the frames are.
+"""
+
+import math
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.sim.sensor.color.adaptation import AdaptationTrack, targets
+from digs_warp.sim.sensor.color.encoding import decode
+from digs_warp.sim.session import Session
+
+# Metered moments of a whole walk, which takes a minute or two.
+MOMENTS = 200
+
+# Width of the renders [px]; a mean needs no more.
+WIDTH = 32
+
+# Identifies the pixel sampling in the seeds, beside the eyes of `digs_warp.sim.session`.
+METER = 103
+
+
+def meter_walk(session: Session) -> AdaptationTrack:
+    """Return how exposure and white balance follow the light up to the last frame.
+
+    A camera that has settled starts. The light is metered behind the lens without its vignetting.
+    """
+    step = float(session.walk.times[-1]) / MOMENTS
+    count = math.ceil(session.moments[-1] / step) + 1
+    times = step * np.arange(count)
+    colors = np.array([_mean_color(session, number, times[number]) for number in range(count)])
+    return AdaptationTrack.following(times, targets(colors, session.rig), session.rig)
+
+
+def _mean_color(session: Session, number: int, moment: float) -> np.ndarray:
+    """Return the mean of the recorded image in linear light, shape (3,)."""
+    k, config = session.rig.image_intrinsics, session.config
+    small = k.resized(WIDTH, max(1, round(WIDTH * k.height / k.width)))
+    camera = Camera(small, session.walk.pose(moment))
+    seed = np.random.SeedSequence([config.seed, number, METER]).generate_state(1)[0]
+    image, _ = session.renderer.render_image(camera, config.samples_per_pixel, int(seed))
+    return decode(image).mean(axis=(0, 1), dtype=np.float64)

@@ -1,0 +1,341 @@
+"""Automatic exposure and white balance: how they follow the light, and what they do to both images."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import CaptureError
+from digs_warp.data.capture import read_capture
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.record.files import read_json, to_json
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.frame_maker import FrameMaker
+from digs_warp.sim.metering import MOMENTS, meter_walk
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.record import simulate, simulate_in_memory
+from digs_warp.sim.sensor.color import AUTO_EXPOSURE, WHITE_BALANCE
+from digs_warp.sim.sensor.color.adaptation import (
+    LUMINANCE,
+    MAX_EXPOSURE,
+    MAX_TINT,
+    MIDDLE_GREY,
+    NOT_ADAPTED,
+    Adaptation,
+    AdaptationTrack,
+    targets,
+)
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise, read_sigma, shot_factor
+from digs_warp.sim.sensor.color.protocol import EyeImages
+from digs_warp.sim.sensor.facts import measure_facts
+from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.session import Session, load_inputs, prepare_session
+from reference.file_hashes import file_hashes
+from reference.stereo_frames import flat, make_frame
+
+RIG = replace(
+    load_profile("zed2-720").rig(160, 90),
+    exposure_lag=0.4,
+    white_balance_lag=1.5,
+    white_balance=0.6,
+)
+CONFIG = SimulateConfig(
+    frames=3, width=80, samples_per_pixel=1, seed=2, tier="guided",
+    effects="auto-exposure,white-balance",
+)  # fmt: skip
+
+
+def eyes(left: np.ndarray | float, adapted: Adaptation, right: float | None = None) -> EyeImages:
+    k = RIG.intrinsics
+    images = [
+        np.broadcast_to(np.float32(value), (k.height, k.width, 3)).copy()
+        for value in (left, left if right is None else right)
+    ]
+    return EyeImages(k, images[0], images[1], adapted)
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return prepare_session(CONFIG, load_inputs(CONFIG))
+
+
+def stepped(before: list[float], after: list[float]) -> AdaptationTrack:
+    """A light that jumps after two seconds."""
+    times = np.array([0.0, 2.0, 2.0 + 1e-9, 4.5, 9.0])
+    colors = np.array([before, before, after, after, after])
+    return AdaptationTrack.following(times, targets(colors, RIG), RIG)
+
+
+@pytest.mark.parametrize("after", [0.1, 0.4, 1.0, 2.499, 2.501, 6.0])
+def test_a_step_of_brightness_is_followed_exponentially(after: float) -> None:
+    track = stepped([0.18] * 3, [0.36] * 3)
+    assert track.at(1.999).exposure == pytest.approx(0, abs=1e-6)
+    expected = -1 + np.exp(-after / 0.4)  # one stop down
+    assert track.at(2 + after).exposure == pytest.approx(expected, abs=1e-6)
+    assert (track.at(2 + after).red, track.at(2 + after).blue) == pytest.approx((0, 0), abs=1e-6)
+
+
+def test_a_step_of_color_is_followed_by_its_stated_share_with_its_own_lag() -> None:
+    track = stepped([0.18] * 3, [0.36, 0.18, 0.09])
+    for after in (0.3, 1.5, 4.0):
+        reached = 0.6 * (1 - np.exp(-after / 1.5))
+        adapted = track.at(2 + after)
+        assert adapted.red == pytest.approx(-reached, abs=1e-6)
+        assert adapted.blue == pytest.approx(reached, abs=1e-6)
+
+
+def test_a_steady_change_is_followed_at_a_constant_distance() -> None:
+    """A target that rises by m stops per second is missed by m tau in the end."""
+    times = np.linspace(0, 8, 9)
+    colors = 0.4 * 2 ** (-0.2 * times[:, None]) * np.ones(3)
+    track = AdaptationTrack.following(times, targets(colors, RIG), RIG)
+    for moment in (5.0, 5.5, 7.9):
+        aim = np.log2(MIDDLE_GREY / 0.4) + 0.2 * moment
+        assert track.at(moment).exposure == pytest.approx(aim - 0.2 * 0.4, abs=1e-4)
+
+
+def test_the_course_between_moments_solves_the_differential_equation() -> None:
+    """Against small Euler steps over random targets."""
+    times = np.array([0.0, 0.3, 1.1, 1.2, 2.7, 4.0])
+    aims = rng(4).uniform(-1, 1, (6, 3))
+    track = AdaptationTrack.following(times, aims, RIG)
+    lags, settings, step = np.array([0.4, 1.5, 1.5]), aims[0].copy(), 1e-4
+    for n in range(40_000):
+        if n % 7919 == 0:
+            adapted = track.at(n * step)
+            found = [adapted.exposure, adapted.red, adapted.blue]
+            np.testing.assert_allclose(found, settings, atol=3e-4)
+        aim = [np.interp(n * step, times, aims[:, i]) for i in range(3)]
+        settings += step * (aim - settings) / lags
+
+
+def test_constant_light_means_constant_settings_from_the_start() -> None:
+    track = stepped([0.3, 0.2, 0.1], [0.3, 0.2, 0.1])
+    assert track.at(0.0).exposure == pytest.approx(np.log2(0.18 / (LUMINANCE @ [0.3, 0.2, 0.1])))
+    for moment in (0.7, 2.0, 3.0, 9.0, 12.0):
+        np.testing.assert_allclose(vars_of(track.at(moment)), vars_of(track.at(0.0)), atol=1e-9)
+
+
+def vars_of(adapted: Adaptation) -> list[float]:
+    return [adapted.exposure, adapted.red, adapted.blue]
+
+
+def test_a_camera_without_lag_is_always_on_target() -> None:
+    quick = replace(RIG, exposure_lag=0.0, white_balance_lag=0.0)
+    times, aims = np.arange(5.0), rng(1).uniform(-1, 1, (5, 3))
+    track = AdaptationTrack.following(times, aims, quick)
+    for moment in (0.0, 0.25, 2.0, 3.7):
+        aim = [np.interp(moment, times, aims[:, i]) for i in range(3)]
+        np.testing.assert_allclose(vars_of(track.at(moment)), aim, atol=1e-6)
+
+
+def test_settings_have_limits_also_when_scaled() -> None:
+    (dark, bright), (red, blue) = (
+        targets(np.array(colors), RIG)
+        for colors in ([[0.0] * 3, [0.9] * 3], [[9, 1, 1], [1, 1, 9]])
+    )
+    assert dark.tolist() == [MAX_EXPOSURE, 0, 0] and bright[0] == -MAX_EXPOSURE
+    assert red[1:].tolist() == [-MAX_TINT, 0] and blue[1:].tolist() == [0, -MAX_TINT]
+    assert Adaptation(-1.0, 0.9, 0.1).scaled(4.0) == Adaptation(-MAX_EXPOSURE, MAX_TINT, 0.4)
+    assert Adaptation(-1.0, 0.9, 0.1).scaled(0.0) == NOT_ADAPTED
+
+
+@pytest.mark.parametrize("level", [0.09, 0.18, 0.3])
+def test_a_settled_exposure_brings_the_left_image_to_middle_gray_and_the_right_along(
+    level: float,
+) -> None:
+    settled = Adaptation(*targets(np.full((1, 3), level), RIG)[0].tolist())
+    exposed = AUTO_EXPOSURE.apply(eyes(level, settled, 0.5 * level), RIG, rng())
+    np.testing.assert_allclose(exposed.left, MIDDLE_GREY, rtol=1e-5)
+    np.testing.assert_allclose(exposed.right, 0.5 * MIDDLE_GREY, rtol=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_a_color_cast_is_reduced_by_the_stated_share(share: float) -> None:
+    rig = replace(RIG, white_balance=share)
+    cast = np.array([0.3, 0.2, 0.14])
+    settled = Adaptation(*targets(cast[None], rig)[0].tolist())
+    balanced = WHITE_BALANCE.apply(eyes(cast, settled), rig, rng())
+    for image in (balanced.left, balanced.right):
+        left_over = np.log2(image[3, 5] / image[3, 5, 1])
+        np.testing.assert_allclose(left_over, (1 - share) * np.log2(cast / cast[1]), atol=1e-5)
+        np.testing.assert_allclose(image[..., 1], 0.2, rtol=1e-6)
+
+
+def test_white_stays_white_and_nothing_exceeds_it() -> None:
+    image = np.full((90, 160, 3), 0.7, np.float32)
+    image[:9] = 1.0
+    for adapted in (Adaptation(-1.0, -0.5, 0.5), Adaptation(1.0, 0.5, 0.5)):
+        for effect in (AUTO_EXPOSURE, WHITE_BALANCE):
+            result = effect.apply(eyes(image, adapted), RIG, rng())
+            assert (result.left[:9] == 1).all() and result.left.max() <= 1
+
+
+def test_exposure_time_comes_first_and_amplifies_no_noise() -> None:
+    rig = replace(RIG, exposure_headroom=0.5)
+    for exposure, longer, electronic in ((-1.0, 0.5, 1.0), (0.4, 2**0.4, 1.0), (1.5, 2**0.5, 2.0)):
+        adapted = Adaptation(exposure)
+        assert adapted.longer_exposure(rig) == pytest.approx(longer)
+        exposed = AUTO_EXPOSURE.apply(eyes(0.1, adapted), rig, rng())
+        np.testing.assert_allclose(exposed.electronic_gain, electronic)
+        assert exposed.left[0, 0, 0] == pytest.approx(0.1 * longer * electronic)
+
+
+def test_an_electronic_gain_multiplies_the_noise_of_the_darker_image() -> None:
+    """Noise after the gain is the gain times the noise before it, for each channel of each eye."""
+    rig = replace(load_profile("zed2-720").rig(640, 360), exposure_headroom=0.0)
+    adapted = Adaptation(1.0, 0.6, -0.4)
+    gains = np.array([2 * 2**0.6, 2.0, 2 * 2**-0.4])
+    image = np.full((360, 640, 3), 0.1, np.float32)
+    pair = EyeImages(rig.intrinsics, image, image.copy(), adapted)
+    amplified = WHITE_BALANCE.apply(AUTO_EXPOSURE.apply(pair, rig, rng()), rig, rng())
+    for effect, before in (
+        (ShotNoise(), shot_factor(rig) * 0.1**0.5),
+        (ReadNoise(), read_sigma(rig)),
+    ):
+        noisy = effect.apply(amplified, rig, rng(5))
+        for eye, clean in ((noisy.left, amplified.left), (noisy.right, amplified.right)):
+            spread = (eye - clean).std(axis=(0, 1))
+            np.testing.assert_allclose(spread, gains * before, rtol=0.01)
+
+
+def test_a_longer_exposure_blurs_more() -> None:
+    truth = make_frame(np.full((90, 160), 25.0), rig=RIG, image=flat((90, 160)))
+    facts = replace(measure_facts([truth]), blur_px=6.0)
+    config = replace(CONFIG, effects="image-blur")
+    plan = plan_for_facts(facts, RIG, config)
+    usual, longer, shorter = (
+        plan.shutter(RIG, 1.0, Adaptation(exposure)) for exposure in (0.0, 1.5, -1.0)
+    )
+    assert longer.exposure_time == pytest.approx(2 * usual.exposure_time)  # the headroom is 1 stop
+    assert shorter.exposure_time == pytest.approx(0.5 * usual.exposure_time)
+    assert longer.views > usual.views > shorter.views
+
+
+def test_rules_look_at_clipped_pixels_and_at_the_color_cast() -> None:
+    quiet = measure_facts([make_frame(np.full((90, 160), 25.0), rig=RIG, image=flat((90, 160)))])
+    assert quiet.color_cast == pytest.approx(0, abs=1e-6)
+    for saturated, dark, on in ((0.04, 0.04, False), (0.15, 0.0, True), (0.0, 0.15, True)):
+        facts = replace(quiet, saturated_share=saturated, dark_share=dark)
+        assert AUTO_EXPOSURE.choose(facts, RIG).on == on
+    for cast, on in ((0.3, False), (0.5, True)):
+        assert WHITE_BALANCE.choose(replace(quiet, color_cast=cast), RIG).on == on
+    fixed = replace(RIG, white_balance=0.0)
+    assert not WHITE_BALANCE.choose(replace(quiet, color_cast=2.0), fixed).on
+
+
+def test_the_color_cast_is_that_of_the_mean_in_linear_light() -> None:
+    image = flat((90, 160))
+    image[:, ::2] = (200, 100, 60)
+    image[:, 1::2] = (40, 90, 30)
+    facts = measure_facts([make_frame(np.full((90, 160), 25.0), rig=RIG, image=image)])
+    red, green, blue = linear_from_srgb(image / 255.0).mean(axis=(0, 1))
+    expected = max(abs(np.log2(red / green)), abs(np.log2(blue / green)))
+    assert facts.color_cast == pytest.approx(expected, rel=0.02)
+
+
+def test_the_walk_is_metered_at_the_same_moments_however_many_frames_it_has(
+    session: Session,
+) -> None:
+    few = meter_walk(session)
+    many = meter_walk(replace(session, config=replace(CONFIG, frames=7)))
+    shared = len(few.times)
+    assert 0.6 * MOMENTS < shared < len(many.times) <= MOMENTS
+    np.testing.assert_array_equal(few.settings, many.settings[:shared])
+    assert few.times[-1] >= session.moments[-1]
+    assert np.ptp(few.settings[:, 0]) > 0.3, "the walk goes from light to shade"
+
+
+def test_the_meter_sees_what_the_frames_show(session: Session) -> None:
+    track = meter_walk(session)
+    plan = SensorPlan()
+    frame = FrameMaker(session, plan).render(1).truth
+    colors = linear_from_srgb(frame.image / 255.0).mean(axis=(0, 1))
+    i = int(np.argmin(np.abs(track.times - session.moments[1])))
+    np.testing.assert_allclose(track.aims[i], targets(colors[None], session.rig)[0], atol=0.15)
+
+
+def test_both_eyes_and_all_orders_get_the_same_gain_and_the_index_tells_it(
+    session: Session, tmp_path: Path
+) -> None:
+    capture = simulate(CONFIG, tmp_path / "capture", session=session)
+    plan = make_plan(session)
+    assert plan.effects_on == ("auto-exposure", "white-balance")
+    maker = FrameMaker(session, plan)
+    plain = FrameMaker(session, SensorPlan())
+    for number in (2, 0):
+        frame = capture.frames[number]
+        gain = frame.color_gain
+        assert gain == plan.color_gain(frame.time, 1.0) and gain is not None
+        images = maker.finish(maker.render(number), {})
+        np.testing.assert_array_equal(images.image, frame.load_image())
+        truth = plain.render(number).truth
+        assert images.right is not None
+        for recorded, rendered in ((images.image, truth.image), (images.right, truth.right)):
+            expected = np.minimum(linear_from_srgb(rendered / 255.0) * gain, 1)
+            below = rendered < 250
+            difference = np.abs(linear_from_srgb(recorded / 255.0) - expected)[below]
+            assert difference.max() < 0.006  # half a step of 8 bits near white
+    gains = [frame.color_gain for frame in capture.frames]
+    assert len(set(gains)) == 3
+    in_memory = simulate_in_memory(CONFIG)
+    assert [frame.color_gain for frame in in_memory.frames] == gains
+
+
+def test_an_infrared_pair_shares_the_exposure_and_has_no_white_balance() -> None:
+    config = replace(CONFIG, profile="d435", width=96, seed=0)
+    maker = FrameMaker.of(config)
+    rendered = maker.render(1)
+    assert rendered.color is not None
+    images = maker.finish(rendered, {})
+    gain = maker.plan.color_gain(maker.session.moments[1], 1.0)
+    assert gain is not None and abs(np.log2(gain[0] / gain[1])) > 0.05
+    truth = rendered.truth
+    eyes = (images.infrared_left, truth.image), (images.infrared_right, truth.right)
+    for recorded, before in (*eyes, (images.image, rendered.color.image)):
+        assert recorded is not None
+        factors = gain if recorded.ndim == 3 else gain[1]
+        before = before if recorded.ndim == 3 else before[..., 0]
+        expected = np.minimum(linear_from_srgb(before / 255.0) * factors, 1)
+        difference = np.abs(linear_from_srgb(recorded / 255.0) - expected)[before < 250]
+        assert difference.max() < 0.006
+
+
+def test_a_recording_that_was_cut_off_resumes_to_the_same_bytes(
+    session: Session, tmp_path: Path
+) -> None:
+    folder = tmp_path / "capture"
+    simulate(CONFIG, folder, session=session)
+    before = file_hashes(folder)
+    for gone in ("transforms.json", "images/0001.png", "right/0002.png"):
+        (folder / gone).unlink()
+    simulate(CONFIG, folder, resume=True)
+    assert file_hashes(folder) == before
+
+
+def test_strength_zero_changes_nothing_and_a_sensor_without_the_effects_meters_nothing(
+    session: Session, tmp_path: Path
+) -> None:
+    capture = simulate(replace(CONFIG, strength=0.0), tmp_path / "none", session=session)
+    frame, truth = capture.frames[1], FrameMaker(session, SensorPlan()).render(1).truth
+    np.testing.assert_array_equal(frame.load_image(), truth.image)
+    np.testing.assert_array_equal(frame.load_right_image(), truth.right)
+    assert frame.color_gain == (1, 1, 1)
+    plan = make_plan(replace(session, config=replace(CONFIG, effects="vignetting")))
+    assert plan.adaptation is None and plan.color_gain(0.0, 1.0) is None
+
+
+def test_a_gain_that_is_no_gain_is_refused(session: Session, tmp_path: Path) -> None:
+    folder = tmp_path / "capture"
+    simulate(replace(CONFIG, frames=1), folder, session=session)
+    index = read_json(folder / "transforms.json", "index")
+    for wrong in ([1, 0, 1], [1, 1], "bright"):
+        index["frames"][0]["color_gain"] = wrong
+        (folder / "transforms.json").write_text(to_json(index), encoding="utf-8")
+        with pytest.raises(CaptureError, match="color_gain"):
+            read_capture(folder)
