@@ -90,8 +90,7 @@ class Profile:
         else:
             intrinsics = Intrinsics.from_fov(width, height, horizontal_fov_deg)
         values: dict[str, Any] = {name: self.figures[name].value for name in RIG_FIGURES}
-        for kind, names in ((int, ("window", "unit")), (bool, ("post_filter",))):
-            values |= {name: kind(values[name]) for name in names}
+        values |= {name: int(values[name]) for name in ("window", "unit")}
         return StereoRig(intrinsics=intrinsics, **values)
 
 
@@ -107,7 +106,6 @@ _MATCHER = {
     **_figures("tuned", "bounded by range data of the ZED (v1)", static_field=0.1),
     **_figures("tuned", "high-frequency error of a real pair: 0.10-0.15 px", disparity_sigma=0.1),
     **_figures("tuned", "any specimen", unit=0),
-    **_figures("tuned", "as the matcher leaves it", post_filter=0.0),
     # Vendors state depth errors below 1 to 2 % at 2 to 4 m, which are 0.2 to 0.4 px: two standard deviations.
     **_figures("tuned", "half of the vendors' depth errors, 0.1-0.2 px", rotation_drift=0.01),
     **_figures("tuned", "lens that warms by 10 K, 0.1-0.2 px at the sides", focal_drift=2e-4),
@@ -128,7 +126,6 @@ _ZED2 = {
     **_MATCHER,
     **_figures("vendor", "data sheet", baseline=0.12, min_depth=0.3, max_depth=20.0),
     **_figures("tuned", "no limit but the nearest depth", max_disparity=0.0),
-    **_figures("vendor", "neural depth modes smooth across edges", post_filter=1.0),
 }
 
 _CALIBRATED = "factory calibration of one device"

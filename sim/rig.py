@@ -36,7 +36,6 @@ class StereoRig:
             the calibration [degree].
         focal_drift: standard deviation of the change of the right eye's focal length, relative.
         baseline_drift: standard deviation of the change of the baseline, relative.
-        post_filter: whether a filter or upsampler smooths depth across edges.
         image_noise: noise of each color channel of a mid-gray pixel [DN of 255].
         full_well: electrons of a white pixel at the gain in use; determines how noise grows with light.
         exposure_time: at the common exposure of the recording [s].
@@ -66,7 +65,6 @@ class StereoRig:
     rotation_drift: float = 0.0
     focal_drift: float = 0.0
     baseline_drift: float = 0.0
-    post_filter: bool = False
     image_noise: float = 2.0
     full_well: float = 4_400.0
     exposure_time: float = 0.01

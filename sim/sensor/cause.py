@@ -21,7 +21,7 @@ class Cause(IntEnum):
     NEAR = 10  # nearer than the sensor's range
     FAR = 11  # farther than the sensor's range
     EDGE = 12  # the matching window straddles a depth step
-    FLYING = 13  # a filter blended foreground and background
+    FILTERED = 13  # a filter moved it by more than a pixel
     RECTIFICATION = 15  # the calibration has drifted: wrong columns, or rows that are not aligned
     RANDOM = 16  # dropped for no visible reason
     FILLED = 17  # a hole that a filter filled

@@ -10,11 +10,9 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_mirror, is_transparent, pixels_of
 from digs_warp.sim.sensor.motion import image_motion
-from digs_warp.sim.sensor.steps import near_steps
 
 # Thresholds of the statistics; the effects that use them give the sources.
-STEP, LARGE_STEP = 1.0, 3.0  # [px]
-STEP_REACH = 2  # [px]
+STEP = 1.0  # [px]
 SATURATED, DARK = 250, 15  # [DN]
 
 # Motion is smooth over the image: every eighth pixel along each axis is enough.
@@ -37,7 +35,6 @@ class SceneFacts:
     frames: int
     min_depth: float  # [m]
     max_depth: float  # [m]
-    large_step_share: float  # share within 2 px of a disparity step > 3 px
     mirror_share: float  # share with metallic > 0.5 and roughness < 0.1
     transparent_share: float  # share of transparent materials
     saturated_share: float  # share above 250 of 255
@@ -83,11 +80,9 @@ def _measure(truth: FrameTruth) -> dict[str, float]:
     if not visible.any():
         return {}
     depth, gray = truth.depth[visible], truth.gray[visible]
-    large = near_steps(truth.disparity, LARGE_STEP, STEP_REACH)
     return {
         "min_depth": float(depth.min()),
         "max_depth": float(depth.max()),
-        "large_step_share": float(np.mean(large[visible])),
         "saturated_share": float(np.mean(gray > SATURATED)),
         "dark_share": float(np.mean(gray < DARK)),
         "color_cast": _color_cast(truth.image[visible]),

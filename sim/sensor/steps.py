@@ -39,11 +39,6 @@ class Steps:
     near: np.ndarray
     far: np.ndarray
 
-    @property
-    def away(self) -> np.ndarray:
-        """Direction from the nearer to the farther pixel, +1 or -1."""
-        return self.far - self.near
-
 
 @wp.kernel
 def _step_kernel(

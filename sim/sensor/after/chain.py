@@ -92,7 +92,7 @@ def _labelled(sensed: Sensed, disparity: np.ndarray, confidence: np.ndarray) -> 
     """Return the frame with new values, and labels where they differ much."""
     cause = sensed.cause.copy()
     cause[~sensed.known & ~np.isnan(disparity)] = Cause.FILLED
-    cause[np.abs(disparity - sensed.disparity) > WRONG] = Cause.FLYING
+    cause[np.abs(disparity - sensed.disparity) > WRONG] = Cause.FILTERED
     return Sensed(disparity, cause, confidence)
 
 

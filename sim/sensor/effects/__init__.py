@@ -4,7 +4,6 @@ Whatever the images show is not here: the search errs on them by itself. To add 
 (`protocol.py`), and add a line to SECOND_SURFACES or AFTER_MATCHING. CONTRIBUTING.md has the rest.
 """
 
-from digs_warp.sim.sensor.effects.flying_pixels import FlyingPixels
 from digs_warp.sim.sensor.effects.mirror import Mirror
 from digs_warp.sim.sensor.effects.protocol import DepthEffect, SensorEffect
 from digs_warp.sim.sensor.effects.quantum import Quantum
@@ -14,10 +13,9 @@ from digs_warp.sim.sensor.effects.transparency import Transparency
 # Surfaces behind or in front of the first one, which the images show, too.
 SECOND_SURFACES: tuple[SensorEffect, ...] = (Transparency(), Mirror())
 
-# What no image shows, in the order in which it acts: errors of the calibration, then what the device does.
+# What no image shows, in the order in which it acts: the error of the lenses, then how disparity is reported.
 AFTER_MATCHING: tuple[DepthEffect, ...] = (
     StaticField(),
-    FlyingPixels(),
     Quantum(),
 )
 

@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.scene import Material
 from digs_warp.sim.sensor.facts import SceneFacts, measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
-from reference.stereo_frames import broadband, make_frame, make_rig
+from reference.stereo_frames import broadband, flat, make_frame, make_rig
 
 SHAPE = (240, 320)
 AREA = SHAPE[0] * SHAPE[1]
@@ -37,13 +37,6 @@ def test_a_textured_plane_has_nothing_to_report() -> None:
     silent = {name for name, value in facts.items() if name.endswith("_share") and value == 0}
     assert silent == {name for name in facts if name.endswith("_share")}
     assert facts["blur_px"] == facts["skew_px"] == 0
-
-
-def test_steps_are_counted_on_both_sides() -> None:
-    small, large = (facts_of(make_frame(square(jump, 10))) for jump in (12.5, 50))
-    assert small.large_step_share == 0
-    # Two pixels and the pair at the step itself: six wide, along the outline of 80 x 120 px.
-    assert large.large_step_share == pytest.approx(6 * 2 * (80 + 120) / AREA, rel=0.02)
 
 
 def test_exposure_is_counted() -> None:
@@ -82,9 +75,11 @@ def test_blur_and_skew_are_motion_times_time() -> None:
 
 
 def test_facts_are_means_and_extremes_over_the_frames() -> None:
-    plane, step = make_frame(30.0), make_frame(square(50, 10), number=1)
+    white = flat(SHAPE, 255)
+    plane, step = make_frame(30.0), make_frame(square(50, 10), image=white, number=1)
     single, both = facts_of(step), facts_of(plane, step)
-    assert both.large_step_share == pytest.approx(single.large_step_share / 2)
+    assert both.saturated_share == pytest.approx(single.saturated_share / 2)
+    assert single.saturated_share == 1
     assert both.min_depth == single.min_depth
     assert facts_of(step, plane) == both
 
@@ -99,7 +94,7 @@ def test_what_is_not_in_view_is_not_counted() -> None:
 def test_an_empty_frame_has_no_range_and_no_shares() -> None:
     facts = facts_of(make_frame(np.nan))
     assert np.isnan([facts.min_depth, facts.max_depth]).all()
-    assert facts.large_step_share == facts.dark_share == 0
+    assert facts.saturated_share == facts.dark_share == 0
     assert facts_of(make_frame(np.nan), make_frame(30.0)) == replace(
         facts_of(make_frame(30.0)), frames=2
     )

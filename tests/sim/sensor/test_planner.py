@@ -20,7 +20,6 @@ QUIET = SceneFacts(
     frames=1,
     min_depth=9.0,
     max_depth=11.0,
-    large_step_share=0.0,
     mirror_share=0.0,
     transparent_share=0.0,
     saturated_share=0.0,
@@ -61,12 +60,6 @@ def test_each_fault_of_the_rig_switches_on_its_effect(
     changes: dict[str, float], effect: str
 ) -> None:
     assert effects_on(QUIET, replace(FAULTLESS, **changes)) == {effect}
-
-
-def test_only_rigs_with_a_filter_have_flying_pixels() -> None:
-    steps = replace(QUIET, large_step_share=0.02)
-    assert "flying-pixels" not in effects_on(steps)
-    assert "flying-pixels" in effects_on(steps, replace(FAULTLESS, post_filter=True))
 
 
 def test_the_plan_covers_all_effects_in_physical_order() -> None:

@@ -181,7 +181,7 @@ def test_filters_act_in_order_and_label_what_they_change() -> None:
     filled = np.isnan(disparity) & after.known
     moved = np.abs(after.disparity - disparity) > 1
     assert filled.any() and (after.cause[filled] == Cause.FILLED).all()
-    assert moved.any() and (after.cause[moved] == Cause.FLYING).all()
+    assert moved.any() and (after.cause[moved] == Cause.FILTERED).all()
     assert (after.cause[~filled & ~moved] == cause[~filled & ~moved]).all()
     assert (after.known | ~before.known).all(), "no filter takes a value away"
     assert (after.confidence <= 1).all() and (after.confidence[~after.known] == 0).all()

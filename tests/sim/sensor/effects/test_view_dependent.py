@@ -7,12 +7,9 @@ import pytest
 
 from digs_warp.camera import pixel_centers
 from digs_warp.sim.scene import Material
-from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor.effects.flying_pixels import FlyingPixels
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.virtual_image import curvature_along_rows, virtual_disparity
 from reference.stereo_frames import CountedRays, make_frame
-from reference.stereo_pairs import box_frame
 
 CHROME = Material("chrome", np.ones(3), roughness=0.0, metallic=1.0)
 
@@ -78,20 +75,3 @@ def test_a_ball_of_chrome_shows_a_small_world_half_a_radius_behind_its_front() -
     sky = WallRays(truth, 1e4)
     disparity = virtual_disparity(replace(truth, rays=sky), np.isfinite(truth.depth))
     assert truth.rig.focal_baseline / disparity[120, 160] == pytest.approx(0.8 + 0.1, rel=0.01)
-
-
-def test_flying_pixels_hang_between_near_and_far() -> None:
-    truth, (rows, columns) = box_frame(30.0, 10.0)
-    sensed = FlyingPixels().apply(Sensed.of(truth), truth, np.random.default_rng(0))
-    flying = sensed.cause == Cause.FLYING
-    values = sensed.disparity[flying]
-    assert ((values > 10) & (values < 30)).all()
-    assert (sensed.disparity[~flying] == truth.disparity[~flying]).all()
-    outline = 2 * (rows.stop - rows.start) + 2 * (columns.stop - columns.start)
-    assert flying.sum() / outline == pytest.approx(1.15, abs=0.1)
-
-
-def test_small_steps_make_no_flying_pixels() -> None:
-    truth, _ = box_frame(12.5, 10.0)
-    sensed = FlyingPixels().apply(Sensed.of(truth), truth, np.random.default_rng(0))
-    assert (sensed.cause == Cause.OK).all()
