@@ -1,7 +1,6 @@
 """Makes the images of one frame: the truth, the sensor's measurement, and the content of the files."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -20,7 +19,8 @@ from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.limit import within_range
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
-from digs_warp.sim.session import Session, load_inputs, prepare_session, rig_of
+from digs_warp.sim.session import Session, load_inputs, number_before, prepare_session, rig_of
+from digs_warp.sim.shutter import Shutter
 
 # Added to the seed for the noise of a color camera beside an infrared pair.
 COLOR_SEED = 2**32
@@ -71,17 +71,22 @@ class FrameMaker:
 
     def render(self, number: int) -> RenderedFrame:
         """Return the truth of a frame, and of those before it that the device remembers."""
-        config, rig = self.session.config, self.session.rig
-        shutter = self.plan.shutter(rig, config.strength, self._adapted(number))
-        drift = self.plan.drift(rig, config.seed, config.strength)
-        look = partial(self.session.truth, number, shutter, drift, self.plan.projects)
-        truth, mask = look()
+        truth, mask = self._truth(number)
         before = range(self.device.earlier_frames, 0, -1)
-        earlier = tuple(look(frames)[0] for frames in before)
-        if not rig.has_color_camera:
+        earlier = tuple(self._truth(number_before(number, frames))[0] for frames in before)
+        if not truth.rig.has_color_camera:
             return RenderedFrame(truth, mask, None, earlier)
-        color = self.session.color_view(number, shutter)
+        color = self.session.color_view(number, self._shutter(number))
         return RenderedFrame(truth, color.mask, color, earlier)
+
+    def _truth(self, number: int) -> tuple[FrameTruth, np.ndarray]:
+        config, session = self.session.config, self.session
+        drift = self.plan.drift(session.rig, config.seed, config.strength)
+        return session.truth(number, self._shutter(number), drift, self.plan.projects)
+
+    def _shutter(self, number: int) -> Shutter:
+        config, rig = self.session.config, self.session.rig
+        return self.plan.shutter(rig, config.strength, self._adapted(number))
 
     @property
     def device(self) -> AfterMatching:
@@ -159,7 +164,7 @@ class FrameMaker:
         return recorded_images(alone, effects, seed, config.strength, adapted)[0]
 
     def _adapted(self, number: int) -> Adaptation:
-        return self.plan.adapted(self.session.moments[number])
+        return self.plan.adapted(self.session.moment(number))
 
     def _reported(self, frame: RenderedFrame, pair: tuple[np.ndarray, np.ndarray]) -> Sensed:
         """Return what the device makes of a recorded pair, and of those just before."""

@@ -42,6 +42,11 @@ LEFT_EYE, RIGHT_EYE, COLOR_CAMERA = 101, 102, 103
 UNTURNED = np.eye(3)
 
 
+def number_before(number: int, frames: int) -> int:
+    """Return the number of the frame that the camera took ``frames`` frames before one of the recording."""
+    return number + frames * EARLIER
+
+
 @dataclass(frozen=True, eq=False)
 class Session:
     """A scene, and a camera that is about to be carried around it.
@@ -69,29 +74,30 @@ class Session:
         """Times of the frames [s]."""
         return self.walk.moments(self.config.frames)
 
+    def moment(self, number: int) -> float:
+        """Return the time [s] of a frame, or of one just before it; the camera stands still before time 0."""
+        earlier, recorded = divmod(number, EARLIER)
+        return max(self.moments[recorded] - earlier / FRAME_RATE, 0.0)
+
     def truth(
         self,
         number: int,
         shutter: Shutter,
         drift: Drift = NO_DRIFT,
         projects: bool = True,
-        before: int = 0,
     ) -> tuple[FrameTruth, np.ndarray]:
         """Render the two eyes of a frame; frames do not depend on each other.
 
         Args:
-            number: of the frame, 0 to ``config.frames`` - 1.
+            number: of the frame, 0 to ``config.frames`` - 1, or of one just before it (`number_before`).
             shutter: through which both eyes look.
             drift: of the right eye.
             projects: whether the projector is on, if the camera has one.
-            before: this many frames earlier, at FRAME_RATE; before the walk, the camera stands still.
 
         Returns:
             The truth of the frame, and the mask of the object in the left eye, (height, width), uint8.
         """
-        moment = max(self.moments[number] - before / FRAME_RATE, 0.0)
-        number += before * EARLIER
-        samples, rig = self.config.samples_per_pixel, self.rig
+        moment, samples, rig = self.moment(number), self.config.samples_per_pixel, self.rig
         left_shift, k = -rig.color_offset, rig.intrinsics
         turn, right_k = drift.believed_from_turned, drift.right_intrinsics(k)
         left = self._eye(moment, shutter, k, left_shift)
@@ -132,7 +138,7 @@ class Session:
 
     def color_view(self, number: int, shutter: Shutter) -> ColorView:
         """Render what the color camera of a rig with an infrared pair sees; see `truth`."""
-        moment, k = self.moments[number], self.rig.image_intrinsics
+        moment, k = self.moment(number), self.rig.image_intrinsics
         eye, pose = self._eye(moment, shutter, k, 0.0), self.walk.pose(moment)
         samples, seed = self.config.samples_per_pixel, self._eye_seed(number, COLOR_CAMERA)
         return ColorView(Camera(k, pose), *eye.image(samples, seed), *eye.geometry())

@@ -18,7 +18,13 @@ from digs_warp.sim.record import simulate
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import EARLIER, FRAME_RATE, Session, load_inputs, prepare_session
+from digs_warp.sim.session import (
+    FRAME_RATE,
+    Session,
+    load_inputs,
+    number_before,
+    prepare_session,
+)
 from digs_warp.sim.shutter import Shutter
 from reference.file_hashes import file_hashes
 
@@ -95,7 +101,8 @@ def test_the_temporal_filter_looks_at_the_frames_just_before(
 ) -> None:
     maker = maker_of(filters="temporal")
     rendered = maker.render(1)
-    assert [truth.number for truth in rendered.earlier] == [n * EARLIER + 1 for n in (3, 2, 1)]
+    assert [truth.number for truth in rendered.earlier] == [number_before(1, n) for n in (3, 2, 1)]
+    assert len({1, *(truth.number for truth in rendered.earlier)}) == 4
     for before, truth in zip((3, 2, 1), rendered.earlier, strict=True):
         pose = session.walk.pose(session.moments[1] - before / FRAME_RATE)
         np.testing.assert_array_equal(truth.camera.world_from_cam, pose)
@@ -104,6 +111,20 @@ def test_the_temporal_filter_looks_at_the_frames_just_before(
     for truth in first.earlier:
         np.testing.assert_array_equal(truth.depth, first.truth.depth)
         assert not np.array_equal(truth.image, first.truth.image)
+
+
+def test_all_cameras_and_effects_bear_filters() -> None:
+    """A D435 with its infrared pair, and an exposure that changes from frame to frame."""
+    config = replace(CONFIG, frames=1, profile="d435", effects="all")
+    plain = FrameMaker.of(config)
+    filtered = replace(config, filters="temporal,hole-filling")
+    known = []
+    for each in (config, filtered):
+        maker = FrameMaker(replace(plain.session, config=each), plain.plan)
+        depth = maker.finish(maker.render(0), {}).depth
+        assert depth is not None
+        known.append(np.isfinite(depth).mean())
+    assert known[1] > known[0] + 0.02
 
 
 def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
