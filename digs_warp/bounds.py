@@ -89,6 +89,7 @@ FLAGS: dict[str, tuple[float, float]] = {
     "--coverage-weight": (0, _MANY),
     "--depth-weight": (0, _MANY),
     "--disparity-noise": (1e-6, 1000),
+    "--distances": (0.01, 1000),
     "--dssim-weight": (0, 1),
     "--elevation-deg": (-89.9, 89.9),
     "--evaluate-at": (0, 10_000_000),

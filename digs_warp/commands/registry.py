@@ -12,6 +12,7 @@ from digs_warp.commands.recommend import Recommend
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.render import Render
 from digs_warp.commands.run import Run
+from digs_warp.commands.sensor import SENSOR
 from digs_warp.commands.simulate import Simulate
 from digs_warp.commands.study import STUDY
 from digs_warp.commands.usd_scene import USD
@@ -36,6 +37,7 @@ details, --version prints the version.""",
         "mesh": Mesh,
         "info": Info,
         "usd": USD,
+        "sensor": SENSOR,
         "bench": BENCH,
         "study": STUDY,
         "recommend": Recommend,

@@ -36,7 +36,7 @@ def write_pages(title: str, intro: str, sections: Sequence[Section], folder: Pat
             write_atomically(folder / "plots" / f"{chart.name}.png", chart.png())
             write_atomically(folder / "plots" / f"{chart.name}.svg", chart.svg())
     write_atomically(folder / MARKDOWN, _markdown(title, intro, sections).encode())
-    write_atomically(folder / PAGE, _page(title, intro, sections).encode())
+    write_atomically(folder / PAGE, html_page(title, intro, sections).encode())
     return folder / PAGE
 
 
@@ -49,7 +49,8 @@ def _markdown(title: str, intro: str, sections: Sequence[Section]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _page(title: str, intro: str, sections: Sequence[Section]) -> str:
+def html_page(title: str, intro: str, sections: Sequence[Section]) -> str:
+    """Return the self-contained page."""
     body = "\n".join(map(_html_section, sections))
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

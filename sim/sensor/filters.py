@@ -84,3 +84,32 @@ def doubled_linearly(image: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     height, width = image.shape
     whole = cv2.resize(image, (2 * width, 2 * height), interpolation=cv2.INTER_LINEAR)
     return whole[: shape[0], : shape[1]]
+
+
+def sampled(image: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return an image at fractional places, by Lanczos' filter over eight pixels, mirrored at the borders.
+
+    Places are rounded to a 32nd of a pixel.
+
+    Args:
+        image: (height, width) or (height, width, channels), uint8 or float32.
+        columns: index of the column to look at, (height, width) of the result.
+        rows: index of the row, likewise.
+    """
+    import cv2
+
+    return cv2.remap(
+        image,
+        np.asarray(columns, np.float32),
+        np.asarray(rows, np.float32),
+        cv2.INTER_LANCZOS4,
+        borderMode=cv2.BORDER_REFLECT_101,
+    )
+
+
+def patch_areas(mask: np.ndarray) -> np.ndarray:
+    """Return the areas of the connected patches of a bool mask [px], (n,); corners connect."""
+    import cv2
+
+    statistics = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)[2]
+    return statistics[1:, cv2.CC_STAT_AREA]

@@ -1,0 +1,111 @@
+"""`digs-warp sensor fit`: the figures of a real depth camera, from its recordings."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError, require_folder
+from digs_warp.commands.command import Command, Group
+from digs_warp.commands.output import check_output_file
+from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.other_folders import what_it_is
+from digs_warp.record.files import write_atomically
+
+if TYPE_CHECKING:
+    from digs_warp.sim.fit.result import Fit
+    from digs_warp.sim.profiles import Profile
+
+SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSensor(Command):
+    """Fit the figures of a depth camera to a recording, and write them as a profile for --profile.
+
+    The recording is a capture of a flat, textured wall that fills the image: several frames of a camera at
+    rest at each of 4 to 6 distances, tilted by 10 to 20 degrees ('digs-warp convert --from' makes captures of
+    real recordings). Or it is a stereo pair with true disparity in the layout of the Middlebury data sets.
+
+    Beside the profile it writes a page of the same name (.html) with standard errors, and with the statistics
+    of the recording beside those of the same scene recorded by the simulated camera.
+    """
+
+    recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RECORDING")]
+    """A capture folder, or the folder of a stereo pair."""
+
+    out: Path
+    """The profile to write, a .yaml file."""
+
+    base: str = "zed2-720"
+    """The built-in profile that has the figures that the recording cannot tell."""
+
+    distances: tuple[float, ...] | None = None
+    """Depth of the wall in the middle of the image [m], one for each place of the camera, from near to far:
+    they show the bias. Default: from the true depth in the recording, if it has any."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace the files if they exist."""
+
+    def __post_init__(self) -> None:
+        for distance in self.distances or ():
+            check_flag("--distances", distance)
+
+    def execute(self) -> str:
+        """Fit, write profile and page, and return the figures."""
+        from digs_warp.sim.fit.profile_file import write_profile
+        from digs_warp.sim.profiles import PROFILES
+        from digs_warp.study.fit_page import figures_table, fit_page
+        from digs_warp.words import did_you_mean
+
+        if self.base not in PROFILES:
+            raise DigsError(f"--base '{self.base}': unknown{did_you_mean(self.base, PROFILES)}")
+        if self.out.suffix.lower() not in SUFFIXES:
+            raise DigsError(
+                f"--out '{self.out}': suffix '{self.out.suffix}', expected {' or '.join(SUFFIXES)}"
+            )
+        page = self.out.with_suffix(".html")
+        for path in (self.out, page):
+            check_output_file(path, self.overwrite, [self.recording])
+        base = PROFILES[self.base]
+        fit = self._fit(base)
+        title = f"{self.recording.resolve().name}, fitted"
+        write_profile(self.out, fit, self.base, title)
+        write_atomically(page, fit_page(fit, base, title).encode())
+        lines = [
+            fit.about,
+            figures_table(fit, base).text(),
+            *(f"beware: {doubt}" for doubt in fit.doubts),
+            f"{self.out}: use it with --profile {self.out}; measured beside simulated: {page}",
+        ]
+        return "\n\n".join(lines)
+
+    def _fit(self, base: "Profile") -> "Fit":
+        from digs_warp.data.capture import read_capture
+        from digs_warp.sim.fit.fit_pair import fit_pair
+        from digs_warp.sim.fit.fit_wall import fit_wall
+        from digs_warp.sim.fit.pair_folder import HINT, is_pair, read_pair
+        from digs_warp.sim.fit.wall import read_wall
+
+        folder = require_folder(self.recording, "recording", HINT)
+        if not is_pair(folder):
+            if not (folder / INDEX_NAME).is_file():
+                raise DigsError(
+                    f"recording '{folder}': neither a capture nor a stereo pair. {HINT} "
+                    f"{what_it_is(folder, INDEX_NAME)}"
+                )
+            capture = read_capture(self.recording)
+            wall = read_wall(capture, base.figures["baseline"].value)
+            rig = replace(base.rig(), intrinsics=wall.intrinsics, baseline=wall.baseline)
+            return fit_wall(wall, rig, self.distances)
+        if self.distances is not None:
+            raise DigsError("--distances: for a recording of a wall; a pair has its true disparity")
+        return fit_pair(read_pair(self.recording), base.rig())
+
+
+SENSOR = Group(
+    "Measure real depth cameras, so that they can be simulated.",
+    {"fit": FitSensor},
+)

@@ -1,0 +1,251 @@
+"""Fit a camera to a recording of a wall: measure, simulate the same wall, compare."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.record.progress import progress
+from digs_warp.sim.fit.bias import FEWEST_POSES, bias
+from digs_warp.sim.fit.depth_noise import noise, sigma_of
+from digs_warp.sim.fit.estimate import UNKNOWN, Estimate
+from digs_warp.sim.fit.holes import holes
+from digs_warp.sim.fit.image_noise import NO_NOISE, ImageNoise, image_noise
+from digs_warp.sim.fit.known_frame import known_frame
+from digs_warp.sim.fit.known_pair import right_image
+from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
+from digs_warp.sim.fit.result import Comparison, Fit, Fitted, Series, geometry, with_figures
+from digs_warp.sim.fit.search import MOST_NOISE, solve
+from digs_warp.sim.fit.sensing import sense_frame
+from digs_warp.sim.fit.wall import Pose, Wall, describe, make_pose
+from digs_warp.sim.rig import StereoRig
+from digs_warp.words import counted
+
+# Frames of each pose that are simulated: enough for the split into fixed and temporal noise.
+SIMULATED_FRAMES = 4
+
+# The issue asks for 4 to 6 distances; fewer leave figures unknown.
+GOOD_POSES = 4
+
+# A search whose error is a larger share of its value tells nothing.
+USEFUL = 0.5
+
+WALL = "statistic of the wall"
+
+
+def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = None) -> Fit:
+    """Return the figures of the camera that recorded a wall.
+
+    Args:
+        wall: the recording.
+        base: figures that the recording does not determine, at the size of the recording.
+        distances: depth of the wall on the optical axis at each pose, from the nearest to the farthest [m];
+            None: from the true depth in the recording, if it has any.
+
+    Raises:
+        DigsError: distances that do not fit the poses.
+    """
+    _check(wall, distances)
+    own = noise(wall)
+    images = image_noise([pose.images for pose in wall.poses])
+    offset, scale = bias(wall, distances)
+    figures = [
+        *geometry(wall.intrinsics, wall.baseline),
+        *_calibration(own["static_field"], offset),
+        *_reporting(wall, base, own),
+        *_of_images(images),
+    ]
+    if not images.mid_gray.is_known or not images.is_still:
+        figures = [f for f in figures if f.name not in ("image_noise", "full_well")]
+        searched = _searched_noise(wall, with_figures(base, figures), own)
+        if searched.error <= USEFUL * searched.value:
+            figures.append(
+                Fitted("image_noise", searched, "search: the simulated disparity is as noisy")
+            )
+    rig = with_figures(base, figures)
+    simulated = simulate_wall(wall, rig)
+    return Fit(
+        about=describe(wall),
+        figures=tuple(figures),
+        kept=_kept(wall, figures),
+        tables={WALL: _comparisons(wall, simulated, images, (offset, scale))},
+        series=(_noise_over_distance(wall, simulated),),
+        doubts=tuple(_doubts(wall, images)),
+    )
+
+
+def _check(wall: Wall, distances: Sequence[float] | None) -> None:
+    if distances is None:
+        return
+    found = ", ".join(f"{wall.distance(pose):.2f}" for pose in wall.poses)
+    if len(distances) != len(wall.poses):
+        raise DigsError(
+            f"--distances: {counted(len(distances), 'value')}, expected {len(wall.poses)}, one for each place "
+            f"of the camera (it measured {found} m); give the depth of the wall in the middle of the image, "
+            "from near to far"
+        )
+    if list(distances) != sorted(distances):
+        raise DigsError(
+            f"--distances: not in rising order; give them from near to far (the recording measured {found} m)"
+        )
+
+
+def _calibration(static_field: Estimate, offset: Estimate) -> list[Fitted]:
+    named = (
+        ("static_field", static_field, "what the errors at all distances have in common"),
+        ("column_offset", offset, "line through measured over true disparity"),
+    )
+    return [Fitted(name, estimate, how) for name, estimate, how in named if estimate.is_known]
+
+
+def _reporting(wall: Wall, base: StereoRig, own: dict[str, Estimate]) -> list[Fitted]:
+    """Return the figures of what the camera reports: steps, range, and the noise of the closed-form law."""
+    step, (near, far) = disparity_step(wall), limits(wall)
+    nearest, farthest = depth_range(wall)
+    found = [Fitted("disparity_step", step, "all values are multiples of it")] * step.is_known
+    found.append(Fitted("disparity_sigma", _law_sigma(own, step), "all noise but the static field"))
+    for name, end, seen, is_wider in (
+        ("min_depth", near, nearest, nearest < base.min_depth),
+        ("max_depth", far, farthest, farthest > base.max_depth),
+    ):
+        if end.is_known:
+            found.append(Fitted(name, end, "the wall goes on beyond it, without depth"))
+        elif is_wider:
+            found.append(
+                Fitted(name, Estimate(seen, np.nan), "reported; the end itself was not seen")
+            )
+    return found
+
+
+def _law_sigma(own: dict[str, Estimate], step: Estimate) -> Estimate:
+    """Return the noise without the static field and without the rounding to steps."""
+    sigma, field = own["sigma"], own["static_field"]
+    rounding = step.value**2 / 12 if step.is_known else 0.0
+    field = field if field.is_known else Estimate(0.0, 0.0)
+    variance = sigma.value**2 - field.value**2 - rounding
+    error = np.hypot(2 * sigma.value * sigma.error, 2 * field.value * field.error)
+    return Estimate(variance, float(error)).root()
+
+
+def _of_images(images: ImageNoise) -> list[Fitted]:
+    figures = []
+    if images.mid_gray.is_known:
+        figures.append(Fitted("image_noise", images.mid_gray, "images of the camera at rest"))
+    if images.full_well.is_known:
+        figures.append(Fitted("full_well", images.full_well, "growth of that noise with the light"))
+    return figures
+
+
+def _searched_noise(wall: Wall, rig: StereoRig, own: dict[str, Estimate]) -> Estimate:
+    """Return the image noise with which the simulated wall is as noisy as the recorded one."""
+
+    def sigma(image_noise: float) -> float:
+        return noise(simulate_wall(wall, replace(rig, image_noise=image_noise)))["sigma"].value
+
+    return solve(sigma, own["sigma"], (0.0, MOST_NOISE))
+
+
+def simulate_wall(wall: Wall, rig: StereoRig) -> Wall:
+    """Return the same wall as the simulated camera records it.
+
+    The mean image of each pose is the texture; the right eye sees it moved by the plane.
+    """
+    poses = []
+    with progress(len(wall.poses), "Simulating", "place") as bar:
+        for number, pose in enumerate(wall.poses):
+            poses.append(_simulated(pose, rig, 100 * number))
+            bar.update()
+    return replace(wall, poses=tuple(poses))
+
+
+def _simulated(pose: Pose, rig: StereoRig, number: int) -> Pose:
+    plane = pose.plane.disparity(pose.disparity.shape[1:])
+    left = np.rint(pose.images.mean(axis=0)).astype(np.uint8)
+    right = right_image(left, plane)
+    measured, images = [], []
+    for i in range(min(len(pose.disparity), SIMULATED_FRAMES)):
+        frame = known_frame(left, right, plane, rig, number + i)
+        recorded, sensed = sense_frame(frame)
+        measured.append(sensed.disparity)
+        images.append(recorded[0])
+    return make_pose(
+        "simulated wall", np.stack(measured), np.stack(images), plane.astype(np.float32)
+    )
+
+
+def _comparisons(
+    wall: Wall,
+    simulated: Wall,
+    images: ImageNoise,
+    measured_bias: tuple[Estimate, Estimate],
+) -> list[Comparison]:
+    both = (noise(wall) | holes(wall), noise(simulated) | holes(simulated))
+    both[0]["image"] = images.temporal
+    both[1]["image"] = image_noise([pose.images for pose in simulated.poses]).temporal
+    biases = bias(simulated)
+    for name, own, other in zip(("offset", "scale"), measured_bias, biases, strict=True):
+        both[0][name], both[1][name] = own, other if own.is_known else UNKNOWN
+    names = {
+        "sigma": "disparity noise of a frame [px]",
+        "temporal": "of that, temporal [px]",
+        "fixed": "of that, fixed [px]",
+        "static_field": "of that, common to all distances [px]",
+        "correlation": "correlation length of the temporal part [px]",
+        "offset": "offset of the disparity [px]",
+        "scale": "scale of the disparity",
+        "wrong": "share off the wall by more than a pixel",
+        "holes": "share without depth",
+        "small holes": "of that, in holes of up to 3 pixels",
+        "hole size": "half of the hole area is in smaller holes [px]",
+        "image": "noise of the images between frames [DN]",
+    }
+    return [Comparison(title, both[0][name], both[1][name]) for name, title in names.items()]
+
+
+def _noise_over_distance(wall: Wall, simulated: Wall) -> Series:
+    return Series(
+        title="Disparity noise at each distance",
+        x_label="distance [m]",
+        y_label="standard deviation [px]",
+        x=[wall.distance(pose) for pose in wall.poses],
+        measured=[sigma_of(pose) for pose in wall.poses],
+        simulated=[sigma_of(pose) for pose in simulated.poses],
+    )
+
+
+def _kept(wall: Wall, figures: Sequence[Fitted]) -> dict[str, str]:
+    """Return why each figure that a wall might tell is not known."""
+    found = {f.name for f in figures}
+    reasons = {
+        "static_field": f"{counted(len(wall.poses), 'distance')}; two or more tell it from the texture",
+        "column_offset": f"no true distances of {FEWEST_POSES} or more places; give --distances",
+        "disparity_step": "the values lie on no grid of 1/64 px or coarser",
+        "min_depth": "the camera reports depth on all of the wall; it may see nearer",
+        "max_depth": "the camera reports depth on all of the wall; it may see farther",
+        "image_noise": "one frame at each distance, and disparity that hardly depends on it",
+        "full_well": "image noise of a camera at rest does not grow with the light, or was not recorded",
+        "max_disparity": "a wall cannot tell it from the nearest depth",
+        "window": "follows from the matcher, not from its errors",
+        "unit": "numbers specimens; the field itself is random",
+        "row_offset": "rows that do not match show as noise of the disparity",
+        "exposure_time": "the camera is at rest",
+        "readout_time": "the camera is at rest",
+        "vignetting": "a wall is not lit evenly",
+        "post_filter": "a wall has no edges",
+    }
+    return {name: why for name, why in reasons.items() if name not in found}
+
+
+def _doubts(wall: Wall, images: ImageNoise) -> list[str]:
+    doubts = []
+    if len(wall.poses) < GOOD_POSES:
+        doubts.append(f"{counted(len(wall.poses), 'distance')}; {GOOD_POSES} to 6 are better")
+    if images is NO_NOISE:
+        doubts.append("one frame at each distance: nothing tells what changes between frames")
+    elif not images.is_still:
+        doubts.append(
+            f"images are {images.edges:.1f} times as noisy on edges as on plain areas: the camera moved, so "
+            "their noise was not used, and the temporal part of the depth is too large"
+        )
+    return doubts

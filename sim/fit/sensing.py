@@ -1,0 +1,31 @@
+"""A frame through the simulated sensor, with the effects that belong to the camera and not to the scene."""
+
+import numpy as np
+
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
+from digs_warp.sim.sensor.color.recorded import recorded_images
+from digs_warp.sim.sensor.effects.mis_rectification import MisRectification
+from digs_warp.sim.sensor.effects.protocol import Choice
+from digs_warp.sim.sensor.effects.quantum import Quantum
+from digs_warp.sim.sensor.effects.static_field import StaticField
+from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.tiers import Tier, sense
+
+# Noise of the images, calibration, and fixed point. Each is as strong as the rig says.
+ON_IMAGES = (ShotNoise(), ReadNoise())
+ON_DEPTH = (MisRectification.name, StaticField.name, Quantum.name)
+
+
+def sense_frame(
+    frame: FrameTruth, tier: Tier = "guided", seed: int = 0
+) -> tuple[tuple[np.ndarray, np.ndarray], Sensed]:
+    """Return the two images as recorded, and what the sensor measures on them.
+
+    Args:
+        frame: what the eyes see; its rig has the figures.
+        tier: of the sensor.
+        seed: of the noise.
+    """
+    recorded = recorded_images(frame, ON_IMAGES, seed)
+    choices = [Choice(name, True, "", "", "") for name in ON_DEPTH]
+    return recorded, sense(frame, tier, choices, seed, recorded=recorded)

@@ -1,0 +1,137 @@
+"""A flat wall with a texture of all scales, photographed exactly: the recording whose figures are known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWriter
+from digs_warp.sim.fit.known_frame import known_frame
+from digs_warp.sim.fit.sensing import sense_frame
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.filters import sampled
+from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.tiers import Tier, depth_of
+
+TILE = 3.0  # side of the piece of texture that the wall repeats [m]
+TEXELS = 2048
+MARGIN = 4  # [texels]
+
+# Gray levels round the middle, which never get darker or brighter than the ends.
+CONTRAST, MIDDLE, DARKEST, BRIGHTEST = 40.0, 128.0, 20.0, 245.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the wall is, seen from the left eye.
+
+    Attributes:
+        distance: on the optical axis [m].
+        yaw_deg, pitch_deg: how far its normal is turned off the axis, to the side and up.
+    """
+
+    distance: float
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+
+    @property
+    def axes(self) -> np.ndarray:
+        """Rows: along the wall to the side, along the wall down, and its normal; in camera axes."""
+        yaw, pitch = np.deg2rad([self.yaw_deg, self.pitch_deg])
+        turn = np.array([[np.cos(yaw), 0, -np.sin(yaw)], [0, 1, 0], [np.sin(yaw), 0, np.cos(yaw)]])
+        lean = np.array(
+            [[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]]
+        )
+        return (turn @ lean).T
+
+
+# Tilted, so that every fraction of a pixel occurs.
+PLACES = (
+    Place(0.7, 12, 5),
+    Place(1.0, -15, -6),
+    Place(1.4, 18, -8),
+    Place(1.9, -20, 10),
+    Place(2.5, 22, 8),
+)
+
+
+def record_wall(
+    writer: CaptureWriter | MemoryWriter,
+    rig: StereoRig,
+    tier: Tier,
+    places: Sequence[Place] = PLACES,
+    frames: int = 6,
+    seed: int = 0,
+) -> Capture:
+    """Record the wall with a camera at rest at each place; vignetting is left out.
+
+    Args:
+        writer: of the rig's size and baseline.
+        rig: the camera, with the figures to be found again.
+        tier: of the sensor.
+        places: one after another.
+        frames: at each place.
+        seed: of texture and noise.
+    """
+    number = 0
+    for place in places:
+        truth = photograph(place, rig, seed)
+        for _ in range(frames):
+            frame = known_frame(truth.image, truth.right, truth.disparity, rig, number)
+            recorded, sensed = sense_frame(frame, tier, seed)
+            images = FrameImages(
+                image=recorded[0],
+                right=recorded[1],
+                depth=depth_of(sensed, frame),
+                depth_true=frame.depth,
+            )
+            writer.write_frame(number, images)
+            writer.add_pose(number, np.eye(4), float(number))
+            number += 1
+    return writer.finish()
+
+
+def in_memory(rig: StereoRig) -> MemoryWriter:
+    """Return a writer that keeps the recording in memory."""
+    return MemoryWriter(rig.intrinsics, Rig(rig.baseline))
+
+
+def photograph(place: Place, rig: StereoRig, seed: int = 0) -> FrameTruth:
+    """Return images and truth of the wall at a place."""
+    texture = _texture(place.distance / rig.intrinsics.fx, seed)
+    left, depth = _eye(place, rig.intrinsics, 0.0, texture)
+    right, _ = _eye(place, rig.intrinsics, rig.baseline, texture)
+    return known_frame(left, right, rig.focal_baseline / depth, rig)
+
+
+def _texture(pixel: float, seed: int) -> np.ndarray:
+    """Return a periodic texture (amplitude 1/f), blurred to the size of a pixel on the wall [m], float32."""
+    rng = np.random.default_rng(seed)
+    spectrum = np.fft.rfft2(rng.standard_normal((TEXELS, TEXELS)))
+    frequency = np.hypot(np.fft.fftfreq(TEXELS)[:, None], np.fft.rfftfreq(TEXELS))
+    spectrum /= np.maximum(frequency, 4 / TEXELS)
+    plain = np.fft.irfft2(spectrum)
+    sigma = 0.5 * pixel * TEXELS / TILE  # [texels]
+    blurred = np.fft.irfft2(spectrum * np.exp(-2 * (np.pi * sigma * frequency) ** 2))
+    gray = MIDDLE + CONTRAST * (blurred - plain.mean()) / plain.std()
+    return np.clip(gray, DARKEST, BRIGHTEST).astype(np.float32)
+
+
+def _eye(
+    place: Place, k: Intrinsics, offset: float, texture: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the image of an eye ``offset`` metres to the right, and the depth of the wall there."""
+    side, down, normal = place.axes
+    x = (np.arange(k.width) + 0.5 - k.cx) / k.fx
+    y = (np.arange(k.height)[:, None] + 0.5 - k.cy) / k.fy
+    eye, center = np.array([offset, 0.0, 0.0]), np.array([0.0, 0.0, place.distance])
+    depth = normal @ (center - eye) / (normal[0] * x + normal[1] * y + normal[2])
+    from_center = [depth * x + offset, depth * y, depth - place.distance]
+    along = [sum(a * p for a, p in zip(axis, from_center, strict=True)) for axis in (side, down)]
+    columns, rows = ((np.asarray(p) * TEXELS / TILE % TEXELS).astype(np.float32) for p in along)
+    # Repeated beyond its edges as far as interpolation needs it.
+    gray = sampled(np.pad(texture, MARGIN, mode="wrap"), columns + MARGIN, rows + MARGIN)
+    pixels = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
+    return np.repeat(pixels[..., None], 3, axis=2), depth
