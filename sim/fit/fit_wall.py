@@ -81,9 +81,9 @@ def _check(wall: Wall, distances: Sequence[float] | None) -> None:
     found = ", ".join(f"{wall.distance(pose):.2f}" for pose in wall.poses)
     if len(distances) != len(wall.poses):
         raise DigsError(
-            f"--distances: {counted(len(distances), 'value')}, expected {len(wall.poses)}, one for each place "
-            f"of the camera (it measured {found} m); give the depth of the wall in the middle of the image, "
-            "from near to far"
+            f"--distances: {counted(len(distances), 'value')}, expected {len(wall.poses)}, one for each "
+            f"place of the camera (it measured {found} m); give the depth of the wall in the middle of the "
+            "image, from near to far"
         )
     if list(distances) != sorted(distances):
         raise DigsError(

@@ -34,7 +34,7 @@ def right_image(
     disparity = np.asarray(disparity, np.float32)
     seen = _seen_from_right(disparity)
     width = disparity.shape[1]
-    rows, columns = np.indices(disparity.shape)
+    rows, columns = (np.asarray(each) for each in np.indices(disparity.shape))
     hole = np.isnan(seen)
     shift = filled(seen) if unseen is None else np.where(hole, np.float32(0), seen)
     source = columns + shift
@@ -57,7 +57,7 @@ def _seen_from_right(disparity: np.ndarray) -> np.ndarray:
         value = np.where(joined, (1 - share) * disparity + share * after,
                          disparity if share < 0.5 else after)  # fmt: skip
         target = columns + share - value
-        column = np.rint(target).astype(int)
+        column = np.floor(target + 0.5).astype(int)
         rows, at = np.nonzero((column >= 0) & (column < width))
         # The surface continues to the pixel's center as it is here: half a pixel at most.
         slope = np.where(joined, after - disparity, 0)[rows, at]

@@ -10,13 +10,18 @@ NEAR = 1.0
 # Noise may be larger than that: values within this many standard deviations belong to the plane, too.
 DEVIATIONS = 5.0
 
+# Fewer pixels make no wall.
+FEWEST = 1000
+
 # Standard deviation of a normal distribution over its median absolute deviation.
 OF_MAD = 1.4826
 
-_ROUNDS = 12
+# So many planes through three random pixels are tried, each judged by so many pixels. One in eight lies on a
+# wall that half of the image shows.
+_DRAWS, _JUDGES = 200, 2000
 
-# The first rounds look at every fourth pixel along each axis.
-_STRIDE = 4
+# Least squares over the pixels near the plane, which then moves a little.
+_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,30 +45,40 @@ class Plane:
 
 
 def fit_plane(disparity: np.ndarray) -> Plane | None:
-    """Return the plane that most of the pixels lie on; None where fewer than 100 are known.
+    """Return the plane that most of the pixels lie on; None where too few are known.
 
-    Least absolute deviations by reweighting, so that other surfaces do not pull at it; then least squares
-    over the pixels near it.
+    The least median of squares (Rousseeuw 1984) over random triplets, which other surfaces on up to half of
+    the image do not move; then least squares over the pixels near it.
 
     Args:
         disparity: [px], (height, width), NaN where there is none.
     """
-    few = disparity[::_STRIDE, ::_STRIDE]
-    rows, columns = np.nonzero(np.isfinite(few))
-    if len(rows) < 100:
+    at = np.flatnonzero(np.isfinite(disparity))
+    if len(at) < FEWEST:
         return None
-    points = np.stack([_STRIDE * columns + 0.5, _STRIDE * rows + 0.5, np.ones(len(rows))], axis=1)
-    values = few[rows, columns].astype(np.float64)
-    weights, found = np.ones(len(values)), np.zeros(3)
-    for _ in range(_ROUNDS):
-        found = np.linalg.lstsq(points * weights[:, None], values * weights, rcond=None)[0]
-        weights = 1 / np.sqrt(np.maximum(np.abs(values - points @ found), 1e-2))
-    spread = OF_MAD * float(np.median(np.abs(values - points @ found)))
+    rows, columns = np.divmod(at, disparity.shape[1])
+    points = np.stack([columns + 0.5, rows + 0.5, np.ones(len(at))], axis=1)
+    values = disparity.reshape(-1)[at].astype(np.float64)
+    if np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:  # all in a line
+        return None
+    found, spread = _by_least_median(points, values)
     limit = max(NEAR, DEVIATIONS * spread)
-    residual = disparity - Plane(found, limit, 1.0).disparity(disparity.shape)
-    near = np.abs(residual) <= limit
-    rows, columns = np.nonzero(near)
-    points = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
-    # The correction to the rough plane: small numbers, so that float64 is plenty.
-    change = np.linalg.solve(points.T @ points, points.T @ residual[near])
-    return Plane(found + change, limit, float(near.sum() / np.isfinite(disparity).sum()))
+    near = np.abs(values - points @ found) <= limit
+    for _ in range(_ROUNDS):
+        inside, rest = points[near], values[near] - points[near] @ found
+        # The correction to the rough plane: small numbers, so that float64 is plenty.
+        found = found + np.linalg.lstsq(inside.T @ inside, inside.T @ rest, rcond=None)[0]
+        near = np.abs(values - points @ found) <= limit
+    return Plane(found, limit, float(near.mean()))
+
+
+def _by_least_median(points: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the best of many planes through three pixels, and the standard deviation around it."""
+    rng = np.random.default_rng(0)
+    triplets = rng.integers(len(values), size=(_DRAWS, 3))
+    triplets = triplets[np.abs(np.linalg.det(points[triplets])) > 1]  # not in a line
+    planes = np.linalg.solve(points[triplets], values[triplets][..., None])[..., 0]
+    judges = rng.integers(len(values), size=_JUDGES)
+    medians = np.median(np.abs(values[judges] - planes @ points[judges].T), axis=1)
+    best = int(np.argmin(medians))
+    return planes[best], OF_MAD * float(medians[best])

@@ -1,0 +1,227 @@
+"""Each statistic of a wall against arrays whose figures are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from digs_warp.camera import Intrinsics
+from digs_warp.sim.fit.bias import bias, fit_line
+from digs_warp.sim.fit.depth_noise import noise
+from digs_warp.sim.fit.estimate import BLOCKS, Estimate, block_numbers, block_sums, jackknife, ratio
+from digs_warp.sim.fit.holes import holes, median_size, small_share
+from digs_warp.sim.fit.image_noise import image_noise
+from digs_warp.sim.fit.plane import fit_plane
+from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
+from digs_warp.sim.fit.search import solve
+from digs_warp.sim.fit.wall import Wall, make_pose
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.sensor.color.encoding import decode, encode
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
+from digs_warp.sim.sensor.color.protocol import EyeImages
+
+SHAPE = (160, 240)
+K = Intrinsics(SHAPE[1], SHAPE[0], 200.0, 200.0, SHAPE[1] / 2, SHAPE[0] / 2)
+BASELINE = 0.1
+SLOPES = ((0.02, 0.01, 20.0), (-0.03, 0.02, 14.0), (0.01, -0.02, 10.0))
+
+
+def plane(a: float, b: float, c: float) -> np.ndarray:
+    rows, columns = np.indices(SHAPE) + 0.5
+    return a * columns + b * rows + c
+
+
+def smooth(rng: np.random.Generator, length: float, *shape: int) -> np.ndarray:
+    """Normal fields whose correlation falls to 1/e at ``length``: a Gaussian of half that width."""
+    white = rng.standard_normal((int(np.prod(shape)), *SHAPE))
+    fields = np.stack([gaussian_filter(field, length / 2, mode="wrap") for field in white])
+    return np.sqrt(np.pi) * length * fields.reshape(*shape, *SHAPE)
+
+
+def wall(disparities: list[np.ndarray], true: list[np.ndarray | None] | None = None) -> Wall:
+    """A wall from stacks of disparity, nearest first; images are black."""
+    poses = tuple(
+        make_pose("test", d.astype(np.float32), np.zeros((len(d), *SHAPE, 3), np.uint8), t)
+        for d, t in zip(disparities, true or [None] * len(disparities), strict=True)
+    )
+    return Wall(K, BASELINE, poses)
+
+
+def test_a_plane_is_found_among_other_surfaces_and_holes() -> None:
+    disparity = plane(0.03, -0.02, 25.0)
+    disparity[:, :60] += 8.0  # a pillar over a quarter of the image
+    disparity[20:50, 100:200] = np.nan
+    found = fit_plane(disparity.astype(np.float32))
+    assert found is not None
+    assert found.coefficients == pytest.approx((0.03, -0.02, 25.0), abs=1e-4)
+    assert found.share == pytest.approx(
+        np.isfinite(disparity[:, 60:]).sum() / np.isfinite(disparity).sum()
+    )
+    assert fit_plane(np.full(SHAPE, np.nan, np.float32)) is None
+
+
+@pytest.mark.parametrize("length", [3.0, 6.0])
+def test_noise_is_split_into_what_changes_what_stays_and_what_the_unit_has(length: float) -> None:
+    rng = np.random.default_rng(4)
+    field = 0.15 * smooth(rng, 15.0, 1)[0]
+    stacks = [
+        plane(*slope) + field + 0.08 * smooth(rng, 5.0, 1)[0] + 0.05 * smooth(rng, length, 6)
+        for slope in SLOPES
+    ]
+    found = noise(wall(stacks))
+    for name, value, tolerance in (
+        ("temporal", 0.05, 0.01),
+        ("fixed", np.hypot(0.15, 0.08), 0.05),
+        ("sigma", np.sqrt(0.15**2 + 0.08**2 + 0.05**2), 0.05),
+        ("static_field", 0.15, 0.1),
+        ("correlation", length, 0.05),
+    ):
+        assert found[name].value == pytest.approx(value, rel=tolerance), name
+        assert abs(found[name].value - value) < 3.5 * found[name].error, name
+    alone = noise(wall([stacks[0][:1]]))
+    assert not alone["temporal"].is_known and not alone["static_field"].is_known
+
+
+def test_pixels_that_come_and_go_do_not_change_the_noise() -> None:
+    rng = np.random.default_rng(1)
+    stack = plane(*SLOPES[0]) + 0.1 * rng.standard_normal((5, *SHAPE))
+    stack[rng.random(stack.shape) < 0.4] = np.nan
+    found = noise(wall([stack]))
+    assert found["temporal"].value == pytest.approx(0.1, rel=0.01)
+    assert found["fixed"].value < 0.01
+
+
+def test_errors_hold_for_correlated_noise() -> None:
+    """Of 60 fields, the true value lies within one stated error about two times in three."""
+    rng = np.random.default_rng(0)
+    blocks = block_numbers(SHAPE)
+    misses = []
+    for _ in range(60):
+        square = smooth(rng, 8.0, 1)[0] ** 2
+        sums = np.stack([block_sums(x, blocks) for x in (square, np.ones(SHAPE))], axis=1)
+        sigma = jackknife(sums, ratio).root()
+        misses.append(abs(sigma.value - 1) / sigma.error)
+    assert 0.5 < np.mean(np.array(misses) < 1) < 0.85
+    assert np.max(misses) < 4
+
+
+def test_blocks_cover_the_image_and_empty_ones_do_not_count() -> None:
+    blocks = block_numbers((50, 70))
+    assert np.unique(blocks).tolist() == list(range(BLOCKS))
+    sums = np.zeros((BLOCKS, 2))
+    assert np.isnan(jackknife(sums, ratio).value)
+    sums[:3] = [[2, 1], [4, 2], [6, 3]]
+    assert jackknife(sums, ratio) == Estimate(2.0, 0.0)
+
+
+def test_a_variance_of_zero_has_a_root_with_an_error() -> None:
+    assert Estimate(0.04, 0.004).root() == Estimate(pytest.approx(0.2), pytest.approx(0.01))
+    assert Estimate(-0.01, 0.0009).root() == Estimate(0.0, pytest.approx(0.03))
+
+
+@pytest.mark.parametrize(("sigma", "well"), [(1.0, 20_000.0), (3.0, 4_000.0)])
+def test_image_noise_and_full_well_are_those_of_the_images(sigma: float, well: float) -> None:
+    rig = replace(load_profile("zed2-720").rig(*SHAPE[::-1]), image_noise=sigma, full_well=well)
+    ramp = np.repeat(np.linspace(30, 225, SHAPE[1])[None, :, None], 3, axis=2)
+    linear = decode(np.rint(np.repeat(ramp, SHAPE[0], axis=0)).astype(np.uint8))
+    rng = np.random.default_rng(2)
+    frames = []
+    for _ in range(6):
+        eyes = EyeImages(rig.intrinsics, linear, linear)
+        for effect in (ShotNoise(), ReadNoise()):
+            eyes = effect.apply(eyes, rig, rng)
+        frames.append(encode(eyes.left))
+    found = image_noise([np.stack(frames)])
+    assert found.mid_gray.value == pytest.approx(sigma, rel=0.01)
+    assert found.full_well.value == pytest.approx(well, rel=0.06)
+    assert found.is_still
+    assert abs(found.mid_gray.value - sigma) < 3 * found.mid_gray.error
+    assert abs(found.full_well.value - well) < 3 * found.full_well.error
+
+
+def test_a_camera_that_moves_is_noticed() -> None:
+    rng = np.random.default_rng(0)
+    picture = gaussian_filter(rng.standard_normal((SHAPE[0], SHAPE[1] + 8)), 1.5) * 120 + 128
+    still = np.stack([picture[:, 4:-4]] * 4)
+    moving = np.stack([picture[:, 4 + i : 4 + i + SHAPE[1]] for i in (0, 1, -1, 1)])
+    for stack, is_still in ((still, True), (moving, False)):
+        noisy = stack + rng.standard_normal(stack.shape)
+        images = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=3)
+        assert image_noise([images]).is_still == is_still
+
+
+def test_one_frame_has_no_noise_between_frames() -> None:
+    assert not image_noise([np.zeros((1, *SHAPE, 3), np.uint8)]).mid_gray.is_known
+
+
+def test_ends_of_the_range_are_seen_where_the_wall_goes_on_beyond_them() -> None:
+    rng = np.random.default_rng(3)
+    stack = plane(*SLOPES[0])[None] + 0.05 * rng.standard_normal((3, *SHAPE))
+    assert not any(end.is_known for end in limits(wall([stack])))
+    focal_baseline = K.fx * BASELINE
+    nearest, farthest = focal_baseline / 24.0, focal_baseline / 22.0
+    stack[(stack > 24.0) | (stack < 22.0)] = np.nan
+    near, far = limits(wall([stack]))
+    assert near.value == pytest.approx(nearest, rel=1e-3) and far.value == pytest.approx(
+        farthest, rel=1e-3
+    )
+    assert depth_range(wall([stack])) == pytest.approx((nearest, farthest), rel=1e-3)
+
+
+@pytest.mark.parametrize("step", [1 / 4, 1 / 16, 1 / 32])
+def test_the_step_is_the_largest_that_all_values_are_multiples_of(step: float) -> None:
+    stack = plane(*SLOPES[0])[None] + 0.2 * np.random.default_rng(0).standard_normal((2, *SHAPE))
+    assert disparity_step(wall([np.rint(stack / step) * step])) == Estimate(step, 0.0)
+    assert not disparity_step(wall([stack])).is_known
+
+
+def test_holes_are_counted_where_both_eyes_see_the_wall() -> None:
+    stack = np.repeat(plane(0.0, 0.0, 20.0)[None], 2, axis=0)
+    stack[:, :, :20] = np.nan  # the right eye does not see these columns
+    stack[:, 10:20, 100:110] = np.nan
+    stack[:, ::10, 150:] = np.nan
+    stack[:, 50, 60] = 40.0
+    found = holes(wall([stack]))
+    inside = SHAPE[0] * (SHAPE[1] - 20)
+    lines = len(range(0, SHAPE[0], 10)) * 90
+    assert found["holes"].value == pytest.approx((100 + lines) / inside, rel=0.01)
+    assert found["wrong"].value == pytest.approx(1 / inside, rel=0.1)
+    assert small_share(np.array([1, 2, 3, 4, 10])) == 6 / 20
+    assert median_size(np.array([1, 1, 1, 1, 6, 10])) == 6
+    assert np.isnan(median_size(np.array([])))
+
+
+def test_bias_is_a_line_through_the_poses() -> None:
+    true = [plane(*slope) for slope in SLOPES]
+    measured = [(1.004 * t + 0.3)[None] for t in true]
+    offset, scale = bias(wall(measured, [t.astype(np.float32) for t in true]))
+    assert offset.value == pytest.approx(0.3, abs=1e-3) and scale.value == pytest.approx(
+        1.004, abs=1e-4
+    )
+    recorded = wall(measured)
+    u, v = K.cx, K.cy
+    distances = [K.fx * BASELINE / (a * u + b * v + c) for a, b, c in SLOPES]
+    offset, scale = bias(recorded, distances)
+    assert offset.value == pytest.approx(0.3, abs=1e-3) and scale.value == pytest.approx(
+        1.004, abs=1e-4
+    )
+    assert not any(estimate.is_known for estimate in bias(recorded))
+    assert not any(estimate.is_known for estimate in bias(wall(measured[:2]), distances[:2]))
+
+
+def test_the_error_of_a_line_covers_what_few_points_scatter() -> None:
+    rng = np.random.default_rng(0)
+    x = np.array([10.0, 20.0, 30.0, 40.0, 50.0])
+    within = [abs(o.value - 1) < 2 * o.error
+              for o, _ in (fit_line(x, 2 * x + 1 + rng.standard_normal(5)) for _ in range(300))]  # fmt: skip
+    assert np.mean(within) > 0.93
+
+
+def test_the_search_interpolates_and_stays_within_its_ends() -> None:
+    found = solve(lambda x: x**2, Estimate(9.0, 0.6), (0.0, 16.0))
+    assert found.value == pytest.approx(3.0, abs=0.01) and found.error == pytest.approx(
+        0.1, rel=0.05
+    )
+    assert solve(lambda x: x + 5, Estimate(1.0, 0.1), (0.0, 16.0)).value == 0
+    assert solve(lambda x: x, Estimate(99.0, 0.1), (0.0, 16.0)).value == 16

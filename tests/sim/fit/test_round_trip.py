@@ -1,0 +1,119 @@
+"""Record a wall with known figures, fit, and find them again within the errors that the fit states."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.sim.fit.fit_wall import fit_wall
+from digs_warp.sim.fit.result import Fit
+from digs_warp.sim.fit.textured_wall import PLACES, in_memory, record_wall
+from digs_warp.sim.fit.wall import read_wall
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.tiers import Tier
+
+SIZE = (384, 216)
+
+# Standard errors within which a figure is found again.
+WITHIN = 3.0
+
+# Near and far end cut into the nearest and the farthest wall.
+RANGE = {"min_depth": 0.66, "max_depth": 2.6}
+
+KNOWN = {
+    0: {"image_noise": 1.5, "full_well": 9_000.0, "static_field": 0.10, "column_offset": 0.30, "unit": 1},
+    1: {"image_noise": 2.5, "full_well": 5_000.0, "static_field": 0.16, "column_offset": -0.25, "unit": 2},
+    2: {"image_noise": 4.0, "full_well": 2_500.0, "static_field": 0.25, "column_offset": 0.0, "unit": 3},
+}  # fmt: skip
+OF_LAW = {
+    0: {"disparity_sigma": 0.06, "disparity_step": 1 / 32},
+    1: {"disparity_sigma": 0.12, "disparity_step": 1 / 16},
+    2: {"disparity_sigma": 0.25, "disparity_step": 1 / 8},
+}
+
+
+def base() -> StereoRig:
+    return load_profile("zed2-720").rig(*SIZE, 60)
+
+
+def fitted(tier: Tier, figures: dict[str, float], seed: int, frames: int = 5) -> Fit:
+    """Record with the figures, fit with a base that has others."""
+    rig = replace(base(), **RANGE, **figures)
+    capture = record_wall(in_memory(rig), rig, tier, PLACES, frames, seed)
+    return fit_wall(read_wall(capture, rig.baseline), base())
+
+
+def check(fit: Fit, known: dict[str, float], largest: dict[str, float]) -> None:
+    """Compare the fitted figures with the known ones."""
+    found = {figure.name: figure.estimate for figure in fit.figures}
+    for name, value in known.items():
+        miss = abs(found[name].value - value)
+        assert miss <= WITHIN * found[name].error + 1e-9, (name, value, found[name])
+        if name in largest:  # a large error would excuse anything
+            assert found[name].error <= largest[name], (name, found[name])
+
+
+@pytest.mark.parametrize("seed", KNOWN)
+def test_matched_depth_gives_back_noise_field_offset_and_range(seed: int) -> None:
+    known = KNOWN[seed]
+    fit = fitted("guided", known, seed)
+    largest = {
+        "image_noise": 0.01 * known["image_noise"],
+        "full_well": 0.04 * known["full_well"],
+        "static_field": 0.1 * known["static_field"],
+        "column_offset": 0.12,
+        "min_depth": 0.005,
+        "max_depth": 0.02,
+    }
+    check(fit, {name: v for name, v in known.items() if name != "unit"} | RANGE, largest)
+
+
+@pytest.mark.parametrize("seed", OF_LAW)
+def test_depth_by_the_law_gives_back_its_noise_and_steps(seed: int) -> None:
+    known = OF_LAW[seed]
+    fit = fitted("law", known, seed)
+    check(
+        fit,
+        known | RANGE,
+        {"disparity_sigma": 0.01 * known["disparity_sigma"], "disparity_step": 0.0},
+    )
+    found = {figure.name: figure.estimate for figure in fit.figures}
+    assert found["static_field"].value < 0.1 * known["disparity_sigma"], "white noise has none"
+
+
+def test_the_simulated_wall_is_like_the_recorded_one() -> None:
+    """The profile alone, without the recorded right images or depths, gives the same statistics."""
+    fit = fitted("guided", KNOWN[1], 1)
+    (table,) = fit.tables.values()
+    rows = {row.name: row for row in table}
+    for name, tolerance in {
+        "disparity noise of a frame [px]": 0.05,
+        "of that, temporal [px]": 0.05,
+        "of that, fixed [px]": 0.05,
+        "of that, common to all distances [px]": 0.1,
+        "correlation length of the temporal part [px]": 0.05,
+        "noise of the images between frames [DN]": 0.02,
+    }.items():
+        row = rows[name]
+        assert row.simulated.value == pytest.approx(row.measured.value, rel=tolerance), name
+    assert rows["share off the wall by more than a pixel"].measured.value < 0.01
+
+
+def test_what_a_recording_cannot_tell_is_said_and_kept() -> None:
+    """A camera that sees all of the wall, once from each of two places."""
+    rig = replace(base(), static_field=0.1)
+    capture = record_wall(in_memory(rig), rig, "guided", PLACES[1:3], frames=1)
+    fit = fit_wall(read_wall(capture, rig.baseline), base())
+    found = {figure.name for figure in fit.figures}
+    unknown = {"min_depth", "max_depth", "column_offset", "full_well", "image_noise"}
+    assert unknown <= set(fit.kept) and not unknown & found
+    assert "static_field" in found, "two places are enough for it"
+    assert any("one frame at each distance" in doubt for doubt in fit.doubts)
+    assert any("2 distances" in doubt for doubt in fit.doubts)
+
+
+def test_the_same_recording_gives_the_same_figures() -> None:
+    first, second = (fitted("guided", KNOWN[0], 0, frames=2) for _ in range(2))
+    assert repr(first) == repr(second)
+    assert np.isfinite([f.estimate.value for f in first.figures]).all()
