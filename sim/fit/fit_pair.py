@@ -1,19 +1,22 @@
 """Fit a camera to a stereo pair with true disparity.
 
 The full search of the two recorded images is what is measured. The simulation makes the right image from the
-left one and the true disparity, adds noise to both, and matches them near the truth. Two figures are free:
-the noise of the images, from the share of wrong values, and the static field, from the smooth part of the
-errors that matching does not make.
+left one and the true disparity, adds noise to both, and matches them near the truth. The noise is what the
+two recorded images show differently; static field and drift are what the errors of the full search have
+beyond those of the simulation. Nothing is fitted to the share of wrong values: that is predicted.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from digs_warp.checks import DigsError
 from digs_warp.record.progress import progress
-from digs_warp.sim.fit.estimate import Estimate, block_numbers, block_sums, jackknife
+from digs_warp.sim.fit.calibration import calibrate
+from digs_warp.sim.fit.estimate import Estimate
+from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
 from digs_warp.sim.fit.known_frame import known_frame
-from digs_warp.sim.fit.known_pair import filled, right_image
+from digs_warp.sim.fit.known_pair import filled, right_image, without_grain
 from digs_warp.sim.fit.pair_folder import Pair
 from digs_warp.sim.fit.pair_scores import (
     BAD,
@@ -22,7 +25,15 @@ from digs_warp.sim.fit.pair_scores import (
     scores,
     smooth_variance,
 )
-from digs_warp.sim.fit.result import Comparison, Fit, Fitted, Series, geometry, with_figures
+from digs_warp.sim.fit.result import (
+    Comparison,
+    Fit,
+    Fitted,
+    Series,
+    geometry,
+    sort_out,
+    with_figures,
+)
 from digs_warp.sim.fit.sensing import sense_frame
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.blame import WRONG
@@ -30,8 +41,8 @@ from digs_warp.sim.sensor.effects.static_field import unit_field
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import sense
 
-# Image noise that is tried [DN]; between them the statistics are interpolated.
-LEVELS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+# Image noise for the chart [DN].
+LEVELS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
 
 WHOLE, LEFT, RIGHT = "the whole image", "the left half", "the right half"
 
@@ -42,7 +53,7 @@ class Simulations:
 
     Attributes:
         rig: of the pair, with the base's figures.
-        frame: the pair with a simulated right image.
+        pair: what was recorded.
         true: disparity [px], (height, width), NaN where it is not known.
         measured: disparity that the full search of the recorded images finds.
         guided: the same near the truth.
@@ -50,7 +61,7 @@ class Simulations:
     """
 
     rig: StereoRig
-    frame: FrameTruth
+    pair: Pair
     true: np.ndarray
     measured: np.ndarray
     guided: np.ndarray
@@ -58,7 +69,7 @@ class Simulations:
 
     def simulate(self, rig: StereoRig) -> np.ndarray:
         """Return the disparity that the simulated camera finds on the pair."""
-        return sense_frame(replace(self.frame, rig=rig), seed=1)[1].disparity
+        return sense_frame(simulated_frame(self.pair, rig), seed=1)[1].disparity
 
 
 def pair_rig(pair: Pair, base: StereoRig) -> StereoRig:
@@ -72,32 +83,39 @@ def pair_rig(pair: Pair, base: StereoRig) -> StereoRig:
         max_depth=max(base.max_depth, 2 * float(np.nanmax(depth))),
         max_disparity=np.ceil(1.1 * float(np.nanmax(pair.disparity))),
         static_field=0.0,
-        column_offset=0.0,
-        row_offset=0.0,
     )
+
+
+def simulated_frame(pair: Pair, rig: StereoRig) -> FrameTruth:
+    """Return the pair with a right image that is made from the left one; neither has the rig's noise.
+
+    Without the grain of the recorded images, which would be texture that both eyes see.
+    """
+    left, unseen = (without_grain(image, rig.image_noise) for image in (pair.left, pair.right))
+    right = right_image(left, filled(pair.disparity), unseen)
+    return known_frame(left, right, pair.disparity, rig)
 
 
 def try_noise(pair: Pair, base: StereoRig) -> Simulations:
     """Match the recorded pair, and the simulated one with rising noise."""
     rig = pair_rig(pair, base)
     recorded = known_frame(pair.left, pair.right, pair.disparity, rig)
-    right = right_image(pair.left, filled(pair.disparity), unseen=pair.right)
-    frame = replace(recorded, right=right)
     tried = []
     with progress(len(LEVELS), "Simulating", "noise level") as bar:
         for level in LEVELS:
-            noisy = replace(frame, rig=replace(rig, image_noise=level))
-            tried.append(sense_frame(noisy)[1].disparity)
+            noisy = replace(rig, image_noise=level)
+            tried.append(sense_frame(simulated_frame(pair, noisy))[1].disparity)
             bar.update()
     measured, guided = (sense(recorded, tier).disparity for tier in ("matcher", "guided"))
-    return Simulations(rig, frame, pair.disparity, measured, guided, tuple(tried))
+    return Simulations(rig, pair, pair.disparity, measured, guided, tuple(tried))
 
 
 def fit_pair(pair: Pair, base: StereoRig) -> Fit:
     """Return the figures of the camera that recorded a pair, and how well each half predicts the other."""
     tries = try_noise(pair, base)
     parts = image_parts(pair.disparity.shape)
-    figures = [*geometry(pair.intrinsics, pair.baseline), *fit_part(tries, parts[WHOLE])]
+    found = [*geometry(pair.intrinsics, pair.baseline), *fit_part(tries, parts[WHOLE])]
+    figures, poor = sort_out(found, base)
     tables = {
         "The two recorded images, matched over the full range and near the truth": compare(
             tries, tries.guided, parts[WHOLE]
@@ -113,8 +131,8 @@ def fit_pair(pair: Pair, base: StereoRig) -> Fit:
     height, width = pair.disparity.shape
     return Fit(
         about=f"stereo pair '{pair.name}', {width} by {height} pixels, with true disparity",
-        figures=tuple(figures),
-        kept=_KEPT,
+        figures=figures,
+        kept=_KEPT | poor,
         tables=tables,
         series=(_bad_over_noise(tries, parts[WHOLE]),),
     )
@@ -126,7 +144,6 @@ _KEPT = {
     "min_depth": "the pair was matched here, not by the camera",
     "max_depth": "the pair was matched here, not by the camera",
     "max_disparity": "the pair was matched here, not by the camera",
-    "row_offset": "rows that do not match show as noise of the images",
     "exposure_time": "one image of each eye",
     "readout_time": "one image of each eye",
     "vignetting": "the scene is not lit evenly",
@@ -142,19 +159,33 @@ def image_parts(shape: tuple[int, int]) -> dict[str, np.ndarray]:
 
 def fit_part(tries: Simulations, where: np.ndarray) -> list[Fitted]:
     """Return the figures that a part of the image gives."""
-    noise = _image_noise(tries, where)
+    pair = tries.pair
+    eyes = Eyes(pair.left, pair.right, pair.disparity)
+    noise = eye_noise([eyes], tries.rig.full_well, where)
+    if not noise.is_known:
+        raise DigsError(
+            f"stereo pair '{pair.name}': too few plain areas that both eyes see tell the noise of its images; "
+            "fit another pair"
+        )
     simulated = _good_error(
         tries.simulate(replace(tries.rig, image_noise=noise.value)), tries, where
     )
     measured = _good_error(tries.measured, tries, where)
     field = _static_field(measured, simulated, tries.rig)
+    calibration = calibrate([measured - simulated], [tries.true], tries.rig.intrinsics)
+    drifted = (
+        "drift of this unit: errors beyond those of the simulated pair, by place and disparity"
+    )
     return [
-        Fitted("image_noise", noise, "search: as many wrong values in the simulated pair as in the real one"),
-        Fitted("static_field", field, "smooth errors beyond those that the simulated pair has, too"),
-        Fitted("column_offset", _offset(measured, simulated), "mean error beyond that of the simulated pair"),
-        Fitted("disparity_sigma", _law_sigma(tries, where, field), "RMS of the errors up to a pixel, "
-               "without the static field"),
-    ]  # fmt: skip
+        Fitted("image_noise", noise, "what the eyes see differently where there is little texture"),
+        Fitted("static_field", field, "smooth errors beyond those of the simulated pair"),
+        *(Fitted(name, size, drifted) for name, size in calibration.figures.items()),
+        Fitted(
+            "disparity_sigma",
+            _law_sigma(tries, where, field),
+            "RMS of the errors up to a pixel, without the static field",
+        ),
+    ]
 
 
 def compare(tries: Simulations, simulated: np.ndarray, where: np.ndarray) -> list[Comparison]:
@@ -168,52 +199,12 @@ def _good_error(disparity: np.ndarray, tries: Simulations, where: np.ndarray) ->
     return np.where(np.abs(error) <= WRONG, error, np.nan)
 
 
-def _image_noise(tries: Simulations, where: np.ndarray) -> Estimate:
-    """Return the noise at which the simulated pair has as many wrong values as the real one."""
-    blocks = block_numbers(tries.true.shape)
-    real = _wrong_sums(tries.measured, tries.true, where, blocks)
-    shares = [_share(_wrong_sums(d, tries.true, where, blocks)) for d in tries.tried]
-    rising = np.maximum.accumulate(shares) + 1e-9 * np.arange(len(LEVELS))
-    level = float(np.interp(_share(real), rising, LEVELS))
-    upper = min(max(int(np.searchsorted(LEVELS, level, "right")), 1), len(LEVELS) - 1)
-    slope = (rising[upper] - rising[upper - 1]) / (LEVELS[upper] - LEVELS[upper - 1])
-    nearest = int(np.argmin(np.abs(np.array(LEVELS) - level)))
-    sums = np.concatenate(
-        [real, _wrong_sums(tries.tried[nearest], tries.true, where, blocks)], axis=1
-    )
-    difference = jackknife(sums, lambda s: s[0] / s[1] - s[2] / s[3])
-    return Estimate(level, difference.error / slope)
-
-
-def _wrong_sums(
-    disparity: np.ndarray, true: np.ndarray, where: np.ndarray, blocks: np.ndarray
-) -> np.ndarray:
-    error = np.abs(disparity - true)
-    known = where & np.isfinite(error)
-    parts = [(error > WRONG) & known, known]
-    return np.stack([block_sums(x.astype(float), blocks) for x in parts], axis=1)
-
-
-def _share(sums: np.ndarray) -> float:
-    return float(sums[:, 0].sum() / sums[:, 1].sum())
-
-
 def _static_field(measured: np.ndarray, simulated: np.ndarray, rig: StereoRig) -> Estimate:
     """Return the static field that the simulation lacks [px]."""
     k = rig.intrinsics
     shrink = smooth_variance(unit_field(rig.unit, k.width, k.height)).value
     excess = excess_variance(measured, simulated)
     return Estimate(excess.value / shrink, excess.error / shrink).root()
-
-
-def _offset(measured: np.ndarray, simulated: np.ndarray) -> Estimate:
-    blocks = block_numbers(measured.shape)
-    sums = [
-        block_sums(x, blocks)
-        for values in (measured, simulated)
-        for x in (values, np.where(np.isfinite(values), 1.0, np.nan))
-    ]
-    return jackknife(np.stack(sums, axis=1), lambda s: s[0] / s[1] - s[2] / s[3])
 
 
 def _law_sigma(tries: Simulations, where: np.ndarray, field: Estimate) -> Estimate:

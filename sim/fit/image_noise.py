@@ -29,7 +29,7 @@ ROUNDING = 1 / 12  # variance of the rounding to whole steps [DN^2]
 # Where noise is that much larger on edges than on plain areas, the camera moved.
 MOVED = 1.3
 
-_LEVELS = 256
+LEVELS = 256
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def image_noise(stacks: Sequence[np.ndarray]) -> ImageNoise:
     stacks = [stack for stack in stacks if len(stack) > 1]
     if not stacks:
         return NO_NOISE
-    plain, edges = (np.zeros((BLOCKS, 2 * _LEVELS)) for _ in range(2))
+    plain, edges = (np.zeros((BLOCKS, 2 * LEVELS)) for _ in range(2))
     for stack in stacks:
         mean = stack.mean(axis=0)
         gradient = np.abs(horizontal_gradient(gray_of(np.rint(mean).astype(np.uint8))))
@@ -78,31 +78,54 @@ def image_noise(stacks: Sequence[np.ndarray]) -> ImageNoise:
         edges += _level_sums(stack, mean, steep)
     # Half of the image is plain enough that a shake of the camera hardly shows.
     return ImageNoise(
-        temporal=jackknife(plain, lambda s: s[:_LEVELS].sum() / s[_LEVELS:].sum()).root(),
+        temporal=jackknife(plain, lambda s: s[:LEVELS].sum() / s[LEVELS:].sum()).root(),
         mid_gray=_with_model(jackknife(plain, _mid_gray_variance).root(), MODEL_ERROR),
         full_well=_full_well(plain),
         edges=_edge_ratio(plain.sum(axis=0), edges.sum(axis=0)),
     )
 
 
+def mid_gray_noise(sums: np.ndarray, full_well: float) -> Estimate:
+    """Return the noise of a mid-gray pixel [DN] where the noise at other levels does not tell the full well.
+
+    Args:
+        sums: by block, the summed variance at each gray level, then the number of values.
+        full_well: electrons of a white pixel, which gives the shot noise, up to all of the noise.
+    """
+    linear, slope = _linear_and_slope()
+    most = STEPS_PER_LINEAR**2 * MIDDLE_GREY / full_well
+
+    def variance(total: np.ndarray) -> float:
+        counts = total[LEVELS:]
+        measured = total[:LEVELS].sum() / counts.sum() - ROUNDING
+        # Variance at each level over that at mid-gray, of either kind of noise.
+        read = (slope**2 * counts).sum() / counts.sum() / STEPS_PER_LINEAR**2
+        shot = (slope**2 * linear * counts).sum() / counts.sum() / STEPS_PER_LINEAR**2 / MIDDLE_GREY
+        if measured <= most * shot:
+            return measured / shot
+        return most + (measured - most * shot) / read
+
+    return jackknife(sums, variance).root()
+
+
 def _level_sums(stack: np.ndarray, mean: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Return, by block, the summed variance at each gray level, then the number of values."""
     blocks = block_numbers(stack.shape[1:3])[where]
-    index = (blocks[:, None] * _LEVELS + np.rint(mean[where]).astype(int)).ravel()
-    variances, counts = (np.zeros(BLOCKS * _LEVELS) for _ in range(2))
+    index = (blocks[:, None] * LEVELS + np.rint(mean[where]).astype(int)).ravel()
+    variances, counts = (np.zeros(BLOCKS * LEVELS) for _ in range(2))
     for first, second in pairwise(stack):
         change = first[where].astype(np.float64) - second[where]
         change -= change.mean(axis=0)
-        variances += np.bincount(index, (0.5 * change**2).ravel(), BLOCKS * _LEVELS)
-        counts += np.bincount(index, minlength=BLOCKS * _LEVELS)
-    return np.concatenate([x.reshape(BLOCKS, _LEVELS) for x in (variances, counts)], axis=1)
+        variances += np.bincount(index, (0.5 * change**2).ravel(), BLOCKS * LEVELS)
+        counts += np.bincount(index, minlength=BLOCKS * LEVELS)
+    return np.concatenate([x.reshape(BLOCKS, LEVELS) for x in (variances, counts)], axis=1)
 
 
 def _edge_ratio(plain: np.ndarray, edges: np.ndarray) -> float:
     """Return the ratio of noise at the same gray levels on edges and on plain areas."""
-    weight = np.minimum(plain[_LEVELS:], edges[_LEVELS:])
+    weight = np.minimum(plain[LEVELS:], edges[LEVELS:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        means = [np.nan_to_num(x[:_LEVELS] / x[_LEVELS:]) for x in (plain, edges)]
+        means = [np.nan_to_num(x[:LEVELS] / x[LEVELS:]) for x in (plain, edges)]
     at_plain, at_edges = (float((mean * weight).sum()) for mean in means)
     return float(np.sqrt(at_edges / at_plain)) if at_plain > 0 else np.nan
 
@@ -128,7 +151,7 @@ def _shot_and_read(sums: np.ndarray) -> np.ndarray:
     from scipy.optimize import nnls
 
     levels = np.arange(DARKEST, BRIGHTEST)
-    counts = sums[_LEVELS:][levels]
+    counts = sums[LEVELS:][levels]
     levels, counts = levels[counts > 0], counts[counts > 0]
     if len(levels) < 2:
         return np.full(2, np.nan)
@@ -147,5 +170,5 @@ def _shot_and_read(sums: np.ndarray) -> np.ndarray:
 @cache
 def _linear_and_slope() -> tuple[np.ndarray, np.ndarray]:
     """Return the linear light of each gray level, and 8-bit steps per unit of linear light there."""
-    linear = linear_from_srgb(np.arange(_LEVELS) / 255.0)
+    linear = linear_from_srgb(np.arange(LEVELS) / 255.0)
     return linear, 1 / np.gradient(linear)

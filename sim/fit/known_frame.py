@@ -8,6 +8,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.scene import Material
+from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.frame import FrameTruth, Motion
 
 # Surfaces are the same when their disparities differ by no more than this [px].
@@ -57,7 +58,12 @@ class WarpedRays:
 
 
 def known_frame(
-    left: np.ndarray, right: np.ndarray, disparity: np.ndarray, rig: StereoRig, number: int = 0
+    left: np.ndarray,
+    right: np.ndarray,
+    disparity: np.ndarray,
+    rig: StereoRig,
+    number: int = 0,
+    drift: Drift = NO_DRIFT,
 ) -> FrameTruth:
     """Return a pair with true disparity as a frame of the simulator.
 
@@ -67,6 +73,7 @@ def known_frame(
         disparity: true one of the left image [px], (height, width), NaN where it is not known.
         rig: the camera.
         number: of the frame, >= 0.
+        drift: of the eye that saw ``right``.
     """
     shape = disparity.shape
     return FrameTruth(
@@ -81,4 +88,5 @@ def known_frame(
         materials=(Material("unknown", np.full(3, 0.5, dtype=np.float32)),),
         motion=Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         rays=WarpedRays(disparity),
+        drift=drift,
     )

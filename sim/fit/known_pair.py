@@ -2,13 +2,16 @@
 
 import numpy as np
 
-from digs_warp.sim.sensor.filters import sampled
+from digs_warp.sim.sensor.filters import box_mean, sampled
 
 # Steps larger than this are edges of objects: nothing is between the two sides [px].
 EDGE = 1.0
 
 # Points per pixel along a row, so that no gap opens where the right eye sees a surface wider.
 FINE = 8
+
+# Side of the windows whose variance tells texture from noise [px].
+GRAIN_WINDOW = 5
 
 
 def filled(disparity: np.ndarray) -> np.ndarray:
@@ -65,3 +68,22 @@ def _seen_from_right(disparity: np.ndarray) -> np.ndarray:
         np.maximum.at(nearest, (rows, column[rows, at]), value[rows, at] + slope * rest)
     nearest[np.isinf(nearest)] = np.nan
     return nearest
+
+
+def without_grain(image: np.ndarray, sigma: float) -> np.ndarray:
+    """Return an image without noise of a known size, as far as that can be told from texture.
+
+    Wiener's filter with the mean and the variance of small windows (Lee 1980): where these vary no more than
+    the noise does, the mean is left.
+
+    Args:
+        image: sRGB, (height, width, 3), uint8.
+        sigma: standard deviation of the noise of each channel [DN].
+    """
+    if sigma == 0:
+        return image
+    pixels = image.astype(np.float32)
+    mean = box_mean(pixels, GRAIN_WINDOW)
+    variance = np.maximum(box_mean(pixels**2, GRAIN_WINDOW) - mean**2, 1e-6)
+    texture = np.maximum(variance - np.float32(sigma**2), 0) / variance
+    return np.clip(np.rint(mean + texture * (pixels - mean)), 0, 255).astype(np.uint8)

@@ -8,6 +8,9 @@ from digs_warp.camera import Intrinsics
 from digs_warp.sim.fit.estimate import Estimate
 from digs_warp.sim.rig import StereoRig
 
+# Share of a figure that its error may not exceed.
+TOO_LARGE = 2 / 3
+
 
 @dataclass(frozen=True)
 class Fitted:
@@ -83,6 +86,25 @@ def geometry(k: Intrinsics, baseline: float) -> list[Fitted]:
     values = {"width": k.width, "height": k.height, "focal": k.fx, "baseline": baseline}
     how = "calibration of the recording"
     return [Fitted(name, Estimate(value, math.nan), how) for name, value in values.items()]
+
+
+def sort_out(
+    figures: Sequence[Fitted], base: StereoRig
+) -> tuple[tuple[Fitted, ...], dict[str, str]]:
+    """Return the figures that are known well enough, and why the others are not.
+
+    An error of two thirds of the value, or of the base's where that is larger, tells too little.
+    """
+    good, poor = [], {}
+    for figure in figures:
+        value, error = figure.estimate.value, figure.estimate.error
+        if error > TOO_LARGE * max(abs(value), abs(getattr(base, figure.name, value))):
+            poor[figure.name] = (
+                f"{value:.2g} with a standard error of {error:.2g}: not precise enough"
+            )
+        else:
+            good.append(figure)
+    return tuple(good), poor
 
 
 def with_figures(rig: StereoRig, figures: Sequence[Fitted]) -> StereoRig:

@@ -11,6 +11,7 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWrit
 from digs_warp.sim.fit.known_frame import known_frame
 from digs_warp.sim.fit.sensing import sense_frame
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import Tier, depth_of
@@ -64,6 +65,7 @@ def record_wall(
     places: Sequence[Place] = PLACES,
     frames: int = 6,
     seed: int = 0,
+    drift: Drift = NO_DRIFT,
 ) -> Capture:
     """Record the wall with a camera at rest at each place; vignetting is left out.
 
@@ -74,12 +76,13 @@ def record_wall(
         places: one after another.
         frames: at each place.
         seed: of texture and noise.
+        drift: of the right eye since the calibration.
     """
     number = 0
     for place in places:
-        truth = photograph(place, rig, seed)
+        truth = photograph(place, rig, seed, drift)
         for _ in range(frames):
-            frame = known_frame(truth.image, truth.right, truth.disparity, rig, number)
+            frame = known_frame(truth.image, truth.right, truth.disparity, rig, number, drift)
             recorded, sensed = sense_frame(frame, tier, seed)
             images = FrameImages(
                 image=recorded[0],
@@ -98,12 +101,14 @@ def in_memory(rig: StereoRig) -> MemoryWriter:
     return MemoryWriter(rig.intrinsics, Rig(rig.baseline))
 
 
-def photograph(place: Place, rig: StereoRig, seed: int = 0) -> FrameTruth:
+def photograph(place: Place, rig: StereoRig, seed: int = 0, drift: Drift = NO_DRIFT) -> FrameTruth:
     """Return images and truth of the wall at a place."""
     texture = _texture(place.distance / rig.intrinsics.fx, seed)
-    left, depth = _eye(place, rig.intrinsics, 0.0, texture)
-    right, _ = _eye(place, rig.intrinsics, rig.baseline, texture)
-    return known_frame(left, right, rig.focal_baseline / depth, rig)
+    k, straight = rig.intrinsics, np.eye(3)
+    left, depth = _eye(place, k, 0.0, straight, texture)
+    turned = drift.homography(k) if drift.moves_right_image else straight
+    right, _ = _eye(place, k, rig.baseline, turned, texture)
+    return known_frame(left, right, rig.focal_baseline / depth, rig, drift=drift)
 
 
 def _texture(pixel: float, seed: int) -> np.ndarray:
@@ -120,12 +125,17 @@ def _texture(pixel: float, seed: int) -> np.ndarray:
 
 
 def _eye(
-    place: Place, k: Intrinsics, offset: float, texture: np.ndarray
+    place: Place, k: Intrinsics, offset: float, turned: np.ndarray, texture: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the image of an eye ``offset`` metres to the right, and the depth of the wall there."""
+    """Return the image of an eye ``offset`` metres to the right, and the depth of the wall there.
+
+    ``turned`` takes the places in the image where points belong to where the eye has them, (3, 3).
+    """
     side, down, normal = place.axes
-    x = (np.arange(k.width) + 0.5 - k.cx) / k.fx
-    y = (np.arange(k.height)[:, None] + 0.5 - k.cy) / k.fy
+    rows, columns = np.indices((k.height, k.width)) + 0.5
+    belongs = np.linalg.inv(turned) @ np.stack([columns, rows, np.ones_like(rows)]).reshape(3, -1)
+    u, v = (belongs[:2] / belongs[2]).reshape(2, k.height, k.width)
+    x, y = (u - k.cx) / k.fx, (v - k.cy) / k.fy
     eye, center = np.array([offset, 0.0, 0.0]), np.array([0.0, 0.0, place.distance])
     depth = normal @ (center - eye) / (normal[0] * x + normal[1] * y + normal[2])
     from_center = [depth * x + offset, depth * y, depth - place.distance]

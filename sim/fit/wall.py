@@ -34,12 +34,14 @@ class Pose:
         disparity: as the camera reports it [px], (frames, height, width), float32, NaN where it has none.
         images: left images, sRGB, (frames, height, width, 3), uint8.
         true: true disparity [px], (height, width), float32; None: not known.
+        right: right image of the first frame, (height, width, 3), uint8; None: not recorded.
     """
 
     plane: Plane
     disparity: np.ndarray
     images: np.ndarray
     true: np.ndarray | None
+    right: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,7 @@ class _Loaded:
     image: np.ndarray
     disparity: np.ndarray
     true: np.ndarray | None
+    right: np.ndarray | None
 
 
 def _load(capture: Capture, focal_baseline: float) -> Iterator[_Loaded]:
@@ -124,7 +127,9 @@ def _load(capture: Capture, focal_baseline: float) -> Iterator[_Loaded]:
         disparity = np.float32(focal_baseline) / frame.load_depth()
         if frame.has(Layer.MASK):
             disparity[frame.load_mask() < 128] = np.nan
-        yield _Loaded(frame.name, frame.load_image(), disparity, _true(frame, focal_baseline))
+        right = frame.load_right_image() if frame.has(Layer.RIGHT) else None
+        true = _true(frame, focal_baseline)
+        yield _Loaded(frame.name, frame.load_image(), disparity, true, right)
 
 
 def _true(frame: Frame, focal_baseline: float) -> np.ndarray | None:
@@ -154,12 +159,16 @@ def _differ(first: Plane, second: Plane, shape: tuple[int, int]) -> float:
 
 
 def make_pose(
-    name: str, disparity: np.ndarray, images: np.ndarray, true: np.ndarray | None
+    name: str,
+    disparity: np.ndarray,
+    images: np.ndarray,
+    true: np.ndarray | None,
+    right: np.ndarray | None = None,
 ) -> Pose:
     """Return a pose with the plane of its mean disparity; ``name`` is for messages."""
     count = np.isfinite(disparity).sum(axis=0)
     mean = np.nansum(disparity, axis=0, dtype=np.float64) / np.where(count, count, np.nan)
-    return Pose(_plane_of(mean, name), disparity, images, true)
+    return Pose(_plane_of(mean, name), disparity, images, true, right)
 
 
 def _pose(capture: Capture, frames: list[_Loaded]) -> Pose:
@@ -168,6 +177,7 @@ def _pose(capture: Capture, frames: list[_Loaded]) -> Pose:
         np.stack([frame.disparity for frame in frames]),
         np.stack([frame.image for frame in frames]),
         frames[0].true,
+        frames[0].right,
     )
 
 

@@ -1,6 +1,6 @@
 """Each statistic of a wall against arrays whose figures are known."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,6 @@ from digs_warp.sim.fit.holes import holes, median_size, small_share
 from digs_warp.sim.fit.image_noise import image_noise
 from digs_warp.sim.fit.plane import fit_plane
 from digs_warp.sim.fit.range_and_step import depth_range, disparity_step, limits
-from digs_warp.sim.fit.search import solve
 from digs_warp.sim.fit.wall import Wall, make_pose
 from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.sensor.color.encoding import decode, encode
@@ -116,8 +115,8 @@ def test_blocks_cover_the_image_and_empty_ones_do_not_count() -> None:
 
 
 def test_a_variance_of_zero_has_a_root_with_an_error() -> None:
-    assert Estimate(0.04, 0.004).root() == Estimate(pytest.approx(0.2), pytest.approx(0.01))
-    assert Estimate(-0.01, 0.0009).root() == Estimate(0.0, pytest.approx(0.03))
+    assert astuple(Estimate(0.04, 0.004).root()) == pytest.approx((0.2, 0.01))
+    assert astuple(Estimate(-0.01, 0.0009).root()) == pytest.approx((0.0, 0.03))
 
 
 @pytest.mark.parametrize(("sigma", "well"), [(1.0, 20_000.0), (3.0, 4_000.0)])
@@ -216,12 +215,3 @@ def test_the_error_of_a_line_covers_what_few_points_scatter() -> None:
     within = [abs(o.value - 1) < 2 * o.error
               for o, _ in (fit_line(x, 2 * x + 1 + rng.standard_normal(5)) for _ in range(300))]  # fmt: skip
     assert np.mean(within) > 0.93
-
-
-def test_the_search_interpolates_and_stays_within_its_ends() -> None:
-    found = solve(lambda x: x**2, Estimate(9.0, 0.6), (0.0, 16.0))
-    assert found.value == pytest.approx(3.0, abs=0.01) and found.error == pytest.approx(
-        0.1, rel=0.05
-    )
-    assert solve(lambda x: x + 5, Estimate(1.0, 0.1), (0.0, 16.0)).value == 0
-    assert solve(lambda x: x, Estimate(99.0, 0.1), (0.0, 16.0)).value == 16

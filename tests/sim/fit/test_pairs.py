@@ -9,18 +9,18 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import write_image
+from digs_warp.sim.fit.eye_noise import Eyes, eye_noise
 from digs_warp.sim.fit.fit_pair import (
     LEFT,
     RIGHT,
-    fit_pair,
     fit_part,
     image_parts,
     pair_rig,
     try_noise,
 )
 from digs_warp.sim.fit.known_frame import known_frame
-from digs_warp.sim.fit.known_pair import filled, right_image
-from digs_warp.sim.fit.pair_folder import Pair, is_pair, read_pair
+from digs_warp.sim.fit.known_pair import filled, right_image, without_grain
+from digs_warp.sim.fit.pair_folder import is_pair, read_pair
 from digs_warp.sim.fit.pair_scores import BAD, RMS, excess_variance, scores
 from digs_warp.sim.fit.result import with_figures
 from digs_warp.sim.fit.sensing import ON_IMAGES
@@ -156,22 +156,32 @@ def test_a_static_field_shows_beside_errors_that_both_have() -> None:
     assert sigma == pytest.approx(0.3, rel=0.15)
 
 
-def test_a_pair_with_known_noise_gives_it_back() -> None:
-    """A wall photographed with noise in the right eye."""
+@pytest.mark.parametrize(("contrast", "known"), [(1 / 14, 3.0), (1 / 8, 6.0), (1 / 10, 1.5)])
+def test_the_noise_of_a_pair_is_what_its_eyes_see_differently(
+    contrast: float, known: float
+) -> None:
     rig = load_profile("zed2-720").rig(400, 260, 60)
-    # Weak texture, so that noise decides what is wrong.
     truth = photograph(Place(1.2, 18, -9), rig)
-    weak = np.clip(128 + (truth.image.astype(float) - 128) / 8, 0, 255)
-    left = np.rint(weak).astype(np.uint8)
+    left = np.rint(128 + contrast * (truth.image.astype(float) - 128)).astype(np.uint8)
     right = right_image(left, truth.disparity)
-    known = 3.0
     frame = known_frame(left, right, truth.disparity, replace(rig, image_noise=known))
-    noisy = recorded_images(frame, ON_IMAGES, seed=5)[1]
-    fit = fit_pair(Pair("wall", rig.intrinsics, rig.baseline, left, noisy, truth.disparity), rig)
-    found = {figure.name: figure.estimate for figure in fit.figures}
-    # Only the right eye has noise here: the same as less noise in both.
-    assert 0.5 * known < found["image_noise"].value < 1.1 * known
-    assert found["static_field"].value < 3 * found["static_field"].error + 1e-9
+    noisy = recorded_images(frame, ON_IMAGES, seed=5)
+    found = eye_noise([Eyes(*noisy, truth.disparity)], rig.full_well)
+    assert found.value == pytest.approx(known, rel=0.05)
+    assert abs(found.value - known) < 3 * found.error < 0.3 * known
+    assert not eye_noise([], rig.full_well).is_known
+
+
+def test_grain_is_taken_out_and_texture_left() -> None:
+    rng = np.random.default_rng(0)
+    texture = broadband((120, 160), 2, 40.0).astype(float)
+    plain = np.full((120, 160, 3), 128.0)
+    for picture, kept in ((plain, 0.25), (texture, 1.0)):
+        noisy = np.clip(np.rint(picture + 3 * rng.standard_normal(picture.shape)), 0, 255)
+        clean = without_grain(noisy.astype(np.uint8), 3.0)
+        assert (clean - picture).std() < kept * (noisy - picture).std()
+    sharp = broadband((120, 160), 2, 40.0)
+    assert (without_grain(sharp, 0.0) == sharp).all()
 
 
 def test_half_of_motorcycle_predicts_the_other_half(sample_data: Path) -> None:

@@ -11,6 +11,7 @@ from digs_warp.sim.fit.textured_wall import PLACES, in_memory, record_wall
 from digs_warp.sim.fit.wall import read_wall
 from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.tiers import Tier
 
 SIZE = (384, 216)
@@ -19,13 +20,18 @@ SIZE = (384, 216)
 WITHIN = 3.0
 
 # Near and far end cut into the nearest and the farthest wall.
-RANGE = {"min_depth": 0.66, "max_depth": 2.6}
+RANGE = {"min_depth": 0.68, "max_depth": 2.55}
 
 KNOWN = {
-    0: {"image_noise": 1.5, "full_well": 9_000.0, "static_field": 0.10, "column_offset": 0.30, "unit": 1},
-    1: {"image_noise": 2.5, "full_well": 5_000.0, "static_field": 0.16, "column_offset": -0.25, "unit": 2},
-    2: {"image_noise": 4.0, "full_well": 2_500.0, "static_field": 0.25, "column_offset": 0.0, "unit": 3},
-}  # fmt: skip
+    0: {"image_noise": 1.5, "full_well": 9_000.0, "static_field": 0.10, "unit": 1},
+    1: {"image_noise": 2.5, "full_well": 5_000.0, "static_field": 0.16, "unit": 2},
+    2: {"image_noise": 4.0, "full_well": 2_500.0, "static_field": 0.25, "unit": 3},
+}
+DRIFTS = {
+    0: Drift(yaw_deg=0.03, roll_deg=0.02, focal=8e-4, baseline=8e-3),
+    1: Drift(yaw_deg=-0.04, roll_deg=0.05, focal=-1e-3, baseline=-1e-2),
+    2: Drift(yaw_deg=0.05, roll_deg=-0.06, focal=1.5e-3, baseline=1.5e-2),
+}
 OF_LAW = {
     0: {"disparity_sigma": 0.06, "disparity_step": 1 / 32},
     1: {"disparity_sigma": 0.12, "disparity_step": 1 / 16},
@@ -37,10 +43,12 @@ def base() -> StereoRig:
     return load_profile("zed2-720").rig(*SIZE, 60)
 
 
-def fitted(tier: Tier, figures: dict[str, float], seed: int, frames: int = 5) -> Fit:
+def fitted(
+    tier: Tier, figures: dict[str, float], seed: int, frames: int = 5, drift: Drift = NO_DRIFT
+) -> Fit:
     """Record with the figures, fit with a base that has others."""
     rig = replace(base(), **RANGE, **figures)
-    capture = record_wall(in_memory(rig), rig, tier, PLACES, frames, seed)
+    capture = record_wall(in_memory(rig), rig, tier, PLACES, frames, seed, drift)
     return fit_wall(read_wall(capture, rig.baseline), base())
 
 
@@ -55,18 +63,26 @@ def check(fit: Fit, known: dict[str, float], largest: dict[str, float]) -> None:
 
 
 @pytest.mark.parametrize("seed", KNOWN)
-def test_matched_depth_gives_back_noise_field_offset_and_range(seed: int) -> None:
-    known = KNOWN[seed]
-    fit = fitted("guided", known, seed)
+def test_matched_depth_gives_back_noise_field_drift_and_range(seed: int) -> None:
+    known, drift = KNOWN[seed], DRIFTS[seed]
+    fit = fitted("guided", known, seed, drift=drift)
     largest = {
         "image_noise": 0.01 * known["image_noise"],
         "full_well": 0.04 * known["full_well"],
         "static_field": 0.1 * known["static_field"],
-        "column_offset": 0.12,
+        "rotation_drift": 0.02,
+        "focal_drift": 5e-4,
+        "baseline_drift": 3e-3,
         "min_depth": 0.005,
         "max_depth": 0.02,
     }
-    check(fit, {name: v for name, v in known.items() if name != "unit"} | RANGE, largest)
+    of_drift = {
+        "rotation_drift": float(np.sqrt((drift.yaw_deg**2 + drift.roll_deg**2) / 2)),
+        "focal_drift": abs(drift.focal),
+        "baseline_drift": abs(drift.baseline),
+    }
+    figures = {name: value for name, value in known.items() if name != "unit"}
+    check(fit, figures | of_drift | RANGE, largest)
 
 
 @pytest.mark.parametrize("seed", OF_LAW)
@@ -106,9 +122,9 @@ def test_what_a_recording_cannot_tell_is_said_and_kept() -> None:
     capture = record_wall(in_memory(rig), rig, "guided", PLACES[1:3], frames=1)
     fit = fit_wall(read_wall(capture, rig.baseline), base())
     found = {figure.name for figure in fit.figures}
-    unknown = {"min_depth", "max_depth", "column_offset", "full_well", "image_noise"}
+    unknown = {"min_depth", "max_depth", "rotation_drift", "full_well"}
     assert unknown <= set(fit.kept) and not unknown & found
-    assert "static_field" in found, "two places are enough for it"
+    assert {"static_field", "image_noise"} <= found, "from two places, and from the two eyes"
     assert any("one frame at each distance" in doubt for doubt in fit.doubts)
     assert any("2 distances" in doubt for doubt in fit.doubts)
 
