@@ -1,18 +1,21 @@
-"""`digs-warp sensor fit`: the figures of a real depth camera, from its recordings."""
+"""`digs-warp sensor fit|wall`: the figures of a depth camera from its recordings; recordings to try it on."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError, require_folder
 from digs_warp.commands.command import Command, Group
-from digs_warp.commands.output import check_output_file
+from digs_warp.commands.output import NewFolder, check_output_file
 from digs_warp.data.capture import INDEX_NAME
 from digs_warp.data.other_folders import what_it_is
 from digs_warp.record.files import write_atomically
+from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.run_log import RunLog
+from digs_warp.words import counted, did_you_mean
 
 if TYPE_CHECKING:
     from digs_warp.sim.fit.result import Fit
@@ -58,7 +61,6 @@ class FitSensor(Command):
         from digs_warp.sim.fit.profile_file import write_profile
         from digs_warp.sim.profiles import PROFILES
         from digs_warp.study.fit_page import figures_table, fit_page
-        from digs_warp.words import did_you_mean
 
         if self.base not in PROFILES:
             raise DigsError(f"--base '{self.base}': unknown{did_you_mean(self.base, PROFILES)}")
@@ -105,7 +107,63 @@ class FitSensor(Command):
         return fit_pair(read_pair(self.recording), base.rig())
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecordWall(Command):
+    """Record a flat, textured wall with a simulated camera, as 'digs-warp sensor fit' needs it.
+
+    The wall stands at five places, 0.7 to 2.5 m away and tilted. The figures of the camera and the drift of
+    its calibration are in run.json: see how well the fit finds them.
+    """
+
+    out: Path
+    """Folder for the capture. It must be new or empty, unless --overwrite is given."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace the results of an earlier run in this folder once the new ones are complete."""
+
+    profile: str = "zed2-720"
+    """The camera: a name or a YAML file, as for 'digs-warp simulate'."""
+
+    width: int = 640
+    """Image width [px]."""
+
+    frames: int = 6
+    """Frames at each place."""
+
+    tier: Literal["law", "guided", "matcher"] = "guided"
+    """Sensor, as for 'digs-warp simulate'."""
+
+    seed: int = 0
+    """Seed of texture, noise and drift."""
+
+    def __post_init__(self) -> None:
+        check_flag("--width", self.width)
+        check_flag("--frames", self.frames)
+        check_flag("--seed", self.seed)
+
+    def execute(self) -> str:
+        """Record, and say where the capture is."""
+        from digs_warp.data.capture import Rig
+        from digs_warp.data.capture_writer import CaptureWriter
+        from digs_warp.sim.fit.textured_wall import record_wall
+        from digs_warp.sim.profiles import load_profile
+        from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
+
+        rig = load_profile(self.profile).rig(self.width)
+        drift = CalibrationDrift().draw(rig, self.seed)
+        log = RunLog("sensor wall", self)
+        with NewFolder(out=self.out, overwrite=self.overwrite).opened() as folder:
+            writer = CaptureWriter(folder, rig.intrinsics, Rig(rig.baseline))
+            with log.stage("record"):
+                capture = record_wall(
+                    writer, rig, self.tier, frames=self.frames, seed=self.seed, drift=drift
+                )
+            log.results = {"frames": len(capture), "drift": asdict(drift), "rig": asdict(rig)}
+            log.save(folder / RUN_RECORD)
+        return f"{self.out}: {counted(len(capture), 'frame')} of a wall"
+
+
 SENSOR = Group(
-    "Measure real depth cameras, so that they can be simulated.",
-    {"fit": FitSensor},
+    "Measure depth cameras, so that they can be simulated.",
+    {"fit": FitSensor, "wall": RecordWall},
 )

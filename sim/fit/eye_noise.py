@@ -14,7 +14,7 @@ from digs_warp.sim.fit.image_noise import LEVELS, mid_gray_noise
 from digs_warp.sim.fit.known_frame import WarpedRays
 from digs_warp.sim.fit.known_pair import filled
 from digs_warp.sim.fit.plane import OF_MAD
-from digs_warp.sim.sensor.filters import box_mean, erode, gray_of, horizontal_gradient, sampled
+from digs_warp.sim.sensor.filters import box_mean, dilate, gray_of, horizontal_gradient, sampled
 
 # Side of the windows whose mean difference is removed [px].
 WINDOW = 9
@@ -75,7 +75,7 @@ def _level_sums(pair: Eyes, where: np.ndarray | None) -> np.ndarray:
     difference = moved - pair.left
     difference -= box_mean(difference, WINDOW)
     seen = known & WarpedRays(disparity).right_visibility() & (source >= WINDOW)
-    good = erode(seen, WINDOW)
+    good = ~dilate(~seen, WINDOW // 2)
     if where is not None:
         good &= where
     good &= _is_plain(pair.left, good)

@@ -164,8 +164,7 @@ def fit_part(tries: Simulations, where: np.ndarray) -> list[Fitted]:
     noise = eye_noise([eyes], tries.rig.full_well, where)
     if not noise.is_known:
         raise DigsError(
-            f"stereo pair '{pair.name}': too few plain areas that both eyes see tell the noise of its images; "
-            "fit another pair"
+            f"stereo pair '{pair.name}': too few areas that both eyes see; fit another pair"
         )
     simulated = _good_error(
         tries.simulate(replace(tries.rig, image_noise=noise.value)), tries, where

@@ -7,8 +7,9 @@ import numpy as np
 # Values farther from the plane than this are wrong matches or another surface [px], as in Middlebury's bad-1.
 NEAR = 1.0
 
-# Noise may be larger than that: values within this many standard deviations belong to the plane, too.
-DEVIATIONS = 5.0
+# Noise may be larger than that: values within this many standard deviations belong to the plane, too, up to a
+# distance that no noise of a depth camera reaches [px].
+DEVIATIONS, FAR = 5.0, 3.0
 
 # Fewer pixels make no wall.
 FEWEST = 1000
@@ -62,7 +63,7 @@ def fit_plane(disparity: np.ndarray) -> Plane | None:
     if np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:  # all in a line
         return None
     found, spread = _by_least_median(points, values)
-    limit = max(NEAR, DEVIATIONS * spread)
+    limit = min(max(NEAR, DEVIATIONS * spread), FAR)
     near = np.abs(values - points @ found) <= limit
     for _ in range(_ROUNDS):
         inside, rest = points[near], values[near] - points[near] @ found

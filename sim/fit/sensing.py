@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from digs_warp.sim.config import Tier
 from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects.protocol import Choice
 from digs_warp.sim.sensor.effects.quantum import Quantum
 from digs_warp.sim.sensor.effects.static_field import StaticField
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.tiers import Tier, sense
+from digs_warp.sim.sensor.tiers import sense
 
 # Noise of the images, static field and fixed point are as strong as the rig says; a drift is in the frame.
 ON_IMAGES = (ShotNoise(), ReadNoise())

@@ -1,20 +1,22 @@
 """A flat wall with a texture of all scales, photographed exactly: the recording whose figures are known."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.data.capture import Capture, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWriter
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.known_frame import known_frame
 from digs_warp.sim.fit.sensing import sense_frame
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.tiers import Tier, depth_of
+from digs_warp.sim.sensor.tiers import depth_of
 
 TILE = 3.0  # side of the piece of texture that the wall repeats [m]
 TEXELS = 2048
@@ -78,21 +80,21 @@ def record_wall(
         seed: of texture and noise.
         drift: of the right eye since the calibration.
     """
-    number = 0
-    for place in places:
-        truth = photograph(place, rig, seed, drift)
-        for _ in range(frames):
-            frame = known_frame(truth.image, truth.right, truth.disparity, rig, number, drift)
-            recorded, sensed = sense_frame(frame, tier, seed)
-            images = FrameImages(
-                image=recorded[0],
-                right=recorded[1],
-                depth=depth_of(sensed, frame),
-                depth_true=frame.depth,
-            )
-            writer.write_frame(number, images)
-            writer.add_pose(number, np.eye(4), float(number))
-            number += 1
+    with progress(len(places) * frames, "Recording", "frame") as bar:
+        for i, place in enumerate(places):
+            truth = photograph(place, rig, seed, drift)
+            for number in range(i * frames, (i + 1) * frames):
+                frame = replace(truth, number=number)
+                recorded, sensed = sense_frame(frame, tier, seed)
+                images = FrameImages(
+                    image=recorded[0],
+                    right=recorded[1],
+                    depth=depth_of(sensed, frame),
+                    depth_true=frame.depth,
+                )
+                writer.write_frame(number, images)
+                writer.add_pose(number, np.eye(4), float(number))
+                bar.update()
     return writer.finish()
 
 

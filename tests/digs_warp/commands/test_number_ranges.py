@@ -23,6 +23,8 @@ NEEDED = {
     "render": ["scene", "--out", "out.mp4"],
     "mesh": ["scene", "--out", "out.ply"],
     "export-usd": ["scene", "--out", "out.usd"],
+    "sensor fit": ["capture", "--out", "profile.yaml"],
+    "sensor wall": ["--out", "out"],
     "preference make": ["item", "--out", "out"],
     "recommend": ["--time-budget", "60s"],
 }

@@ -200,6 +200,7 @@ REQUIRED = {
     **dict.fromkeys(("run", "simulate"), "--out x"),
     **dict.fromkeys(("reconstruct", "export-usd", "render", "mesh"), "a --out x"),
     **{"convert": "a b", "info": "a", "usd info": "a", "usd validate": "a", "usd diff": "a b"},
+    **{"sensor fit": "a --out x", "sensor wall": "--out x"},
     **{"preference make": "a --out x", "preference evaluate": "a --key k"},
 }
 

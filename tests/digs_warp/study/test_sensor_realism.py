@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.sim.fit.known_frame import WarpedRays
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.tiers import sense
-from digs_warp.study.real_pair import WarpedRays, load_motorcycle
+from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.realism_scores import (
     agreement,
     autocorrelation,

@@ -1,0 +1,135 @@
+"""`digs-warp sensor fit` from the command line: files, messages, and that the profile can be used."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
+from digs_warp.data.capture import Rig, read_capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.sim.fit.textured_wall import PLACES, record_wall
+from digs_warp.sim.profiles import load_profile
+
+NOISE, FIELD = 3.0, 0.2
+
+
+def test_a_wall_is_recorded_with_the_figures_to_find(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["sensor", "wall", "--quiet", "--width", "160", "--frames", "1", "--profile", "oak-d"]
+    out = tmp_path / "wall"
+    assert main([*words, "--out", str(out)]) == EXIT_OK
+    assert "5 frames of a wall" in capsys.readouterr().out
+    record = json.loads((out / "run.json").read_text())
+    assert record["results"]["rig"]["image_noise"] == 2.0
+    assert record["results"]["drift"]["yaw_deg"] != 0
+    assert len(read_capture(out)) == 5 and read_capture(out).rig == Rig(0.075)
+    assert main([*words, "--out", str(out)]) == EXIT_BAD_INPUT
+    assert "not empty" in capsys.readouterr().err
+    assert main([*words, "--out", str(out), "--overwrite", "--seed", "1"]) == EXIT_OK
+
+
+@pytest.fixture(scope="module")
+def wall(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a wall from two places, two frames each."""
+    rig = replace(load_profile("zed2-720").rig(240, 136, 60), image_noise=NOISE, static_field=FIELD)
+    writer = CaptureWriter(tmp_path_factory.mktemp("wall"), rig.intrinsics, Rig(rig.baseline))
+    record_wall(writer, rig, "guided", PLACES[1:3], frames=2)
+    return writer.folder
+
+
+def fit(*words: str | Path) -> int:
+    return main(["sensor", "fit", "--quiet", *map(str, words)])
+
+
+def test_the_profile_has_the_figures_and_can_be_used(
+    wall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.yaml"
+    assert fit(wall, "--out", out, "--base", "oak-d") == EXIT_OK
+    shown = capsys.readouterr().out
+    assert "4 frames of a wall at" in shown and f"--profile {out}" in shown
+    assert "beware: 2 distances; 4 to 6 are better" in shown
+    profile = load_profile(out)
+    noise = profile.figures["image_noise"]
+    assert noise.value == pytest.approx(NOISE, rel=0.03)
+    assert noise.origin == "measured" and noise.note.startswith("+- 0.")
+    rig = profile.rig()
+    assert (rig.intrinsics.width, rig.intrinsics.height, rig.baseline) == (240, 136, 0.12)
+    assert rig.window == load_profile("oak-d").rig().window
+    page = out.with_suffix(".html").read_text()
+    for part in ("Measured beside simulated", "What this recording cannot tell", "data:image/png"):
+        assert part in page
+
+
+def test_files_are_replaced_only_on_request(
+    wall: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "mine.html"
+    page.write_text("of somebody else")
+    assert fit(wall, "--out", tmp_path / "mine.yaml") == EXIT_BAD_INPUT
+    assert "mine.html': the file exists; add --overwrite" in capsys.readouterr().err
+    assert not (tmp_path / "mine.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "p.json"], "suffix '.json', expected .yaml or .yml"),
+        (["--out", "p.yaml", "--base", "zed2"], "--base 'zed2': unknown; did you mean 'zed2-"),
+        (["--out", "p.yaml", "--distances", "1", "2", "3"], "3 values, expected 2, one for each"),
+        (["--out", "p.yaml", "--distances", "2", "1"], "not in rising order"),
+    ],
+)
+def test_wrong_flags_are_explained(
+    wall: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert fit(wall, *words) == EXIT_BAD_INPUT
+    assert message in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
+
+
+def test_distances_have_a_range(wall: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fit(wall, "--out", "p.yaml", "--distances", "0", "1") == EXIT_WRONG_USAGE
+    assert "--distances: 0.0, expected 0.01 to 1,000" in capsys.readouterr().err
+
+
+def test_other_folders_are_refused_with_what_is_expected(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "photo.png").write_bytes(b"")
+    assert fit(tmp_path, "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
+    assert "neither a capture nor a stereo pair" in capsys.readouterr().err
+    assert fit(tmp_path / "none", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
+    assert "none': no such folder" in capsys.readouterr().err
+
+
+def test_a_recording_of_something_else_is_no_wall(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = load_profile("zed2-720").rig(64, 48, 60)
+    writer = CaptureWriter(tmp_path / "funnel", rig.intrinsics, Rig(rig.baseline))
+    rows, columns = np.indices((48, 64))
+    funnel = 0.1 + 0.02 * np.hypot(rows - 24, columns - 32)
+    images = FrameImages(image=np.zeros((48, 64, 3), np.uint8), depth=funnel.astype(np.float32))
+    writer.write_frame(0, images)
+    writer.add_pose(0, np.eye(4), 0.0)
+    writer.finish()
+    assert fit(tmp_path / "funnel", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
+    message = capsys.readouterr().err
+    assert "frame '0000'" in message and "of a plane, expected 60% or more" in message
+    writer = CaptureWriter(tmp_path / "dark", rig.intrinsics, Rig(rig.baseline))
+    writer.write_frame(0, FrameImages(image=np.zeros((48, 64, 3), np.uint8)))
+    writer.add_pose(0, np.eye(4), 0.0)
+    writer.finish()
+    assert fit(tmp_path / "dark", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
+    assert "frame '0000': no depth" in capsys.readouterr().err
