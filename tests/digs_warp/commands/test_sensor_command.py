@@ -117,14 +117,13 @@ def test_a_recording_of_something_else_is_no_wall(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = load_profile("zed2-720").rig(64, 48, 60)
-    writer = CaptureWriter(tmp_path / "funnel", rig.intrinsics, Rig(rig.baseline))
-    rows, columns = np.indices((48, 64))
-    funnel = 0.1 + 0.02 * np.hypot(rows - 24, columns - 32)
-    images = FrameImages(image=np.zeros((48, 64, 3), np.uint8), depth=funnel.astype(np.float32))
+    writer = CaptureWriter(tmp_path / "fence", rig.intrinsics, Rig(rig.baseline))
+    fence = np.where(np.indices((48, 64))[1] // 8 % 2, 0.2, 0.6)
+    images = FrameImages(image=np.zeros((48, 64, 3), np.uint8), depth=fence.astype(np.float32))
     writer.write_frame(0, images)
     writer.add_pose(0, np.eye(4), 0.0)
     writer.finish()
-    assert fit(tmp_path / "funnel", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
+    assert fit(tmp_path / "fence", "--out", tmp_path / "p.yaml") == EXIT_BAD_INPUT
     message = capsys.readouterr().err
     assert "frame '0000'" in message and "of a plane, expected 60% or more" in message
     writer = CaptureWriter(tmp_path / "dark", rig.intrinsics, Rig(rig.baseline))
