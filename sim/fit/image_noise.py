@@ -13,8 +13,8 @@ import numpy as np
 
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.fit.estimate import BLOCKS, UNKNOWN, Estimate, block_numbers, jackknife
+from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
 from digs_warp.sim.sensor.color.image_noise import STEPS_PER_LINEAR
-from digs_warp.sim.sensor.color.protocol import MIDDLE_GREY
 from digs_warp.sim.sensor.filters import gray_of, horizontal_gradient
 
 # Errors of the model beside the scatter, as shares: the curvature of sRGB and the rounding to whole steps, as
