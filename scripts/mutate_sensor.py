@@ -32,6 +32,7 @@ TESTS = (
     "tests/sim/sensor/guided",
     "tests/sim/sensor/test_color_path.py",
     "tests/sim/sensor/test_calibration_drift.py",
+    "tests/sim/sensor/infrared/test_projector.py",
 )
 
 

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,7 @@ class Mutation:
             old = getattr(owner, name)
             new = self.change(old)
             patch.setattr(owner, name, new)
-            if not owners and isinstance(old, FunctionType):
+            if not owners and callable(old):
                 _replace_imported(patch, name, old, new)
 
 
@@ -119,6 +118,16 @@ def drifting_farther(draw: Any) -> Any:
 
     def mutated(self: Any, rig: Any, seed: int, strength: float = 1.0) -> Any:
         return draw(self, rig, seed, 1.3 * strength)
+
+    return mutated
+
+
+def brighter_dots(dot_pattern: Any) -> Any:
+    """Return a projector with dots 1.3 times as bright."""
+
+    def mutated() -> Any:
+        pattern = dot_pattern()
+        return replace(pattern, dots=pattern.dots * np.array([1, 1, 1.3], np.float32))
 
     return mutated
 
@@ -335,6 +344,13 @@ OTHERS = (
         "test_a_changed_baseline_scales_depth",
         ("digs_warp.sim.sensor.drift:Drift.reported_disparity",),
         lambda old: lambda self, matched: matched / np.float32(1 + self.baseline),
+    ),
+    Mutation(
+        "dots-1.3",
+        "the dots of the infrared projector are 1.3 times as bright",
+        "test_the_pattern_has_the_density_and_the_distances_of_the_real_one",
+        ("digs_warp.sim.sensor.infrared.pattern:dot_pattern",),
+        brighter_dots,
     ),
     Mutation(
         "cold-strips",
