@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from digs_warp.camera import pixel_centers
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT
 from digs_warp.sim.sensor.facts import DARK, SATURATED, STEP
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_glossy, is_mirror, is_transparent, pixels_of
-from digs_warp.sim.sensor.steps import near_steps
+from digs_warp.sim.sensor.steps import near_steps, pixels_where
 from digs_warp.sim.sensor.texture import MATCHABLE_SNR
 
 # Matches with larger errors are wrong, not just noisy [px] ("bad-1" of the Middlebury benchmark).
@@ -50,13 +49,13 @@ def _claims_of_drift(
     """
     if truth.drift == NO_DRIFT:
         return None, None
-    expected = truth.drift.reported_disparity(truth.shown_disparity)
-    drifted = np.abs(disparity - expected) <= WRONG
-    k = truth.rig.intrinsics
-    columns, rows = np.moveaxis(pixel_centers(k.width, k.height)[failed], -1, 0)
-    _, down = truth.drift.shift(columns - truth.disparity[failed], rows, k)
-    misaligned = np.zeros_like(failed)
-    misaligned[failed] = np.abs(down) > WRONG
+    drift, (rows, columns) = truth.drift, pixels_where(failed)
+    true = truth.disparity[rows, columns].astype(np.float64)
+    across, down = drift.shift(columns + 0.5 - true, rows + 0.5, truth.rig.intrinsics)
+    expected = drift.reported_disparity(true - across)
+    drifted, misaligned = np.zeros_like(failed), np.zeros_like(failed)
+    drifted[rows, columns] = np.abs(disparity[rows, columns] - expected) <= WRONG
+    misaligned[rows, columns] = np.abs(down) > WRONG
     return drifted, misaligned
 
 
