@@ -19,6 +19,7 @@ from digs_warp.sim.sensor.matcher import match, search_range
 from digs_warp.sim.sensor.tiers import sense
 from digs_warp.study.error_patches import auc_of_classifier, patch_features
 from digs_warp.study.realism_confidence import confidence_results
+from digs_warp.study.realism_regions import region_results
 from digs_warp.study.realism_scenes import Scene, places
 from digs_warp.study.realism_scores import (
     agreement,
@@ -59,6 +60,7 @@ def bench_realism(data: Path | None = None, widths: Sequence[int] = WIDTHS) -> l
             for place in chosen:
                 scenes.append(place.scene(width))
                 results += _scene_results(scenes[-1], width)
+                results += region_results(scenes[-1], width)
                 bar.update()
             if len(scenes) > 1:
                 results += _classifier_results(scenes, width)

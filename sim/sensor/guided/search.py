@@ -131,13 +131,18 @@ class Found:
         disparity: [px], (height, width), float32, NaN where a check failed.
         cost: of the best disparity, mean per path and pixel of the window, (height, width), float32.
         rival: the same of the best disparity that is not next to it.
-        wide_share: of the pixels that tried four blocks; the others tried two. 0 to 1.
+        wide: which pixels tried four blocks; the others tried two. (height, width), bool.
     """
 
     disparity: np.ndarray
     cost: np.ndarray
     rival: np.ndarray
-    wide_share: float
+    wide: np.ndarray
+
+    @property
+    def wide_share(self) -> float:
+        """Share of the pixels that tried four blocks, 0 to 1."""
+        return float(self.wide.mean())
 
 
 def search(
@@ -148,6 +153,7 @@ def search(
     window: int = 5,
     second: np.ndarray | None = None,
     uniqueness: int = UNIQUENESS,
+    regions: bool = True,
 ) -> Found:
     """Match a rectified pair in a band round the true disparity.
 
@@ -160,6 +166,7 @@ def search(
         second: disparity of what shows through a surface or is reflected in it [px], (height, width),
             float32, NaN where there is nothing of that kind; None: nowhere. Such pixels try it as well.
         uniqueness: by how much a match must be better than its best rival [%], 0 to 100.
+        regions: whether pixels try only two blocks where two are enough.
     """
     count = disparities // BLOCK
     if disparities % BLOCK or not BLOCKS <= count <= MAX_BLOCKS:
@@ -170,12 +177,12 @@ def search(
     true = known_disparity(surface, disparities)
     eyes = make_planes(left, right, disparities)
     coarse = coarse_blocks(left, right, count, window)
-    blocks = choose_blocks(true, coarse, easy_squares(eyes, true), count, second)
+    easy = easy_squares(eyes, true) if regions else np.zeros((0, 0), bool)
+    blocks = choose_blocks(true, coarse, easy, count, second)
     raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness)
     disparity = _without_islands(raw)
     scale = np.float32(1 / (5 * window * window))
-    wide_share = float((blocks.numpy() >= 0).mean())
-    return Found(disparity, cost * scale, rival * scale, wide_share)
+    return Found(disparity, cost * scale, rival * scale, blocks.numpy() >= 0)
 
 
 def known_disparity(surface: np.ndarray, disparities: int) -> np.ndarray:

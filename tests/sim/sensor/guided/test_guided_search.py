@@ -110,17 +110,15 @@ def test_strips_hardly_differ_from_one_search_and_not_with_the_threads(
     assert same[: STRIP_ROWS // 2].mean() > 0.97
 
 
-def test_two_blocks_find_what_four_do_where_two_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_blocks_find_what_four_do_where_two_are_enough() -> None:
     left, right, surface = stepped_pair((200, 400), noise=1.0)
     found = search(left, right, surface, 80)
     assert found.wide_share < 0.8, "or nothing is compared"
-    nowhere = np.zeros((0, 0), bool)
-    monkeypatch.setattr("digs_warp.sim.sensor.guided.search.easy_squares", lambda *_: nowhere)
-    wide = search(left, right, surface, 80)
-    assert wide.wide_share == 1
-    close = np.abs(found.disparity - wide.disparity) <= 1 / 16
-    same = close | (np.isnan(found.disparity) & np.isnan(wide.disparity))
-    assert same.mean() > 0.999
+    full = search(left, right, surface, 80, regions=False)
+    assert full.wide_share == 1
+    close = np.abs(found.disparity - full.disparity) <= 1 / 16
+    same = close | (np.isnan(found.disparity) & np.isnan(full.disparity))
+    assert same[~found.wide].mean() > 0.999 and same.mean() > 0.999
 
 
 @pytest.mark.parametrize("disparity", [7.0, 20.25, 40.5, 100.75])
