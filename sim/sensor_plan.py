@@ -29,8 +29,8 @@ from digs_warp.sim.sensor.planner import EFFECT_NAMES, override, plan, wanted_ef
 from digs_warp.sim.session import Session
 from digs_warp.sim.shutter import Shutter
 
-# Frames that are rendered for the plan, evenly spaced: two on each of the three orbits.
-SAMPLE_FRAMES = 6
+# Frames that the plan looks at, evenly spaced: four on each of the three orbits.
+LOOKS = 12
 
 # Effects that act on depth in the tiers that plan effects. A full search finds second surfaces by itself.
 _DEPTH_EFFECTS = {
@@ -128,14 +128,15 @@ class SensorPlan:
 
 
 def make_plan(session: Session) -> SensorPlan:
-    """Render a few frames and choose the effects; tiers without effects get an empty plan."""
+    """Look at a few frames and choose the effects; tiers without effects get an empty plan."""
     config = session.config
     if not config.plans_effects:
         return SensorPlan()
     check_effects(config)
-    count = min(SAMPLE_FRAMES, config.frames)
+    count = min(LOOKS, config.frames)
     numbers = np.linspace(0, config.frames - 1, count).round().astype(int).tolist()
-    facts = measure_facts([session.truth(number, Shutter())[0] for number in numbers])
+    small = session.small()
+    facts = measure_facts([small.truth(number, Shutter())[0] for number in numbers], session.rig)
     return with_adaptation(plan_for_facts(facts, session.rig, config), session)
 
 

@@ -1,6 +1,6 @@
 """Everything that is prepared before the first frame: scene, light, camera and its path."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -35,6 +35,8 @@ FRAME_RATE = 30.0
 
 # Added to the number of a frame for each frame that the camera took before it: no recording has so many.
 EARLIER = 1_000_000
+# Width of a look at the scene [px]: a thousandth of a dozen looks is sixty pixels.
+LOOK_WIDTH = 96
 
 # Identify the eyes' pixel sampling in the seeds, apart from the ids of the sensor's effects.
 LEFT_EYE, RIGHT_EYE, COLOR_CAMERA = 101, 102, 103
@@ -78,6 +80,14 @@ class Session:
         """Return the time [s] of a frame, or of one just before it; the camera stands still before time 0."""
         earlier, recorded = divmod(number, EARLIER)
         return max(self.moments[recorded] - earlier / FRAME_RATE, 0.0)
+
+    def small(self) -> "Session":
+        """Return the same walk seen in few pixels with a ray each, for the plan."""
+        k = self.rig.intrinsics
+        width = min(LOOK_WIDTH, k.width)
+        looking = k.resized(width, max(1, round(width * k.height / k.width)))
+        config = replace(self.config, samples_per_pixel=1)
+        return replace(self, config=config, rig=replace(self.rig, intrinsics=looking))
 
     def truth(
         self,

@@ -127,7 +127,7 @@ def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
         rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
         return replace(truth, rays=rays)
 
-    facts = measure_facts([truth])
+    facts = measure_facts([truth], truth.rig)
     effects = plan_for_facts(facts, truth.rig, config).pixel_effects
     return Case(mesh or "built-in", fresh, plan(facts, truth.rig), recorded_images(truth, effects))
 
@@ -136,7 +136,7 @@ def _real(folder: Path) -> Case:
     """Return the real pair; what its right eye sees is known, not cast, and costs nothing."""
     truth = load_motorcycle(folder)
     truth.rays.right_visibility()
-    choices = plan(measure_facts([truth]), truth.rig)
+    choices = plan(measure_facts([truth], truth.rig), truth.rig)
     return Case("motorcycle (real)", lambda: replace(truth), choices)
 
 

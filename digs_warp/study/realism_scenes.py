@@ -81,7 +81,7 @@ class Place:
         )
         session = prepare_session(config, load_inputs(config))
         truth, mask = session.truth(NUMBER, Shutter())
-        plan = plan_for_facts(measure_facts([truth]), session.rig, config)
+        plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
         name = self.mesh.stem if self.mesh else BUILT_IN
 
         def fresh() -> FrameTruth:

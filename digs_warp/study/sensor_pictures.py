@@ -102,7 +102,7 @@ class SensorStudio:
         self._renderer = RaycastRenderer(self._scene, environment)
         self.rig = still_life_rig()
         self.truth = photograph(self._renderer, self._scene, self.rig)
-        self.facts = measure_facts([replace(self.truth, dots_show=self._dots_show())])
+        self.facts = measure_facts([replace(self.truth, dots_show=self._dots_show())], self.rig)
 
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
         """Return the result of an effect alone."""

@@ -1,4 +1,4 @@
-"""What the planner knows about a scene: statistics of rendered frames, before any matching."""
+"""What the planner knows about a scene: shares of pixels and extremes over a few of its frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb
+from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_mirror, is_transparent, pixels_of
 from digs_warp.sim.sensor.motion import image_motion
@@ -15,8 +16,11 @@ from digs_warp.sim.sensor.motion import image_motion
 STEP = 1.0  # [px]
 SATURATED, DARK = 250, 15  # [DN]
 
-# Motion is smooth over the image: every eighth pixel along each axis is enough.
-MOTION_STRIDE = 8
+# Motion of the image that shows [px].
+VISIBLE_MOTION = 0.5
+
+# Pixels along a row at which motion is measured.
+MOTION_WIDTH = 96
 
 # The mean color needs few pixels; a prime, so that they do not lie in columns.
 CAST_STRIDE = 31
@@ -40,26 +44,32 @@ class SceneFacts:
     saturated_share: float  # share above 250 of 255
     dark_share: float  # share below 15 of 255
     color_cast: float  # |log2| of red or blue over green in the mean color, the larger one [stops]
+    blurred_share: float  # share that moves more than half a pixel during the exposure
+    skewed_share: float  # share that moves more than half a pixel during the shutter's read-out
     blur_px: float  # 95th percentile of the motion during the exposure [px]
     skew_px: float  # 95th percentile of the motion during the shutter's read-out [px]
     dot_share: float = 0.0  # share where a projected dot exceeds the image noise
 
 
-# Extremes over the frames; every other fact is the mean over the frames where it can be measured.
+# Extremes over the frames; every other fact is the mean over those where it can be measured.
 _SMALLEST, _LARGEST = "min_depth", "max_depth"
 
 
-def measure_facts(frames: Sequence[FrameTruth]) -> SceneFacts:
+def measure_facts(frames: Sequence[FrameTruth], rig: StereoRig) -> SceneFacts:
     """Return the facts of a scene from some of its frames.
 
     Facts that cannot be measured (nothing in view) are 0, except the depths, which are NaN.
+
+    Args:
+        frames: at least one, of any size.
+        rig: of the recording.
 
     Raises:
         DigsError: no frames.
     """
     if not frames:
         raise DigsError("facts: no frames, expected at least one")
-    measured = [_measure(frame) for frame in frames]
+    measured = [_measure(frame, rig) for frame in frames]
     facts: dict[str, float] = {}
     for name in (field.name for field in fields(SceneFacts) if field.name != "frames"):
         values = np.array([m[name] for m in measured if name in m and np.isfinite(m[name])])
@@ -74,7 +84,7 @@ def measure_facts(frames: Sequence[FrameTruth]) -> SceneFacts:
     return SceneFacts(frames=len(frames), **facts)
 
 
-def _measure(truth: FrameTruth) -> dict[str, float]:
+def _measure(truth: FrameTruth, rig: StereoRig) -> dict[str, float]:
     """Return the facts of one frame; a fact that cannot be measured is left out."""
     visible = np.isfinite(truth.depth)
     if not visible.any():
@@ -87,7 +97,7 @@ def _measure(truth: FrameTruth) -> dict[str, float]:
         "dark_share": float(np.mean(gray < DARK)),
         "color_cast": _color_cast(truth.image[visible]),
         **_materials(truth, len(depth)),
-        **_motion(truth),
+        **_motion(truth, rig),
         "dot_share": 0.0 if truth.dots_show is None else float(np.mean(truth.dots_show[visible])),
     }
 
@@ -106,15 +116,20 @@ def _materials(truth: FrameTruth, count: int) -> dict[str, float]:
     return shares
 
 
-def _motion(truth: FrameTruth) -> dict[str, float]:
+def _motion(truth: FrameTruth, rig: StereoRig) -> dict[str, float]:
+    motion = truth.motion
+    # Motion is smooth over the image: few pixels are enough.
+    step = max(1, truth.depth.shape[1] // MOTION_WIDTH)
     u, v = image_motion(
-        truth.depth[::MOTION_STRIDE, ::MOTION_STRIDE],
-        truth.camera.intrinsics,
-        truth.motion.velocity_cam,
-        truth.motion.angular_velocity_cam,
+        truth.depth[::step, ::step],
+        rig.intrinsics,
+        motion.velocity_cam,
+        motion.angular_velocity_cam,
     )
-    speed = float(np.percentile(np.hypot(u, v), PERCENTILE))
-    return {
-        "blur_px": speed * truth.rig.exposure_time,
-        "skew_px": speed * truth.rig.readout_time,
-    }
+    speed = np.hypot(u, v)
+    facts: dict[str, float] = {}
+    for name, time in (("blur", rig.exposure_time), ("skew", rig.readout_time)):
+        facts[f"{name}_px"] = float(np.percentile(speed, PERCENTILE)) * time
+        share = "blurred_share" if name == "blur" else "skewed_share"
+        facts[share] = float(np.mean(speed * time > VISIBLE_MOTION))
+    return facts

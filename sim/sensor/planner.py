@@ -58,9 +58,18 @@ def wanted_effects(
 
 
 def format_plan(choices: Sequence[Choice]) -> str:
-    """Return the plan as a text table: one line per effect."""
-    rows = [(c.effect, "on" if c.on else "off", c.statistic, c.threshold) for c in choices]
-    widths = [max((len(row[i]) for row in rows), default=0) for i in range(4)]
+    """Return the plan as a text table, one line per effect.
+
+    Effect, state, share of the pixels that it changes, what it costs, the statistic and its rule, the reason.
+    """
+    rows = [
+        (
+            *(c.effect, "on" if c.on else "off", f"{c.share:.1%}", f"{c.cost:.0f} ms/MP"),
+            *(c.statistic, c.threshold),
+        )
+        for c in choices
+    ]
+    widths = [max((len(cell) for cell in column), default=0) for column in zip(*rows, strict=True)]
     lines = []
     for row, choice in zip(rows, choices, strict=True):
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]

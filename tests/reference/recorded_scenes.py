@@ -65,7 +65,7 @@ def record_scene(
     )
     session = prepare_session(config, load_inputs(config))
     truth, mask = session.truth(NUMBER, Shutter())
-    plan = plan_for_facts(measure_facts([truth]), session.rig, config)
+    plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
     if drifts:
         truth, mask = session.truth(NUMBER, Shutter(), plan.drift(session.rig, seed=3))
         assert truth.drift.moves_right_image

@@ -10,15 +10,15 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
-
-# Blur below half a pixel does not show.
-VISIBLE_BLUR_PX = 0.5
 
 # Views per exposure: views this far apart [px] leave no visible gap; more than 16 are not worth their cost.
 VIEW_PX = 1.5
 MIN_VIEWS, MAX_VIEWS = 2, 16
+
+# The usual rays of a pixel are shared among the views; every further view of both eyes costs [ms/MP]:
+USUAL_RAYS, VIEW_COST = 4, 650.0
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,11 @@ class ImageBlur:
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """On if the image moves visibly during the exposure."""
-        return choose_above(
+        return choose_by_share(
             self.name,
-            "blur_px",
-            facts.blur_px,
-            VISIBLE_BLUR_PX,
-            "px",
+            "blurred_share",
+            facts.blurred_share,
+            VIEW_COST * max(0, self.views(facts) - USUAL_RAYS),
             on="the hand moves far enough during an exposure to blur the images",
             off="the shutter is too fast for the hand to blur the images",
         )

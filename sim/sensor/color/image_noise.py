@@ -31,6 +31,9 @@ from digs_warp.sim.sensor.noise_field import white_normal
 STEPS_PER_LINEAR = 255 * 1.055 / 2.4 * MIDDLE_GREY ** (1 / 2.4 - 1)
 
 
+SHOT_COST, READ_COST = 45.0, 25.0  # [ms/MP]
+
+
 def shot_factor(rig: StereoRig) -> float:
     """Return the standard deviation of shot noise at white; it grows with the square root of the signal.
 
@@ -65,6 +68,7 @@ class ShotNoise:
             rig.image_noise,
             0.0,
             "DN",
+            SHOT_COST,
             on="light comes in photons, and every sensor counts them",
             off="the profile states no image noise",
         )
@@ -95,6 +99,7 @@ class ReadNoise:
             read_sigma(rig) * STEPS_PER_LINEAR,
             0.0,
             "DN",
+            READ_COST,
             on="the electronics add noise, which shows in the dark",
             off="shot noise explains all image noise that the profile states",
         )

@@ -11,15 +11,14 @@ from typing import ClassVar
 import numpy as np
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
-
-# A skew below half a pixel from the first to the last row cannot be measured.
-VISIBLE_SKEW_PX = 0.5
 
 # Jump between neighboring bands: too small to be seen.
 STEP_PX = 0.5
 MIN_BANDS, MAX_BANDS = 2, 32
+
+COST = 60.0  # of rendering in bands [ms/MP]
 
 
 @dataclass(frozen=True)
@@ -30,12 +29,11 @@ class RollingShutter:
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """On if the image moves visibly while the rows are read."""
-        return choose_above(
+        return choose_by_share(
             self.name,
-            "skew_px",
-            facts.skew_px,
-            VISIBLE_SKEW_PX,
-            "px",
+            "skewed_share",
+            facts.skewed_share,
+            COST,
             on="the hand moves far enough while the rows are read to distort the images",
             off="the rows are read too fast, or all at once, for the hand to distort the images",
         )

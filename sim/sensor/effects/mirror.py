@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# The effect switches on if a larger share of the surface in view is a mirror.
-MIN_SHARE = 1e-3
+# Rays to what each mirroring pixel reflects [ms/MP of such pixels].
+RAYS = 600.0
 
 
 @dataclass(frozen=True)
@@ -19,12 +19,11 @@ class Mirror:
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """On if smooth metal is in view."""
-        return choose_above(
+        return choose_by_share(
             self.name,
             "mirror_share",
             facts.mirror_share,
-            MIN_SHARE,
-            "",
+            RAYS * facts.mirror_share,
             on="smooth metal reflects the scene: the reflection may be matched, not the surface",
             off="no smooth metal in view",
         )

@@ -20,6 +20,8 @@ class Choice:
         statistic: what was measured, for example "transparent_share = 0.034".
         threshold: the rule, for example "> 0.001".
         reason: a sentence for the user.
+        share: of the pixels that it changes, 0 to 1.
+        cost: processor time that it takes, or would take [ms per megapixel of a frame].
     """
 
     effect: str
@@ -27,6 +29,8 @@ class Choice:
     statistic: str
     threshold: str
     reason: str
+    share: float = 0.0
+    cost: float = 0.0
 
 
 class SensorEffect(Protocol):
@@ -50,10 +54,47 @@ class DepthEffect(SensorEffect, Protocol):
         ...
 
 
-def choose_above(
-    effect: str, statistic: str, value: float, limit: float, unit: str, *, on: str, off: str
+# An effect that changes a smaller share of the pixels is left out.
+LEAST_SHARE = 1e-3
+
+
+def choose_by_share(
+    effect: str, statistic: str, share: float, cost: float, *, on: str, off: str
 ) -> Choice:
-    """Return the choice "on if ``value`` exceeds ``limit``".
+    """Return the choice "on if it changes enough pixels".
+
+    Args:
+        effect: its name.
+        statistic: name of the share, as in `SceneFacts`.
+        share: of the pixels that it changes, 0 to 1; NaN: none.
+        cost: see `Choice`.
+        on: the reason if it is on.
+        off: the reason if it is off.
+    """
+    enough = bool(share > LEAST_SHARE)
+    return Choice(
+        effect,
+        enough,
+        f"{statistic} = {share:.2%}",
+        f"> {LEAST_SHARE:.1%}",
+        on if enough else off,
+        share,
+        cost,
+    )
+
+
+def choose_above(
+    effect: str,
+    statistic: str,
+    value: float,
+    limit: float,
+    unit: str,
+    cost: float = 0.0,
+    *,
+    on: str,
+    off: str,
+) -> Choice:
+    """Return the choice "on if ``value`` exceeds ``limit``" for an effect on every pixel.
 
     Args:
         effect: its name.
@@ -61,6 +102,7 @@ def choose_above(
         value: of the statistic; NaN (nothing to measure) leaves the effect off.
         limit: the threshold.
         unit: of both, for example "px"; empty for shares.
+        cost: see `Choice`.
         on: the reason if it is on.
         off: the reason if it is off.
     """
@@ -72,4 +114,6 @@ def choose_above(
         f"{statistic} = {value:.3g}{unit}",
         f"> {limit:g}{unit}",
         on if above else off,
+        float(above),
+        cost,
     )

@@ -10,6 +10,8 @@ from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 
+COST = 2.0  # [ms/MP]
+
 
 @dataclass(frozen=True)
 class Quantum:
@@ -25,6 +27,7 @@ class Quantum:
             rig.disparity_step,
             0.0,
             "px",
+            COST,
             on="the sensor reports disparity in fixed point",
             off="the rig reports disparity without steps",
         )

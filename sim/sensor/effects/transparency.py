@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
+from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# The effect switches on if a larger share of the surface in view is transparent.
-MIN_SHARE = 1e-3
+# Rays to what lies behind each transparent pixel [ms/MP of such pixels].
+RAYS = 1000.0
 
 
 @dataclass(frozen=True)
@@ -19,12 +19,11 @@ class Transparency:
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
         """On if a transparent material is in view."""
-        return choose_above(
+        return choose_by_share(
             self.name,
             "transparent_share",
             facts.transparent_share,
-            MIN_SHARE,
-            "",
+            RAYS * facts.transparent_share,
             on="something transparent is in view: the background behind it may be matched",
             off="nothing transparent in view",
         )

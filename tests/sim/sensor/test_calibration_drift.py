@@ -241,7 +241,7 @@ def test_the_rule_weighs_the_shift_in_the_corner_and_the_scale() -> None:
     expected = np.sqrt(turn**2 * turns + grown**2 * (x * x + y * y))
     assert corner_shift(rig) == pytest.approx(expected, rel=2e-3)
 
-    facts = measure_facts([make_frame(50.0)])
+    facts = measure_facts([make_frame(50.0)], make_rig())
     cases: list[tuple[dict[str, Any], bool]] = [
         ({}, False),
         ({"rotation_drift": 0.02}, True),

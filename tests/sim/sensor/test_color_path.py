@@ -40,7 +40,7 @@ def facts_of(rig: StereoRig) -> SceneFacts:
     """A wall seen by a hand that turns the camera by a fifth of a radian per second."""
     truth = make_frame(np.full((180, 320), 25.0), rig=rig)
     turning = Motion(velocity_cam=(0.0, 0.0, 0.0), angular_velocity_cam=(0.0, 0.5, 0.0))
-    return measure_facts([replace(truth, motion=turning)])
+    return measure_facts([replace(truth, motion=turning)], truth.rig)
 
 
 def rng(seed: int = 0) -> np.random.Generator:

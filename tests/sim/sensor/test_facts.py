@@ -16,7 +16,7 @@ AREA = SHAPE[0] * SHAPE[1]
 
 
 def facts_of(*frames: FrameTruth) -> SceneFacts:
-    return measure_facts(frames)
+    return measure_facts(frames, frames[0].rig)
 
 
 def square(near: float, far: float) -> np.ndarray:
@@ -102,4 +102,4 @@ def test_an_empty_frame_has_no_range_and_no_shares() -> None:
 
 def test_no_frames_are_refused() -> None:
     with pytest.raises(DigsError, match="no frames"):
-        measure_facts([])
+        measure_facts([], make_rig())

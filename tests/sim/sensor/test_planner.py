@@ -25,10 +25,17 @@ QUIET = SceneFacts(
     saturated_share=0.0,
     dark_share=0.0,
     color_cast=0.0,
-    blur_px=1.0,
-    skew_px=1.0,
+    blurred_share=0.0,
+    skewed_share=0.0,
+    blur_px=0.1,
+    skew_px=0.1,
 )
 FAULTLESS = make_rig(max_depth=1e6)
+
+
+def facts_of(disparity: float) -> SceneFacts:
+    """Facts of a plane."""
+    return measure_facts([make_frame(disparity)], FAULTLESS)
 
 
 def effects_on(facts: SceneFacts, rig: Any = FAULTLESS, selection: Any = "auto") -> set[str]:
@@ -70,7 +77,7 @@ def test_the_plan_covers_all_effects_in_physical_order() -> None:
 
 def test_every_choice_names_statistic_threshold_and_reason() -> None:
     rigs = [load_profile(name).rig() for name in ("zed2-720", "d435")]
-    facts = [QUIET, measure_facts([make_frame(np.nan)]), measure_facts([make_frame(60.0)])]
+    facts = [QUIET, facts_of(np.nan), facts_of(60.0)]
     for choice in (c for rig in rigs for f in facts for c in plan(f, rig)):
         assert choice.statistic and choice.threshold and len(choice.reason.split()) >= 4
 

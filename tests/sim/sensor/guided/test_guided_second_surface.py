@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from digs_warp.sim.scene import Material
 from digs_warp.sim.sensor.drift import Drift
-from digs_warp.sim.sensor.filters import blur
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.guided.second_surface import SECOND_SURFACES, second_disparity
 from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
@@ -44,7 +44,7 @@ class Rays(CountedRays):
 def fine_texture(seed: int) -> np.ndarray:
     """A texture of nothing but details, which a coarse search does not see; round 0, [DN]."""
     texture = broadband(SHAPE, seed)[..., 0].astype(np.float64)
-    return texture - blur(texture, 1.5)
+    return texture - gaussian_filter(texture, 1.5)
 
 
 def layered_frame(material: Material, share: float) -> FrameTruth:

@@ -28,7 +28,7 @@ def frame() -> tuple[FrameTruth, SensorPlan, tuple[np.ndarray, np.ndarray]]:
     config = SimulateConfig(width=480, frames=7, seed=2, tier="guided")
     session = prepare_session(config, load_inputs(config))
     truth, _ = session.truth(3, Shutter())
-    plan = plan_for_facts(measure_facts([truth]), session.rig, config)
+    plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
     return truth, plan, recorded_images(truth, plan.pixel_effects)
 
 

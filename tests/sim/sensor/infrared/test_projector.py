@@ -179,12 +179,12 @@ def test_bright_light_drowns_the_dots_and_the_plan_says_so() -> None:
     bright = 150 * ROOM
     sensed, truth = sensed_wall(scene, "guided", radiance=bright)
     assert filled(sensed, truth) < 0.3
-    off = PROJECTOR.choose(measure_facts([truth]), RIG)
+    off = PROJECTOR.choose(measure_facts([truth], truth.rig), RIG)
     assert not off.on and "drowns" in off.reason
     _, indoors = sensed_wall(scene, "guided")
-    assert PROJECTOR.choose(measure_facts([indoors]), RIG).on
+    assert PROJECTOR.choose(measure_facts([indoors], RIG), RIG).on
     # Twice as far away, a quarter of the light.
-    share = [measure_facts([sensed_wall(wall(z), "guided")[1]]).dot_share for z in (1.0, 8.0)]
+    share = [measure_facts([sensed_wall(wall(z), "guided")[1]], RIG).dot_share for z in (1.0, 8.0)]
     assert share[0] > 0.99 and share[1] < share[0]
 
 
@@ -192,7 +192,7 @@ def test_a_camera_without_projector_has_none_to_plan() -> None:
     rig = replace(RIG, projector_power=0.0)
     session = still_session(wall(1.0), rig)
     truth, _ = session.truth(0, Shutter())
-    choice = PROJECTOR.choose(measure_facts([truth]), rig)
+    choice = PROJECTOR.choose(measure_facts([truth], truth.rig), rig)
     assert not choice.on and choice.reason == "the camera has no projector"
     assert truth.dots_show is None and PROJECTOR in COLOR_EFFECTS
 
