@@ -20,7 +20,7 @@ MOMENTS = 200
 WIDTH = 32
 
 # Identifies the pixel sampling in the seeds, beside the eyes of `digs_warp.sim.session`.
-METER = 103
+METER = 104
 
 
 def meter_walk(session: Session) -> AdaptationTrack:

@@ -35,6 +35,7 @@ FRAME_RATE = 30.0
 
 # Added to the number of a frame for each frame that the camera took before it: no recording has so many.
 EARLIER = 1_000_000
+
 # Width of a look at the scene [px]: a thousandth of a dozen looks is sixty pixels.
 LOOK_WIDTH = 96
 

@@ -13,6 +13,9 @@ from digs_warp.words import did_you_mean
 # "auto": what the scene calls for; "all"; "none"; or names of effects.
 Selection = str | Sequence[str]
 
+# Of a plan's table: what an effect changes is a share of the pixels; its cost is processor time.
+HEADINGS = ("effect", "state", "changes", "costs", "measured", "rule", "because")
+
 EFFECT_NAMES = tuple(effect.name for effect in EFFECTS)
 
 
@@ -58,22 +61,17 @@ def wanted_effects(
 
 
 def format_plan(choices: Sequence[Choice]) -> str:
-    """Return the plan as a text table, one line per effect.
-
-    Effect, state, share of the pixels that it changes, what it costs, the statistic and its rule, the reason.
-    """
-    rows = [
+    """Return the plan as a text table: headings, then one line per effect."""
+    rows: list[tuple[str, ...]] = [HEADINGS]
+    rows += [
         (
             *(c.effect, "on" if c.on else "off", f"{c.share:.1%}", f"{c.cost:.0f} ms/MP"),
-            *(c.statistic, c.threshold),
+            *(c.statistic, c.threshold, c.reason),
         )
         for c in choices
     ]
-    widths = [max((len(cell) for cell in column), default=0) for column in zip(*rows, strict=True)]
-    lines = []
-    for row, choice in zip(rows, choices, strict=True):
-        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
-        lines.append("  ".join([*cells, choice.reason]).rstrip())
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
     return "\n".join(lines)
 
 

@@ -38,6 +38,7 @@ class CalibrationDrift:
             "the eyes are not quite where the factory calibration says"
             if on
             else "the rig keeps its calibration",
+            share=float(on),
         )
 
     def draw(self, rig: StereoRig, seed: int, strength: float = 1.0) -> Drift:

@@ -98,7 +98,8 @@ def test_an_unknown_effect_is_refused_with_the_known_ones() -> None:
 
 
 def test_the_table_has_a_line_per_effect() -> None:
-    lines = format_plan(plan(QUIET, FAULTLESS)).splitlines()
+    headings, *lines = format_plan(plan(QUIET, FAULTLESS)).splitlines()
+    assert headings.split()[:4] == ["effect", "state", "changes", "costs"]
     assert len(lines) == len(NAMES)
     for line, name in zip(lines, NAMES, strict=True):
         assert line.startswith(name) and line.split()[1] in ("on", "off")
