@@ -206,7 +206,7 @@ def test_an_electronic_gain_multiplies_the_noise_of_the_darker_image() -> None:
 
 def test_a_longer_exposure_blurs_more() -> None:
     truth = make_frame(np.full((90, 160), 25.0), rig=RIG, image=flat((90, 160)))
-    facts = replace(measure_facts([truth]), blur_px=6.0)
+    facts = replace(measure_facts([truth], RIG), blur_px=6.0)
     config = replace(CONFIG, effects="image-blur")
     plan = plan_for_facts(facts, RIG, config)
     usual, longer, shorter = (
@@ -218,7 +218,9 @@ def test_a_longer_exposure_blurs_more() -> None:
 
 
 def test_rules_look_at_clipped_pixels_and_at_the_color_cast() -> None:
-    quiet = measure_facts([make_frame(np.full((90, 160), 25.0), rig=RIG, image=flat((90, 160)))])
+    quiet = measure_facts(
+        [make_frame(np.full((90, 160), 25.0), rig=RIG, image=flat((90, 160)))], RIG
+    )
     assert quiet.color_cast == pytest.approx(0, abs=1e-6)
     for saturated, dark, on in ((0.04, 0.04, False), (0.15, 0.0, True), (0.0, 0.15, True)):
         facts = replace(quiet, saturated_share=saturated, dark_share=dark)
@@ -233,7 +235,7 @@ def test_the_color_cast_is_that_of_the_mean_in_linear_light() -> None:
     image = flat((90, 160))
     image[:, ::2] = (200, 100, 60)
     image[:, 1::2] = (40, 90, 30)
-    facts = measure_facts([make_frame(np.full((90, 160), 25.0), rig=RIG, image=image)])
+    facts = measure_facts([make_frame(np.full((90, 160), 25.0), rig=RIG, image=image)], RIG)
     red, green, blue = linear_from_srgb(image / 255.0).mean(axis=(0, 1))
     expected = max(abs(np.log2(red / green)), abs(np.log2(blue / green)))
     assert facts.color_cast == pytest.approx(expected, rel=0.02)
