@@ -9,6 +9,8 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.metering import meter_walk
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.after.chain import AfterMatching
+from digs_warp.sim.sensor.after.choices import choices_of
 from digs_warp.sim.sensor.color import (
     AUTO_EXPOSURE,
     CALIBRATION_DRIFT,
@@ -49,19 +51,22 @@ class SensorPlan:
     Attributes:
         depth: effects on the depth path, in the order in which they act; empty where the tier plans none.
         color: the same on the color path.
+        after: what the user asks of the device after matching, in the order in which it acts.
         facts: the basis of the choices; None where the tier plans nothing.
         adaptation: how exposure and white balance follow the light; None where both are off.
     """
 
     depth: tuple[Choice, ...] = ()
     color: tuple[Choice, ...] = ()
+    after: tuple[Choice, ...] = ()
     facts: SceneFacts | None = None
     adaptation: AdaptationTrack | None = None
 
     @property
     def effects_on(self) -> tuple[str, ...]:
         """Names of all effects that are on."""
-        return tuple(choice.effect for choice in (*self.color, *self.depth) if choice.on)
+        choices = (*self.color, *self.depth, *self.after)
+        return tuple(choice.effect for choice in choices if choice.on)
 
     @property
     def pixel_effects(self) -> tuple[PixelEffect, ...]:
@@ -118,6 +123,7 @@ class SensorPlan:
         return {
             "depth": [asdict(choice) for choice in self.depth],
             "color": [asdict(choice) for choice in self.color],
+            "after": [asdict(choice) for choice in self.after],
             "drift": asdict(drift),
             # Depth has no extremes if nothing is in view.
             "facts": {name: v if np.isfinite(v) else None for name, v in facts.items()},
@@ -155,7 +161,7 @@ def plan_for_facts(facts: SceneFacts, rig: StereoRig, config: SimulateConfig) ->
     depth = tuple(choice for choice in plan(facts, rig) if choice.effect in acting)
     if wanted is not None:
         color, depth = override(color, wanted), override(depth, wanted)
-    return SensorPlan(depth, color, facts)
+    return SensorPlan(depth, color, choices_of(AfterMatching.of(config)), facts)
 
 
 def check_effects(config: SimulateConfig) -> None:

@@ -48,7 +48,7 @@ class Plan(SettingsCommand):
         return cls(recording=settings_from_json(_PlanOptions, settings))
 
     def execute(self) -> str:
-        """Measure, choose, and return the choices as two tables."""
+        """Measure, choose, and return the choices as tables."""
         from digs_warp.sim.sensor.planner import format_plan
         from digs_warp.sim.sensor_plan import check_effects, make_plan
         from digs_warp.sim.session import load_inputs, prepare_session
@@ -67,4 +67,6 @@ class Plan(SettingsCommand):
             if choices:
                 on = sum(choice.on for choice in choices)
                 parts.append(f"{name}, {on} of {len(choices)} effects:\n{format_plan(choices)}")
+        if plan.after:
+            parts.append(f"After matching:\n{format_plan(plan.after)}")
         return "\n\n".join(parts)

@@ -9,6 +9,9 @@ from digs_warp.report.markup import section, table
 # Heading -> key in the plan.
 PATHS = {"On the images": "color", "On depth": "depth"}
 
+# What the user asked for; older plans do not list it.
+ASKED_FOR = {"After matching": "after"}
+
 
 def sensor_section(capture: Capture) -> str:
     """Return the section, or nothing for a capture without a plan.
@@ -25,6 +28,7 @@ def sensor_section(capture: Capture) -> str:
     rows = [row for group in tables.values() for row in group]
     on = sum(row[1] == "on" for row in rows)
     headings = ["Effect", "State", "Measured", "Rule", "Because"]
+    tables |= {title: _rows(plan.sections(key, [])) for title, key in ASKED_FOR.items()}
     parts = [
         f"<h3>{title}</h3>{table(headings, group)}" for title, group in tables.items() if group
     ]

@@ -16,6 +16,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.record import simulate
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
+from digs_warp.sim.sensor.after.choices import COSTS, choices_of
+from digs_warp.sim.sensor.after.names import FILTERS
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor_plan import make_plan
 from digs_warp.sim.session import (
@@ -155,6 +157,11 @@ def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
     error = np.abs(fixed - truth.disparity)[stable]
     left = np.abs(filtered.mean(axis=0) - truth.disparity)[stable]
     assert np.sqrt((left**2).mean()) == pytest.approx(np.sqrt((error**2).mean()), rel=0.02)
+
+
+def test_every_filter_has_a_price() -> None:
+    assert COSTS.keys() == FILTERS.keys()
+    assert choices_of(AfterMatching()) == ()
 
 
 def test_filters_change_nothing_of_the_truth(tmp_path: Path) -> None:

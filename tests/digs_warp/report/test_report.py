@@ -81,10 +81,16 @@ def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path
         entry["cause_file_path"] = f"cause/{number:04d}.png"
     index["digs_warp"]["cause_labels"] = {"0": "ok", "2": "occluded"}
     (capture.folder / "transforms.json").write_text(json.dumps(index))
-    plan = {"depth": [CHOICE], "color": [{**CHOICE, "effect": "shot-noise", "on": False}]}
+    asked = {**CHOICE, "effect": "spatial", "statistic": "", "threshold": "", "reason": "asked for"}
+    plan = {
+        "depth": [CHOICE],
+        "color": [{**CHOICE, "effect": "shot-noise", "on": False}],
+        "after": [asked],
+    }
     (capture.folder / "sensor_plan.json").write_text(json.dumps(plan))
     page = write_and_parse((read_capture(capture.folder), *run[1:]))
     assert "1 of 2 effects of the depth camera" in page.text
+    assert "After matching" in page.text and "asked for" in page.text
     assert all(str(CHOICE[key]) in page.text for key in CHOICE if key != "on")
     assert "occluded 25.0%" in page.text and "ok 75.0%" in page.text
     assert len(page.images) == len(before.images) + 6
