@@ -213,6 +213,18 @@ def test_the_threshold_drops_exactly_what_is_below() -> None:
     assert AfterMatching(("hole-filling",), 0.6).apply([Shot(before, gray)]).known.all()
 
 
+def test_the_threshold_holds_in_earlier_frames_too() -> None:
+    def shot(value: float, confidence: float) -> Shot:
+        disparity, trust = (np.full((2, 3), each, np.float32) for each in (value, confidence))
+        gray = np.zeros((2, 3), np.uint8)
+        return Shot(Sensed(disparity, gray, trust), gray)
+
+    device = AfterMatching(("temporal",), 0.5)
+    trusted, doubtful = ([*[shot(20, c)] * 3, shot(20.5, 0.9)] for c in (0.9, 0.1))
+    np.testing.assert_allclose(device.apply(trusted).disparity, 20.2, rtol=1e-6)
+    np.testing.assert_array_equal(device.apply(doubtful).disparity, 20.5)
+
+
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_extreme_frames_pass_every_filter(name: str, shape: tuple[int, int]) -> None:
