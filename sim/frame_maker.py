@@ -158,7 +158,9 @@ class FrameMaker:
     def _recorded_color(self, truth: FrameTruth, view: ColorView) -> np.ndarray:
         """Return the color camera's image after the effects on it; its noise is not that of the eyes."""
         config = self.session.config
-        alone = replace(view.as_truth(truth), right=view.image)
+        k, noise = truth.rig.image_intrinsics, truth.rig.color_noise
+        rig = replace(truth.rig, intrinsics=k, image_noise=noise)
+        alone = replace(view.as_truth(truth), right=view.image, rig=rig)
         seed = config.seed + COLOR_SEED
         effects, adapted = self.plan.pixel_effects, self._adapted(truth.number)
         return recorded_images(alone, effects, seed, config.strength, adapted)[0]

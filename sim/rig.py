@@ -50,6 +50,7 @@ class StereoRig:
         projector_offset: place of the projector along the baseline, from the left eye [m].
         color_offset: place of the color camera along the baseline, from the left eye [m].
         color_zoom: focal length of the color camera over that of the eyes.
+        color_noise: what ``image_noise`` is for the eyes, for the color camera.
     """
 
     intrinsics: Intrinsics
@@ -78,6 +79,7 @@ class StereoRig:
     projector_offset: float = 0.0
     color_offset: float = 0.0
     color_zoom: float = 1.0
+    color_noise: float = 0.0
 
     def __post_init__(self) -> None:
         check_positive("rig: baseline [m]", self.baseline)
@@ -145,4 +147,5 @@ _AMOUNTS = (
     "readout_time",
     "vignetting",
     "projector_power",
+    "color_noise",
 )

@@ -177,4 +177,10 @@ BENCHMARKS = (
         "sensor-cost.md",
         chart_function="realism_confidence:confidence_charts",
     ),
+    Benchmark(
+        "infrared",
+        "the dots of the simulated D435 beside a real one's, and the depth that they give plain walls",
+        "bench_infrared:bench_infrared",
+        "sensor.md",
+    ),
 )

@@ -48,7 +48,7 @@ class SceneFacts:
     skewed_share: float  # share that moves more than half a pixel during the shutter's read-out
     blur_px: float  # 95th percentile of the motion during the exposure [px]
     skew_px: float  # 95th percentile of the motion during the shutter's read-out [px]
-    dot_share: float = 0.0  # share where a projected dot exceeds the image noise
+    dot_share: float = 0.0  # share where a projected dot stands out of the image noise
 
 
 # Extremes over the frames; every other fact is the mean over those where it can be measured.

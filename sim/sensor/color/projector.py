@@ -10,7 +10,7 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 
-# Dots that are weaker than the image noise in all but this share of the view do not help a matcher [tuned].
+# Dots that drown in the image noise in all but this share of the view do not help a matcher [tuned].
 MIN_SHARE = 0.01
 
 
@@ -21,7 +21,7 @@ class Projector:
     name: ClassVar[str] = "projector"
 
     def choose(self, facts: SceneFacts, rig: StereoRig) -> Choice:
-        """On if the center of a dot would be brighter than its surroundings by more than the image noise."""
+        """On if the center of a dot would stand out of the image noise."""
         return choose_above(
             self.name,
             "dot_share",

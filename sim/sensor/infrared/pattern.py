@@ -14,15 +14,16 @@ from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 # (manual of the FRAMOS D435e, 3.3).
 FIELD_DEG = (86.0, 57.0)
 
-# Dots per unit of the plane [measured]: 4,200 in the field. Intel says about 5,000 ("Projectors for D400
+# Dots per unit of the plane [measured]: 3,990 in the field. Intel says about 5,000 ("Projectors for D400
 # Series Depth Cameras", 1).
-DENSITY = 2060.0
+DENSITY = 1970.0
 
 # Least distance of two dots, as a share of the mean spacing [measured].
 LEAST_DISTANCE = 0.76
 
-# Standard deviation of the spot on the plane, blur of the lens included [measured]: 1.07 px of 427.
-SPOT = 0.0025
+# Standard deviation of the spot on the plane, blur of the lens included [measured]: with it, spots in 8-bit
+# images are as wide as real ones, 1.07 px of 427.
+SPOT = 0.002
 
 # Standard deviation of the logarithm of the dots' brightness [measured].
 BRIGHTNESS_SPREAD = 0.3

@@ -15,7 +15,7 @@ from digs_warp.sim.sensor.color import COLOR_EFFECTS, PIXEL_EFFECTS, PROJECTOR
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
-from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
+from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel, with_dots
 from digs_warp.sim.sensor.infrared.pattern import DENSITY, FIELD_DEG, LEAST_DISTANCE
 from digs_warp.sim.sensor.tiers import Tier, sense
 from digs_warp.sim.shutter import Shutter
@@ -206,3 +206,20 @@ def test_a_mirror_on_the_wall_loses_the_dots() -> None:
     assert right[on_pane].mean() < 0.5 and right[~on_pane & (truth.disparity < 30)].mean() > 0.7
     wrong = sensed.cause[on_pane & ~right]
     assert np.mean((wrong == Cause.MIRROR) | (wrong == Cause.BAND)) > 0.9
+
+
+def test_a_session_draws_the_dots_from_the_place_of_the_projector() -> None:
+    rig = infrared_rig()
+    session = still_session(wall(1.0, slope=0.5), rig)
+    dark, _ = session.truth(0, Shutter(), projects=False)
+    lit, _ = session.truth(0, Shutter())
+    place = lit.camera.shifted_right(rig.projector_offset).world_from_cam
+    np.testing.assert_allclose(lit.camera.center_world, [0.015, 0, 0], atol=1e-12)
+    gain = np.float32(rig.projector_power * session.renderer.exposure)
+    eyes = lit.camera, lit.camera.shifted_right(rig.baseline)
+    for eye, before, after in zip(
+        eyes, (dark.image, dark.right), (lit.image, lit.right), strict=True
+    ):
+        dots = session.renderer.project_dots(eye, place).light
+        np.testing.assert_array_equal(after, with_dots(before, gain * dots))
+        assert np.mean(after != before) > 0.1
