@@ -138,7 +138,7 @@ def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
     truth, _ = session.truth(0, Shutter())
 
     def draw(number: int) -> Shot:
-        frame = replace(truth, number=number)
+        frame = replace(truth, number=number_before(0, number))
         return maker._shot(frame, maker._matched_pair(frame))
 
     shots = [draw(number) for number in range(16)]
