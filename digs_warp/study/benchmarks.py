@@ -183,4 +183,10 @@ BENCHMARKS = (
         "bench_infrared:bench_infrared",
         "sensor.md",
     ),
+    Benchmark(
+        "sensor-fit",
+        "the fit of depth cameras: known figures found again, and what fitted ones predict on real pairs",
+        "bench_sensor_fit:bench_sensor_fit",
+        "sensor-fit.md",
+    ),
 )

@@ -12,7 +12,7 @@ NEAR = 1.0
 DEVIATIONS, FAR = 5.0, 3.0
 
 # Fewer pixels make no wall.
-FEWEST = 1000
+FEWEST = 500
 
 # Standard deviation of a normal distribution over its median absolute deviation.
 OF_MAD = 1.4826

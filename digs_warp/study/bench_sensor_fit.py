@@ -1,0 +1,171 @@
+"""`digs-warp bench sensor-fit`: figures found again, and real recordings predicted.
+
+Walls with known figures are recorded and fitted. Of a real pair with true disparity (Middlebury's
+Motorcycle), one half is fitted and the other predicted. Two recordings without truth show the noise round
+local planes and what changes between frames.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.sim.fit.estimate import Estimate
+from digs_warp.sim.fit.fit_pair import (
+    LEFT,
+    RIGHT,
+    WHOLE,
+    compare,
+    fit_part,
+    image_parts,
+    try_noise,
+)
+from digs_warp.sim.fit.fit_wall import fit_wall
+from digs_warp.sim.fit.pair_folder import read_pair
+from digs_warp.sim.fit.profile_file import text
+from digs_warp.sim.fit.result import Comparison, with_figures
+from digs_warp.sim.fit.textured_wall import in_memory, record_wall
+from digs_warp.sim.fit.wall import read_wall
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.sensor.drift import Drift
+from digs_warp.study.real_stereo import (
+    d435_pair,
+    recorded_changes,
+    simulated_changes,
+    still_frames,
+)
+from digs_warp.study.results import Result
+from digs_warp.study.scenes import sample_data
+
+MOTORCYCLE = "rgbd/middlebury_motorcycle"
+D435 = "rgbd/realsense_d435_ir_pair"
+STILL = "rgbd/euroc_static_stereo"
+
+# Of the walls: image size and frames at each of the five places.
+SIZE, FRAMES = (480, 270), 5
+
+# Figures of the walls by seed, and the drift of their cameras.
+WALLS = {
+    0: {"image_noise": 1.5, "full_well": 9_000.0, "static_field": 0.10},
+    1: {"image_noise": 2.5, "full_well": 5_000.0, "static_field": 0.16},
+    2: {"image_noise": 4.0, "full_well": 2_500.0, "static_field": 0.25},
+}
+RANGE = {"min_depth": 0.68, "max_depth": 2.55}
+DRIFTS = {
+    0: Drift(yaw_deg=0.03, roll_deg=0.02, focal=8e-4, baseline=8e-3),
+    1: Drift(yaw_deg=-0.04, roll_deg=0.05, focal=-1e-3, baseline=-1e-2),
+    2: Drift(yaw_deg=0.05, roll_deg=-0.06, focal=1.5e-3, baseline=1.5e-2),
+}
+LAW = {"disparity_sigma": 0.12, "disparity_step": 1 / 16}
+
+
+def bench_sensor_fit(data: Path | None = None) -> list[Result]:
+    """Return known figures beside fitted ones, and measured statistics beside predicted ones.
+
+    Args:
+        data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
+    """
+    data = data or sample_data()
+    results = [*_walls(), *_law()]
+    for folder, measure in ((MOTORCYCLE, _motorcycle), (D435, _d435), (STILL, _still)):
+        if (data / folder).is_dir():
+            results += measure(data / folder)
+    return results
+
+
+def _walls() -> Iterator[Result]:
+    base = load_profile("zed2-720").rig(*SIZE, 60)
+    for seed, figures in WALLS.items():
+        drift = DRIFTS[seed]
+        rig = replace(base, unit=seed, **RANGE, **figures)
+        capture = record_wall(in_memory(rig), rig, "guided", frames=FRAMES, seed=seed, drift=drift)
+        fit = fit_wall(read_wall(capture, rig.baseline), base)
+        known = figures | RANGE | {
+            "rotation_drift": float(np.sqrt((drift.yaw_deg**2 + drift.roll_deg**2) / 2)),
+            "focal_drift": abs(drift.focal),
+            "baseline_drift": abs(drift.baseline),
+        }  # fmt: skip
+        found = {figure.name: figure.estimate for figure in fit.figures}
+        yield from (_row(seed, name, value, found.get(name)) for name, value in known.items())
+
+
+def _law() -> Iterator[Result]:
+    base = load_profile("zed2-720").rig(*SIZE, 60)
+    rig = replace(base, **LAW)
+    fit = fit_wall(read_wall(record_wall(in_memory(rig), rig, "law", frames=FRAMES), 1.0), base)
+    found = {figure.name: figure.estimate for figure in fit.figures}
+    yield from (_row("0, law", name, value, found.get(name)) for name, value in LAW.items())
+
+
+def _row(seed: int | str, name: str, value: float, found: Estimate | None) -> Result:
+    if found is None:
+        return Result(
+            {"seed": seed, "figure": name, "fitted": "not known"}, {"known": value}, "walls"
+        )
+    labels = {"seed": seed, "figure": name, "fitted": text(found)}
+    off = abs(found.value - value) / found.error if found.error else 0.0
+    return Result(labels, {"known": value, "off by standard errors": off}, "walls")
+
+
+def _motorcycle(folder: Path) -> Iterator[Result]:
+    tries = try_noise(read_pair(folder), load_profile("zed2-720").rig())
+    parts = image_parts(tries.true.shape)
+    yield from _compared(
+        "real right image, guided", WHOLE, compare(tries, tries.guided, parts[WHOLE])
+    )
+    for fitted, held_out in ((LEFT, RIGHT), (RIGHT, LEFT)):
+        figures = fit_part(tries, parts[fitted])
+        predicted = tries.simulate(with_figures(tries.rig, figures))
+        rows = compare(tries, predicted, parts[held_out])
+        yield from _compared(f"simulated, fitted to {fitted}", held_out, rows)
+        for figure in figures:
+            yield Result(
+                {"fitted to": fitted, "figure": figure.name, "fitted": text(figure.estimate)},
+                {},
+                "motorcycle figures",
+            )
+
+
+def _compared(right: str, part: str, rows: list[Comparison]) -> Iterator[Result]:
+    for row in rows:
+        labels = {
+            "right image": right,
+            "part": part,
+            "statistic": row.name,
+            "measured": text(row.measured),
+            "simulated": text(row.simulated),
+        }
+        yield Result(labels, {"ratio": row.simulated.value / row.measured.value}, "motorcycle")
+
+
+def _d435(folder: Path) -> Iterator[Result]:
+    noise, found = d435_pair(folder)
+    yield Result(
+        {"statistic": "noise of the images [DN]"} | dict.fromkeys(found, text(noise)), {}, "d435"
+    )
+    for name, attribute in {
+        "residual to local planes [px]": "sigma",
+        "its correlation length [px]": "correlation",
+    }.items():
+        cells = {sensor: text(getattr(each, attribute)) for sensor, each in found.items()}
+        yield Result({"statistic": name} | cells, {}, "d435")
+
+
+def _still(folder: Path) -> Iterator[Result]:
+    frames = still_frames(folder)
+    measured, disparity = recorded_changes(frames)
+    found = {"full search": measured, **simulated_changes(frames, disparity)}
+    for name, attribute in {
+        "rectified images [DN]": "images",
+        "disparity, RMS over the pixels [px]": "disparity",
+        "disparity, median over the pixels [px]": "typical",
+        "share of pixels that jump by more than a pixel": "jumps",
+        "share of pixels with disparity in all frames": "stays",
+    }.items():
+        values = {sensor: getattr(each, attribute) for sensor, each in found.items()}
+        cells = {
+            sensor: text(value) if isinstance(value, Estimate) else f"{value:.3g}"
+            for sensor, value in values.items()
+        }
+        yield Result({"statistic": name} | cells, {}, "still")
