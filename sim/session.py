@@ -120,15 +120,13 @@ class Session:
         if rig.has_color_camera:
             image, right_image = infrared_image(image), infrared_image(right_image)
         gain = np.float32(rig.projector_power * self.renderer.exposure)
-        if gain > 0:
+        if gain > 0 and projects:
             place = left_shift + rig.projector_offset
             projector_at = partial(self._pose, moment, place, UNTURNED)
-            dots = left.project_dots(projector_at)
+            dots, beside = (eye.project_dots(projector_at) for eye in (left, right))
             dots_show = stands_out(image, gain * dots.peak, rig)
-            if projects:
-                beside = right.project_dots(projector_at)
-                image = with_dots(image, gain * dots.light)
-                right_image = with_dots(right_image, gain * beside.light)
+            image = with_dots(image, gain * dots.light)
+            right_image = with_dots(right_image, gain * beside.light)
         velocity, angular_velocity = self.walk.motion(moment)
         truth = FrameTruth(
             number=number,

@@ -64,7 +64,7 @@ class FrameTruth:
         rays: more rays on request.
         drift: of the right eye; ``right`` is what the drifted eye sees.
         dots_show: where the center of a projected dot would stand out of the image noise, (height, width),
-            bool; None: the camera has no projector.
+            bool; None: the camera has no projector, or it is off.
     """
 
     number: int

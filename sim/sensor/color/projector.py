@@ -13,6 +13,8 @@ from digs_warp.sim.sensor.facts import SceneFacts
 # Dots that drown in the image noise in all but this share of the view do not help a matcher [tuned].
 MIN_SHARE = 0.01
 
+COST = 500.0  # of its rays and spots in both eyes [ms/MP]
+
 
 @dataclass(frozen=True)
 class Projector:
@@ -28,6 +30,7 @@ class Projector:
             facts.dot_share,
             MIN_SHARE,
             "",
+            COST if rig.projector_power > 0 else 0.0,
             on="the projector's dots show: they are texture for the infrared pair",
             off="other light drowns the projector's dots"
             if rig.projector_power > 0
