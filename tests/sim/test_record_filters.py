@@ -120,13 +120,15 @@ def test_all_cameras_and_effects_bear_filters() -> None:
     config = replace(CONFIG, frames=1, profile="d435", effects="all")
     plain = FrameMaker.of(config)
     filtered = replace(config, filters="temporal,hole-filling")
-    known = []
+    depths = []
     for each in (config, filtered):
         maker = FrameMaker(replace(plain.session, config=each), plain.plan)
         depth = maker.finish(maker.render(0), {}).depth
         assert depth is not None
-        known.append(np.isfinite(depth).mean())
-    assert known[1] > known[0] + 0.02
+        depths.append(depth)
+    before, after = (np.isfinite(depth) for depth in depths)
+    assert (after | ~before).all() and before.mean() > 0.5
+    assert (depths[0] != depths[1])[before].mean() > 0.5
 
 
 def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
