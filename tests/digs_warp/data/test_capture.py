@@ -9,7 +9,7 @@ import pytest
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
-from digs_warp.data.capture import Rig, read_capture
+from digs_warp.data.capture import InfraredPair, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
@@ -214,3 +214,43 @@ def test_every_mark_for_missing_depth_becomes_nan(tmp_path: Path) -> None:
     found = capture.frames[0].load_depth()
     assert np.isnan(found[0, :5]).all()
     assert (found.ravel()[5:] == 1.0).all()
+
+
+def test_an_infrared_pair_comes_back_and_is_no_right_image(tmp_path: Path) -> None:
+    pair = InfraredPair(0.015, 20.0, 21.0, 6.0, 4.5)
+    writer = CaptureWriter(tmp_path, INTRINSICS, Rig(0.05, pair))
+    gray = np.random.default_rng(1).integers(0, 256, (2, 9, 12), dtype=np.uint8)
+    images = replace(frame_images(0), infrared_left=gray[0], infrared_right=gray[1])
+    writer.write_frame(0, images)
+    writer.add_pose(0, view(0), time=0.0)
+    capture = writer.finish()
+    assert capture.rig == Rig(0.05, pair) and capture.right_offset is None
+    np.testing.assert_array_equal(capture.frames[0].load_infrared(), gray)
+    index = json.loads((tmp_path / "transforms.json").read_text())
+    del index["digs_warp"]["rig"]["infrared"]
+    (tmp_path / "transforms.json").write_text(json.dumps(index))
+    assert read_capture(tmp_path).right_offset == 0.05
+
+
+@pytest.mark.parametrize(
+    ("pair", "message"),
+    [
+        ({"offset": 0.015}, "rig, infrared: has no 'fl_x'"),
+        ([1], "rig, infrared: expected a JSON object"),
+        (
+            {"offset": "x", "fl_x": 1, "fl_y": 1, "cx": 1, "cy": 1},
+            "offset is 'x', expected a finite",
+        ),
+        (
+            {"offset": 0, "fl_x": 0, "fl_y": 1, "cx": 1, "cy": 1},
+            "fl_x is 0, expected pixels above 0",
+        ),
+    ],
+)
+def test_a_broken_infrared_pair_is_named(tmp_path: Path, pair: object, message: str) -> None:
+    write_capture(tmp_path, 1, stereo=True)
+    index = json.loads((tmp_path / "transforms.json").read_text())
+    index["digs_warp"]["rig"]["infrared"] = pair
+    (tmp_path / "transforms.json").write_text(json.dumps(index))
+    with pytest.raises(CaptureError, match=message):
+        read_capture(tmp_path)
