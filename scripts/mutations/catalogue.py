@@ -352,13 +352,6 @@ OTHERS = (
         ("digs_warp.sim.sensor.infrared.pattern:dot_pattern",),
         brighter_dots,
     ),
-    Mutation(
-        "cold-strips",
-        "paths begin at the first row of a strip, not above it",
-        "test_hidden_pixels_and_edges_fail_as_often",
-        (f"{GUIDED}.search:_WARM_UP",),
-        value(0),
-    ),
 )
 
 MUTATIONS = REQUIRED + OTHERS
