@@ -3,7 +3,7 @@
 Every tier senses frames of four sample meshes, or of the built-in object where there is no sample data, and
 a real pair with true disparity. The matcher is the yardstick: it searches the full range and is told nothing.
 The tables show, for each tier, time and errors; for each cause, the share of the frame that it takes; for
-each effect on matched depth, its time and what it changes.
+each effect on matched depth, its time and what it changes; for each scene, what planning costs and saves.
 """
 
 import time
@@ -28,15 +28,18 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
-from digs_warp.sim.sensor_plan import plan_for_facts
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.session import Session, load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import OBJECT_SIZE, sample_data
 
-MESHES = ("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box")
+MESHES = (
+    *("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box"),
+    "water_bottle_clear",
+)
 ENVIRONMENT = "st_fagans_interior"
 REAL_PAIR = "rgbd/middlebury_motorcycle"
 
@@ -71,12 +74,14 @@ class Case:
         fresh: returns the frame with nothing computed yet, so that every sensor pays for what it needs.
         choices: the plan.
         recorded: the two images with the noise of the camera; None: the images have their own.
+        session: that renders it; None for a real pair.
     """
 
     name: str
     fresh: Callable[[], FrameTruth]
     choices: tuple[Choice, ...]
     recorded: tuple[np.ndarray, np.ndarray] | None = None
+    session: Session | None = None
 
     @property
     def effects(self) -> list[str]:
@@ -108,7 +113,8 @@ def bench_sim(
             bar.update()
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
-    return results + _cause_results(cases) + _effect_results(cases)
+    plans = [result for case in cases for result in _plan_results(case)]
+    return results + plans + _cause_results(cases) + _effect_results(cases)
 
 
 def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
@@ -129,7 +135,8 @@ def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:
 
     facts = measure_facts([truth], truth.rig)
     effects = plan_for_facts(facts, truth.rig, config).pixel_effects
-    return Case(mesh or "built-in", fresh, plan(facts, truth.rig), recorded_images(truth, effects))
+    recorded = recorded_images(truth, effects)
+    return Case(mesh or "built-in", fresh, plan(facts, truth.rig), recorded, session)
 
 
 def _real(folder: Path) -> Case:
@@ -148,6 +155,42 @@ def _tier_results(case: Case) -> Iterator[Result]:
         values = {TIME: wall / megapixels, "CPU [ms/MP]": cpu / megapixels}
         values |= _columns(score(case.sense(tier), truth))
         yield Result({"scene": case.name, "sensor": tier}, values, "tiers")
+
+
+def _plan_results(case: Case) -> Iterator[Result]:
+    """Yield what planning costs, and after how many frames leaving effects out has saved as much."""
+    session = case.session
+    if session is None:
+        return
+    truth = case.fresh()
+    everything = replace(session, config=replace(session.config, effects="all"))
+    spent, frame = {}, {}
+    for name, planned in (("auto", session), ("all", everything)):
+        make_plan(planned)  # compiles
+        start = time.process_time()
+        chosen = make_plan(planned)
+        spent[name] = time.process_time() - start
+        # Bands and views of the shutter are on in both.
+        _, frame[name] = _timed(partial(_sensed_frame, case, chosen))
+    saved = frame["all"] - frame["auto"]
+    megapixels = truth.depth.size / 1e6
+    yield Result(
+        {"scene": case.name},
+        {
+            "planning [s]": spent["auto"],
+            "frame as planned [ms/MP]": frame["auto"] / megapixels,
+            "frame with all effects [ms/MP]": frame["all"] / megapixels,
+            "frames that pay for planning": 1e3 * spent["auto"] / saved if saved > 0 else np.inf,
+        },
+        "plans",
+    )
+
+
+def _sensed_frame(case: Case, chosen: SensorPlan) -> np.ndarray:
+    """Return the disparity of the default sensor, from rendered images to the end."""
+    truth = case.fresh()
+    recorded = recorded_images(truth, chosen.pixel_effects, adaptation=chosen.adapted(0.0))
+    return sense(truth, "guided", chosen.depth, recorded=recorded).disparity
 
 
 def _effect_results(cases: Sequence[Case]) -> list[Result]:

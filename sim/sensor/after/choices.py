@@ -26,8 +26,8 @@ def choices_of(device: AfterMatching) -> tuple[Choice, ...]:
         measured = f"confidence_threshold = {device.threshold:g}"
         choices.append(Choice("confidence-threshold", True, measured, "> 0", reason))
     for name in device.filters:
-        reason = f"asked for: {FILTERS[name]}; {COSTS[name]} ms/MP"
+        reason = f"asked for: {FILTERS[name]}"
         if name == "temporal":
             reason += f", and {device.earlier_frames} more frames to render and match for each"
-        choices.append(Choice(name, True, "", "", reason))
+        choices.append(Choice(name, True, "", "", reason, 1.0, COSTS[name]))
     return tuple(choices)

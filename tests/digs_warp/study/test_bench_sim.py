@@ -32,6 +32,11 @@ def test_effects_are_told_with_what_they_change(results: list[Result]) -> None:
     assert effects["quantum"]["changes fill"] == 0
 
 
+def test_a_plan_is_told_with_its_price(results: list[Result]) -> None:
+    (told,) = (r.values for r in results if r.table == "plans")
+    assert told["planning [s]"] > 0 and told["frame as planned [ms/MP]"] > 0
+
+
 def test_causes_are_told_for_both_searches(results: list[Result]) -> None:
     causes = {r.labels["cause"]: r.values for r in results if "cause" in r.labels}
     assert {"occluded", "band"} <= set(causes) and "ok" not in causes
@@ -42,11 +47,11 @@ def test_causes_are_told_for_both_searches(results: list[Result]) -> None:
 
 def test_the_wide_table_has_a_row_per_case_and_a_column_per_name(results: list[Result]) -> None:
     caption, *tables = format_tables(results).split("\n\n")
-    assert caption == "scene: built-in" and len(tables) == 3  # tiers, causes, effects
+    assert caption == "scene: built-in" and len(tables) == 4  # tiers, plans, causes, effects
     header, _, *rows = tables[0].splitlines()
     assert header.split()[0] == "sensor" and len(rows) == len(TIERS)
     effects = {r.labels["effect"] for r in results if "effect" in r.labels}
-    assert len(tables[2].splitlines()) == 2 + len(effects)
+    assert len(tables[3].splitlines()) == 2 + len(effects)
 
 
 def test_the_plot_is_a_png(results: list[Result], tmp_path: Path) -> None:
