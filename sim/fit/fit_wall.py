@@ -44,6 +44,8 @@ OF_ONE_UNIT = (
 )
 NO_TRUTH = f"needs true depth, or --distances of {FEWEST_POSES} or more places"
 
+HIDDEN = "hardly any pixel changes between frames: rounding to 8 bits hides the noise"
+
 WALL = "statistic of the wall"
 
 
@@ -67,18 +69,20 @@ def fit_wall(wall: Wall, base: StereoRig, distances: Sequence[float] | None = No
         *geometry(wall.intrinsics, wall.baseline),
         *_calibration(own["static_field"], calibration),
         *_reporting(wall, base, own),
-        *_of_images(images),
     ]
-    if not images.mid_gray.is_known or not images.is_still:
-        figures = [f for f in figures if f.name not in ("image_noise", "full_well")]
-        figures += _of_eyes(wall, base)
-    figures, poor = sort_out(figures, base)
+    if images.is_hidden:
+        poor = {"image_noise": HIDDEN, "full_well": HIDDEN}
+    elif images.mid_gray.is_known and images.is_still:
+        figures, poor = figures + _of_images(images), {}
+    else:
+        figures, poor = figures + _of_eyes(wall, base), {}
+    figures, imprecise = sort_out(figures, base)
     rig = with_figures(base, figures)
     simulated = simulate_wall(wall, rig, calibration.drift)
     return Fit(
         about=describe(wall),
         figures=figures,
-        kept=_kept(wall, figures) | poor,
+        kept=_kept(wall, figures) | poor | imprecise,
         tables={WALL: _comparisons(wall, simulated, images, bias(wall, distances))},
         series=(_noise_over_distance(wall, simulated),),
         doubts=tuple(_doubts(wall, images)),

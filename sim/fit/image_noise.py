@@ -26,6 +26,9 @@ DARKEST, BRIGHTEST = 12, 243
 
 ROUNDING = 1 / 12  # variance of the rounding to whole steps [DN^2]
 
+# Smaller noise between frames, rounding included, does not add to it: most pixels never change [DN].
+LEAST = 0.55
+
 # Where noise is that much larger on edges than on plain areas, the camera moved.
 MOVED = 1.3
 
@@ -47,6 +50,11 @@ class ImageNoise:
     mid_gray: Estimate
     full_well: Estimate
     edges: float
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether the rounding to 8 bits hides the noise."""
+        return self.temporal.is_known and self.temporal.value < LEAST
 
     @property
     def is_still(self) -> bool:

@@ -140,3 +140,11 @@ def test_the_same_recording_gives_the_same_figures() -> None:
     )
     assert repr(first) == repr(second)
     assert np.isfinite([figure.estimate.value for figure in first.figures]).all()
+
+
+def test_noise_below_the_rounding_of_the_images_is_not_guessed() -> None:
+    rig = replace(base(), image_noise=0.25)
+    capture = record_wall(in_memory(rig), rig, "guided", PLACES[1:3], frames=2)
+    fit = fit_wall(read_wall(capture, rig.baseline), base())
+    assert "rounding" in fit.kept["image_noise"] and "rounding" in fit.kept["full_well"]
+    assert not {"image_noise", "full_well"} & {figure.name for figure in fit.figures}
