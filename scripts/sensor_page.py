@@ -57,10 +57,8 @@ def section(effect: SensorEffect, facts: SceneFacts, studio: SensorStudio) -> st
         f"{first_paragraph(sys.modules[type(effect).__module__])} {first_paragraph(type(effect))}"
     )
     choice: Choice = effect.choose(facts, studio.rig)
-    parts = [f"### {effect.name}", what, rule(choice)]
-    if (DOCS / PICTURES / f"{effect.name}.jpg").is_file():
-        parts.append(f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)")
-    return "\n\n".join(parts) + "\n"
+    picture = f"![{effect.name}, off and on]({PICTURES}/{effect.name}.jpg)"
+    return f"### {effect.name}\n\n{what}\n\n{rule(choice)}\n\n{picture}\n"
 
 
 def rule(choice: Choice) -> str:

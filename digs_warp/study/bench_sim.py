@@ -8,7 +8,6 @@ each effect on matched depth, its time and what it changes; for each scene, what
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -35,6 +34,7 @@ from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import OBJECT_SIZE, sample_data
+from digs_warp.study.timing import ms_side_by_side
 
 MESHES = (
     *("painted_stool", "flight_helmet", "wooden_bookshelf", "ycb_cracker_box"),
@@ -281,20 +281,5 @@ def _rounded(values: Sequence[float]) -> float:
 
 
 def _timed(function: Callable[[], object]) -> tuple[float, float]:
-    """Return wall time and CPU time of one call among as many at once as a recording makes [ms].
-
-    A recording senses frames side by side (`digs_warp.sim.record.WORKERS`): what a user waits for is the
-    time per frame while they do, not that of a frame for which half of the cores stand idle. The shortest
-    of some rounds; a first call also loads and compiles, and does not count.
-    """
-    function()
-    best = (np.inf, np.inf)
-    with ThreadPoolExecutor(WORKERS) as pool:
-        for _ in range(ROUNDS):
-            start, spent = time.perf_counter(), time.process_time()
-            for call in [pool.submit(function) for _ in range(WORKERS)]:
-                call.result()
-            round_times = (time.perf_counter() - start, time.process_time() - spent)
-            best = min(best, round_times)
-    wall, cpu = (1e3 * seconds / WORKERS for seconds in best)
-    return wall, cpu
+    """Return wall and CPU time per call of as many at once as a recording makes [ms]: users wait for that."""
+    return ms_side_by_side(function, WORKERS, ROUNDS)

@@ -12,6 +12,7 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.geometry import rigid
 from digs_warp.record.files import write_atomically
+from digs_warp.sim.config import Tier
 from digs_warp.sim.profiles import PROFILES
 from digs_warp.sim.render.protocol import Projected
 from digs_warp.sim.render.raycast import RaycastRenderer
@@ -25,14 +26,16 @@ from digs_warp.sim.sensor.color import (
 from digs_warp.sim.sensor.color.adaptation import Adaptation, targets
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.image_blur import ImageBlur
+from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
+from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.color.rolling_shutter import RollingShutter
-from digs_warp.sim.sensor.effects import AFTER_MATCHING
-from digs_warp.sim.sensor.effects.protocol import DepthEffect
+from digs_warp.sim.sensor.effects import AFTER_MATCHING, SECOND_SURFACES
+from digs_warp.sim.sensor.effects.protocol import Choice, DepthEffect, SensorEffect
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
-from digs_warp.sim.sensor.tiers import effect_rng
+from digs_warp.sim.sensor.tiers import effect_rng, sense
 from digs_warp.sim.shutter import Shutter, ShutteredEye
 from digs_warp.study.still_life import (
     RIGHT_SEED,
@@ -48,6 +51,10 @@ SEED = 0
 
 # A drift of common size does not show in a picture; this many times as much does.
 SHOWN_DRIFT = 20.0
+
+# Of the picture of the tiers: its name, and the full scale of its errors [px].
+TIERS_PICTURE = "tiers"
+SHOWN_ERROR = 2.0
 
 # Full scales of the error maps [px]: the smallest one that holds MOST of the errors is used.
 SCALES = (0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 100.0)
@@ -73,6 +80,7 @@ class DepthFigure:
 
     Attributes:
         truth: the frame.
+        before: disparity without the effect [px].
         sensed: after the effect alone.
         changed: where the two differ, (height, width), bool.
         holes: share of the frame that lost its depth.
@@ -81,6 +89,7 @@ class DepthFigure:
     """
 
     truth: FrameTruth
+    before: np.ndarray
     sensed: Sensed
     changed: np.ndarray
     holes: float
@@ -114,7 +123,22 @@ class SensorStudio:
         good = (error > 0) & (error <= BAD)
         rms = float(np.sqrt(np.mean(error[good] ** 2))) if good.any() else float("nan")
         bad = float(np.mean(error > BAD))
-        return DepthFigure(truth, sensed, lost | (error > 0), float(np.mean(lost)), bad, rms)
+        changed = lost | (error > 0)
+        return DepthFigure(truth, truth.disparity, sensed, changed, float(np.mean(lost)), bad, rms)
+
+    def surface_strip(self, effect: SensorEffect, path: Path) -> None:
+        """Draw what the search finds with and without the candidates of second surfaces of a kind."""
+        off, on = self.sensed("guided"), self.sensed("guided", effect.name)
+        with np.errstate(invalid="ignore"):
+            changed = (off.known != on.known) | (np.abs(off.disparity - on.disparity) > BAD)
+        nan = float("nan")
+        depth_strip(DepthFigure(self.truth, off.disparity, on, changed, nan, nan, nan), path)
+
+    def sensed(self, tier: Tier, *effects: str) -> Sensed:
+        """Return what a tier measures with some effects on depth, and image noise."""
+        recorded = recorded_images(self.truth, (ShotNoise(), ReadNoise()), SEED)
+        plan = [Choice(name, True, "", "", "") for name in effects]
+        return sense(self.truth, tier, plan, SEED, recorded=recorded)
 
     def shuttered(self, effect: RollingShutter | ImageBlur) -> np.ndarray:
         """Return the left image through a shutter that has an effect alone."""
@@ -181,11 +205,24 @@ def depth_strip(figure: DepthFigure, path: Path) -> None:
     signed = {"cmap": with_holes("RdBu"), "vmin": -scale, "vmax": scale}
     panels: list[Panel] = [
         ("left image", truth.image, {}),
-        ("disparity, off", truth.disparity, near_far),
+        ("disparity, off", figure.before, near_far),
         ("disparity, on", sensed.disparity, near_far),
         (f"error, ±{scale:g} px", error, signed),
     ]
     draw_panels([(title, pixels[rows, columns], style) for title, pixels, style in panels], path)
+
+
+def tiers_strip(studio: SensorStudio, path: Path) -> None:
+    """Draw the left image and the errors of three tiers on it, as one JPEG."""
+    true = studio.truth.disparity
+    surfaces = [effect.name for effect in SECOND_SURFACES]
+    signed = {"cmap": with_holes("RdBu"), "vmin": -SHOWN_ERROR, "vmax": SHOWN_ERROR}
+    panels: list[Panel] = [("left image", studio.truth.image, {})]
+    tiers: tuple[Tier, ...] = ("law", "guided", "matcher")
+    for tier in tiers:
+        error = studio.sensed(tier, *surfaces).disparity - true
+        panels.append((f"{tier}, error ±{SHOWN_ERROR:g} px", error, signed))
+    draw_panels(panels, path)
 
 
 def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "left") -> None:
@@ -203,6 +240,9 @@ def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     figures = {effect.name: studio.depth_figure(effect) for effect in AFTER_MATCHING}
     for name, figure in figures.items():
         depth_strip(figure, folder / f"{name}.jpg")
+    for effect in SECOND_SURFACES:
+        studio.surface_strip(effect, folder / f"{effect.name}.jpg")
+    tiers_strip(studio, folder / f"{TIERS_PICTURE}.jpg")
     images = {effect.name: studio.shuttered(effect) for effect in (ROLLING_SHUTTER, IMAGE_BLUR)}
     images |= {effect.name: studio.colored(effect) for effect in PIXEL_EFFECTS}
     for name, image in images.items():

@@ -9,7 +9,7 @@ import pytest
 from digs_warp.data.images import read_image
 from digs_warp.sim.sensor.color import COLOR_EFFECTS
 from digs_warp.sim.sensor.effects import AFTER_MATCHING, EFFECTS
-from digs_warp.study.sensor_pictures import SensorStudio, depth_strip
+from digs_warp.study.sensor_pictures import TIERS_PICTURE, SensorStudio, depth_strip
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
@@ -48,4 +48,4 @@ def test_the_page_shows_every_effect() -> None:
     names = [effect.name for effect in (*EFFECTS, *COLOR_EFFECTS)]
     assert re.findall(r"^### (\S+)$", page, re.MULTILINE) == names
     pictures = {path.stem for path in (DOCS / "images/sensor").glob("*.jpg")}
-    assert pictures == {effect.name for effect in (*AFTER_MATCHING, *COLOR_EFFECTS)}
+    assert pictures == {TIERS_PICTURE, *names}
