@@ -30,7 +30,7 @@ ITERATIONS = (100, 300)
 
 ALL, NONE = "all together", "none"
 
-# Small, because there are two dozen effects. Poses come from the recording, so that nothing else is wrong.
+# Small, because there are many effects. Poses come from the recording, so that nothing else is wrong.
 RECORDING: dict[str, Any] = {"frames": 24, "width": 400, "height": 225, "samples_per_pixel": 2}
 
 
