@@ -44,8 +44,8 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 300) -> list
     return [
         _case(name, scene, effect, strength, strategy, seed, iterations)
         for seed in range(seeds)
-        for name, scene in objects(objects_count).items()
         for effect, strength, strategy in settings
+        for name, scene in objects(objects_count).items()
     ]
 
 
