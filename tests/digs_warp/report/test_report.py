@@ -65,6 +65,8 @@ CHOICE = {
     "statistic": "occluded_share = 0.09",
     "threshold": "> 0.0001",
     "reason": "near things hide <far> ones",
+    "share": 0.085,
+    "cost": 51.0,
 }
 
 
@@ -91,7 +93,9 @@ def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path
     page = write_and_parse((read_capture(capture.folder), *run[1:]))
     assert "1 of 2 effects of the depth camera" in page.text
     assert "After matching" in page.text and "asked for" in page.text
-    assert all(str(CHOICE[key]) in page.text for key in CHOICE if key != "on")
+    told = {key: value for key, value in CHOICE.items() if key not in ("on", "share", "cost")}
+    assert all(str(value) in page.text for value in told.values())
+    assert "8.5%" in page.text and "51 ms/MP" in page.text
     assert "occluded 25.0%" in page.text and "ok 75.0%" in page.text
     assert len(page.images) == len(before.images) + 6
 
