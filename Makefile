@@ -47,7 +47,7 @@ sensor: setup ## Photograph every effect of the simulated camera for docs/sensor
 	$(BIN)/python scripts/sensor_page.py
 
 sensor-cost: setup ## Measure the simulated camera against real matching, for docs/sensor-cost.md
-	$(BIN)/python scripts/pages.py sim
+	$(BIN)/python scripts/pages.py sim realism
 
 docs: setup ## The documentation as a site in build/site; fails when a link leads nowhere
 	$(BIN)/python -m pip install --disable-pip-version-check --quiet --use-pep517 -c constraints.txt -e '.[docs]'
