@@ -38,9 +38,14 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 300) -> list
     """Return the cases: no effect and all of them for every strategy, then each effect for the main one."""
     from digs_warp.sim.sensor_plan import ALL_EFFECT_NAMES
 
+    others = [strategy for strategy in STRATEGIES if strategy != MAIN]
     settings = [(NONE, 0.0, strategy) for strategy in STRATEGIES]
-    settings += [(ALL, strength, strategy) for strength in STRENGTHS for strategy in STRATEGIES]
-    settings += [(effect, strength, MAIN) for strength in STRENGTHS for effect in ALL_EFFECT_NAMES]
+    settings += [(ALL, strength, MAIN) for strength in STRENGTHS]
+    settings += [(effect, STRENGTHS[0], MAIN) for effect in ALL_EFFECT_NAMES]
+    settings += [(ALL, strength, strategy) for strength in STRENGTHS for strategy in others]
+    settings += [
+        (effect, strength, MAIN) for strength in STRENGTHS[1:] for effect in ALL_EFFECT_NAMES
+    ]
     return [
         _case(name, scene, effect, strength, strategy, seed, iterations)
         for seed in range(seeds)
