@@ -69,7 +69,8 @@ def _case(
             **{"strategy": strategy, "seed": seed},
         },
         recording={**scene, **RECORDING, "seed": seed}
-        | {"strength": strength, "effects": "all" if effect == ALL else effect},
+        # Without effects, the sensor still matches the images: strength 0 would be the truth.
+        | {"strength": strength or 1.0, "effects": "all" if effect == ALL else effect},
         reconstruction={
             "init.strategy": strategy,
             "init.voxel_size": voxel_size(strategy),
@@ -132,7 +133,10 @@ def _effects(groups: Groups) -> Section:
     if clean := groups.get((NONE, 0.0, MAIN)):
         rows[NONE, 0.0] = clean
     worst = _by_harm(groups)[:3]
-    text = f"Each effect alone, with {MAIN}, the most harmful first."
+    text = (
+        f"Each effect alone, with {MAIN}, the most harmful first. Without any (strength 0), the sensor still "
+        "errs as a matcher does on clean images."
+    )
     if worst:
         text += f" These cost the most final quality: {', '.join(worst)}."
     if idle := _idle(groups):
