@@ -111,7 +111,7 @@ class StereoRig:
 
     @property
     def has_color_camera(self) -> bool:
-        """Whether a color camera of its own takes the images, and an infrared pair measures depth.
+        """Whether a separate color camera takes the images, and an infrared pair measures depth.
 
         Otherwise the left eye takes the images.
         """

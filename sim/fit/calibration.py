@@ -45,7 +45,7 @@ class Calibration:
 
     @property
     def figures(self) -> dict[str, Estimate]:
-        """Figures of the rig: from one unit, the size of its own drift stands for the spread of all."""
+        """Figures of the rig: from one unit, the size of its drift is taken for the spread of all."""
         angles = [angle for angle in (self.yaw_deg, self.roll_deg) if angle.is_known]
         found = {
             "rotation_drift": _size(angles),

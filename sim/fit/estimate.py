@@ -1,6 +1,6 @@
 """Figures with standard errors: a statistic is computed again and again without one block of the image.
 
-Errors of neighboring pixels are alike, so pixels cannot be counted as independent; large blocks nearly are.
+Errors of neighboring pixels are similar, so pixels are not independent; large blocks nearly are.
 The delete-one jackknife (Efron and Stein 1981) gets the standard error of any smooth statistic from them.
 """
 

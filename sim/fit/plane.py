@@ -17,8 +17,8 @@ FEWEST = 500
 # Standard deviation of a normal distribution over its median absolute deviation.
 OF_MAD = 1.4826
 
-# So many planes through three random pixels are tried, each judged by so many pixels. One in eight lies on a
-# wall that half of the image shows.
+# Planes through three random pixels that are tried, and pixels that judge each of them. One in eight lies
+# on a wall that half of the image shows.
 _DRAWS, _JUDGES = 200, 2000
 
 # Least squares over the pixels near the plane, which then moves a little.

@@ -17,7 +17,7 @@ def twin_spatial(disparity: np.ndarray, alpha: float, delta: float, iterations: 
 
 
 def _average(line: np.ndarray, alpha: float, delta: float) -> None:
-    """The exponential moving average of a line, in place; it starts anew at steps and after holes."""
+    """The exponential moving average of a line, in place; it restarts at steps and after holes."""
     for t in range(1, len(line)):
         if abs(line[t] - line[t - 1]) < delta:
             line[t] = alpha * line[t] + (1 - alpha) * line[t - 1]

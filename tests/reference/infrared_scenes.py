@@ -46,7 +46,7 @@ def wall(distance: float, material: Material = WHITE, slope: float = 0.0) -> Sce
 
 
 def still_session(scene: Scene, rig: StereoRig, radiance: float = ROOM) -> Session:
-    """A session before a scene in even light; it has no texture of its own."""
+    """A session before a scene in even light; it has no texture."""
     environment = Environment(np.full((16, 32, 3), radiance, np.float32), 30.0)
     config = SimulateConfig(profile="d435", frames=3, samples_per_pixel=1, tier="guided")
     walk = cast(Walk, StillCamera())

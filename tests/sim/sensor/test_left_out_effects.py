@@ -19,7 +19,7 @@ from digs_warp.study.scenes import OBJECT_SIZE
 # Stated share of the pixels whose depth an effect on depth that is off would change.
 STATED = 0.002
 
-# An effect on the images moves matches by chance, too: at most so many times as many as other noise does.
+# An effect on the images moves matches by chance, too: at most this many times as many as other noise does.
 OF_OTHER_NOISE = 2.0
 
 ON_DEPTH = {effect.name for effect in EFFECTS}
