@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 from digs_warp.sim.sensor.color.encoding import decode
 
@@ -53,6 +52,7 @@ def measure_dots(image: np.ndarray, region: np.ndarray) -> DotStatistics:
         region: where to look, (height, width), bool; at least ten dots.
     """
     import cv2
+    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
     gray = image.astype(np.float32)
     blurred = [cv2.GaussianBlur(gray, (0, 0), sigma) for sigma in (INNER, OUTER)]

@@ -10,7 +10,7 @@ from full_disks.walk import Walked, try_limits, try_sizes
 
 CASES = find_cases(
     [
-        *("simulate", "reconstruct", "plan --json", "render, .mp4", "render, images"),
+        *("simulate", "reconstruct", "render, .mp4", "render, images"),
         *("convert, .spz", "convert --to colmap", "export-usd, .usdz"),
     ]
 )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 # Angles that the pattern fills, across and down [deg]. Vendor: D435's projector, 86 +- 3 and 57 +- 3
 # (manual of the FRAMOS D435e, 3.3).
@@ -71,6 +70,8 @@ def dot_pattern() -> DotPattern:
 
 def _scattered(rng: np.random.Generator, half: np.ndarray, count: int, least: float) -> np.ndarray:
     """Return random points no closer than ``least``, (count, 2): those that come too near are drawn again."""
+    from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+
     points = np.empty((0, 2))
     while len(points) < count:
         new = rng.uniform(-half, half, (ROUND, 2))

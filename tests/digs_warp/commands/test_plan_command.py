@@ -41,7 +41,7 @@ def test_filters_are_listed_with_their_cost(
     path = tmp_path / "plan.json"
     asked = ["--filters", "temporal,dense", "--confidence-threshold", "0.5"]
     assert main(["plan", *TINY, *asked, "--json", str(path)]) == EXIT_OK
-    table = capsys.readouterr().out.partition("After matching:\n")[2].splitlines()
+    _, *table = capsys.readouterr().out.partition("After matching:\n")[2].splitlines()
     assert [row.split()[:2] for row in table] == [
         ["confidence-threshold", "on"],
         ["dense", "on"],

@@ -40,5 +40,5 @@ def test_points_stay_near_the_surface(sensor_noise: NoiseSeries, strategy: Strat
         return float(np.median(surface.query(points)[0]))
 
     curve = sensor_noise.measure(median_distance)
-    curve.assert_at_most({0: 0.002, 1: 0.004, 2: 0.008, 4: 0.016})
+    curve.assert_at_most({0: 0.002, 1: 0.005, 2: 0.008, 4: 0.016})
     curve.assert_no_cliff(largest_growth=1.5)

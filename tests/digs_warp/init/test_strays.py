@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from digs_warp.init.config import InitConfig
-from digs_warp.init.depth_points import depth_points
 from digs_warp.init.strays import in_company
-from digs_warp.sim.config import SimulateConfig
-from digs_warp.sim.record import simulate_in_memory
 
 VOXEL = 0.004
 
@@ -55,14 +51,3 @@ def test_where_the_origin_lies_makes_no_difference() -> None:
     points = np.concatenate([plate(), [[0.5, 0.5, 0.5]]])
     for offset in ([0, 0, 0], [100.013, -50.7, 3.3]):
         assert in_company(points + offset, VOXEL).tolist() == [True] * len(plate()) + [False]
-
-
-def test_the_start_of_a_small_recording_is_no_larger_than_its_object() -> None:
-    """In small images neither --min-support nor the visibility check drops the strays."""
-    capture = simulate_in_memory(SimulateConfig(frames=9, width=160, height=120))
-    frames = capture.split(8)[0]
-    points, report = depth_points(frames, InitConfig())
-    assert report.voxels["well supported"] == report.voxels["occupied"]
-    assert 10 <= report.voxels["not seen through"] - report.voxels["not alone"] <= 60
-    low, high = points.bounds
-    assert (high - low < [0.3, 0.3, 0.55]).all()

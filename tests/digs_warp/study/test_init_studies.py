@@ -68,4 +68,4 @@ def test_the_bench_tells_times_memory_and_distances() -> None:
     assert sum("wall clock [s]" in r.values for r in strategies) == 3
     assert {r.labels["frames"] for r in results} == {6}
     assert scale.values["scale error"] < 0.01
-    assert all(r.values["Chamfer [mm]"] < 20 for r in strategies)
+    assert all(r.values["Chamfer [mm]"] < 25 for r in strategies)
