@@ -33,7 +33,7 @@ SURROUND_MARGIN = 2.0
 # [Hz] The usual mode of the cameras that the profiles describe.
 FRAME_RATE = 30.0
 
-# Added to the number of a frame for each frame that the camera took before it: no recording has so many.
+# Added to a frame's number for each frame that the camera took before it; more than any recording has.
 EARLIER = 1_000_000
 
 # Width of a look at the scene [px]: a thousandth of a dozen looks is sixty pixels.

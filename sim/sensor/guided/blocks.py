@@ -163,7 +163,7 @@ def choose_blocks(
 
     In order of importance: the block of the true disparity and the nearer neighbor; that of a second
     surface; the one beyond a depth step; the one that the coarse search prefers; the neighbor of the second
-    surface's; more neighbors of its own. Four of them, or only the first two where the square is easy and
+    surface's; more of its own neighbors. Four of them, or only the first two where the square is easy and
     there is none of the others.
 
     Args:

@@ -100,8 +100,8 @@ class EyePlanes:
         width: of the images [px].
         height: of the images [px].
         pitch: columns of a plane.
-        searched: end of the search range [px]: so many black columns are in front of the image, as OpenCV's
-            matcher needs them (see `digs_warp.sim.sensor.matcher.match`).
+        searched: end of the search range [px], and the number of black columns in front of the image, which
+            OpenCV's matcher needs (see `digs_warp.sim.sensor.matcher.match`).
     """
 
     left: wp.array
