@@ -84,7 +84,7 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         "yardstick": score_on_yardstick(result.gaussians, yardstick),
         "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
         "scale_error": _scale_error(capture, config, result.frames),
-        "surface": _surface_scores(capture, result.start.points, result.gaussians),
+        "surface": _surface_scores(capture, config, result.start.points, result.gaussians),
         "recording_seconds": _recording_seconds(capture),
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
@@ -213,11 +213,13 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
     return abs(scale.sfm_per_metre / SFM_PER_METRE - 1)
 
 
-def _surface_scores(capture: Capture, points: PointCloud, gaussians: Gaussians) -> dict[str, Any]:
+def _surface_scores(
+    capture: Capture, config: "ReconstructConfig", points: PointCloud, gaussians: Gaussians
+) -> dict[str, Any]:
     from digs_warp.measure.surface_metrics import surface_score
     from digs_warp.surface.true_surface import read_true_surface
 
-    surface = read_true_surface(capture.folder)
+    surface = read_true_surface(capture.folder, config.segment.instance)
     if surface is None:
         return {}
     return {

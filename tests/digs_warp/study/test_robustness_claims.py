@@ -75,8 +75,8 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
     )
     truths = []
     for number in range(FRAMES):
-        truth, mask = session.truth(number, Shutter())
-        writer.write_frame(number, FrameImages(to_uint8(truth.image), truth.depth, mask))
+        truth, objects = session.truth(number, Shutter())
+        writer.write_frame(number, FrameImages(to_uint8(truth.image), truth.depth, objects.mask))
         writer.add_pose(number, truth.camera.world_from_cam, float(number))
         truths.append(truth)
     frames = writer.finish().frames
