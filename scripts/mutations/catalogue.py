@@ -1,141 +1,13 @@
-"""The faults, and where each is put into the running program; no file is edited."""
+"""The faults, and where each is put into the running program."""
 
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import Any
-
-import numpy as np
-import pytest
-
+from mutations import wrong_causes as causes
 from mutations import wrong_errors as wrong
+from mutations.fault import Mutation
 
 GUIDED = "digs_warp.sim.sensor.guided"
 COLOR = "digs_warp.sim.sensor.color"
 MATCHING = f"{GUIDED}.tier:sense_by_guided_matching"
 NOISES = tuple(f"{COLOR}.image_noise:{kind}.apply" for kind in ("ShotNoise", "ReadNoise"))
-
-
-@dataclass(frozen=True)
-class Mutation:
-    """A fault.
-
-    Attributes:
-        name: in kebab-case.
-        what: the fault in words.
-        meant: the function of the test that is there to notice it.
-        places: "module:attribute" or "module:Class.attribute", what is replaced.
-        change: returns the replacement of what is there.
-    """
-
-    name: str
-    what: str
-    meant: str
-    places: tuple[str, ...]
-    change: Callable[[Any], Any]
-
-    def apply(self, patch: pytest.MonkeyPatch) -> None:
-        """Put the fault into the running program.
-
-        Raises:
-            AttributeError: there is no such place any more.
-        """
-        for place in self.places:
-            module, _, path = place.partition(":")
-            *owners, name = path.split(".")
-            owner: Any = import_module(module)
-            for step in owners:
-                owner = getattr(owner, step)
-            old = getattr(owner, name)
-            new = self.change(old)
-            patch.setattr(owner, name, new)
-            if not owners and callable(old):
-                _replace_imported(patch, name, old, new)
-
-
-def _replace_imported(patch: pytest.MonkeyPatch, name: str, old: Any, new: Any) -> None:
-    """Replace a function in the modules that have imported it by name."""
-    for module in list(sys.modules.values()):
-        if getattr(module, "__dict__", {}).get(name) is old:
-            patch.setattr(module, name, new)
-
-
-def stronger(factor: float) -> Callable[[Any], Any]:
-    """Return what turns an effect on the images into a stronger one."""
-
-    def mutate(apply: Any) -> Any:
-        def mutated(self: Any, eyes: Any, rig: Any, rng: Any, strength: float = 1.0) -> Any:
-            return apply(self, eyes, rig, rng, factor * strength)
-
-        return mutated
-
-    return mutate
-
-
-def same_in_both_eyes(apply: Any) -> Any:
-    """Return an effect whose change of the left image is made to both."""
-
-    def mutated(self: Any, eyes: Any, *arguments: Any, **named: Any) -> Any:
-        changed = apply(self, eyes, *arguments, **named)
-        return replace(changed, right=eyes.right + (changed.left - eyes.left))
-
-    return mutated
-
-
-def blind_to_noise(matching: Any) -> Any:
-    """Return matching of the rendered instead of the recorded images."""
-
-    def mutated(truth: Any, recorded: Any = None, *arguments: Any, **named: Any) -> Any:
-        return matching(truth, None, *arguments, **named)
-
-    return mutated
-
-
-def with_default(**defaults: Any) -> Callable[[Any], Any]:
-    """Return what gives a function other values for arguments that callers leave out."""
-
-    def mutate(function: Any) -> Any:
-        def mutated(*arguments: Any, **named: Any) -> Any:
-            return function(*arguments, **(defaults | named))
-
-        return mutated
-
-    return mutate
-
-
-def nothing_far(coarse_blocks: Any) -> Any:
-    """Return a coarse search that never prefers anything."""
-
-    def mutated(*arguments: Any, **named: Any) -> Any:
-        return np.full_like(coarse_blocks(*arguments, **named), -1)
-
-    return mutated
-
-
-def drifting_farther(draw: Any) -> Any:
-    """Return a draw of a stronger drift."""
-
-    def mutated(self: Any, rig: Any, seed: int, strength: float = 1.0) -> Any:
-        return draw(self, rig, seed, 1.3 * strength)
-
-    return mutated
-
-
-def brighter_dots(dot_pattern: Any) -> Any:
-    """Return a projector with dots 1.3 times as bright."""
-
-    def mutated() -> Any:
-        pattern = dot_pattern()
-        return replace(pattern, dots=pattern.dots * np.array([1, 1, 1.3], np.float32))
-
-    return mutated
-
-
-def value(new: Any) -> Callable[[Any], Any]:
-    """Return what replaces a constant."""
-    return lambda old: new
-
 
 # The first of these are asked for by name; each of them has to be noticed whatever else changes.
 REQUIRED = (
@@ -144,7 +16,7 @@ REQUIRED = (
         "image noise x 1.3",
         "test_the_images_have_the_noise_that_the_rig_states",
         NOISES,
-        stronger(1.3),
+        causes.stronger(1.3),
     ),
     Mutation(
         "no-correlation",
@@ -196,28 +68,28 @@ OTHERS = (
         "image noise / 1.3",
         "test_the_images_have_the_noise_that_the_rig_states",
         NOISES,
-        stronger(1 / 1.3),
+        causes.stronger(1 / 1.3),
     ),
     Mutation(
         "noise-shared",
         "the same noise in both eyes",
         "test_noise_is_white_and_independent_between_eyes",
         NOISES,
-        same_in_both_eyes,
+        causes.same_in_both_eyes,
     ),
     Mutation(
         "no-noise",
         "the images without noise are matched",
         "test_failures_and_errors_lie_where_the_matchers_do",
         (MATCHING,),
-        blind_to_noise,
+        causes.blind_to_noise,
     ),
     Mutation(
         "vignetting-2",
         "vignetting x 2",
         "test_vignetting_takes_what_the_rig_states_from_the_corners_and_nothing_from_the_middle",
         (f"{COLOR}.vignetting:Vignetting.apply",),
-        stronger(2.0),
+        causes.stronger(2.0),
     ),
     Mutation(
         "white-errors",
@@ -287,49 +159,49 @@ OTHERS = (
         "changes of disparity cost nothing",
         "test_disparity_and_costs_equal_the_twin_to_the_bit",
         (f"{GUIDED}.search:SMALL_STEP", f"{GUIDED}.search:LARGE_STEP"),
-        value(0),
+        causes.value(0),
     ),
     Mutation(
         "not-unique",
         "matches with equally good rivals are kept",
         "test_as_much_is_missing_and_the_rest_is_as_far_off",
         (f"{GUIDED}.search:search",),
-        with_default(uniqueness=0),
+        causes.with_default(uniqueness=0),
     ),
     Mutation(
         "one-eyed",
         "matches on which the eyes disagree are kept",
         "test_disparity_and_costs_equal_the_twin_to_the_bit",
         (f"{GUIDED}.search:_LEFT_RIGHT",),
-        value(10_000),
+        causes.value(10_000),
     ),
     Mutation(
         "islands",
         "small islands are kept",
         "test_as_much_is_missing_and_the_rest_is_as_far_off",
         (f"{GUIDED}.search:ISLAND",),
-        value(0),
+        causes.value(0),
     ),
     Mutation(
         "own-side-only",
         "the disparity beyond a depth step is not tried",
         "test_the_blocks_follow_the_rules",
         (f"{GUIDED}.blocks:STEP_REACH",),
-        value(0),
+        causes.value(0),
     ),
     Mutation(
         "near-only",
         "disparities far from the true one are not tried",
         "test_repeating_texture_adds_the_disparity_that_a_full_search_might_take",
         (f"{GUIDED}.coarse:coarse_blocks",),
-        nothing_far,
+        causes.nothing_far,
     ),
     Mutation(
         "drift-1.3",
         "the calibration drifts 1.3 times as far",
         "test_the_drift_belongs_to_seed_and_unit_and_has_the_stated_size",
         (f"{COLOR}.calibration_drift:CalibrationDrift.draw",),
-        drifting_farther,
+        causes.drifting_farther,
     ),
     Mutation(
         "drift-unfollowed",
@@ -343,14 +215,14 @@ OTHERS = (
         "a longer baseline makes depth larger",
         "test_a_changed_baseline_scales_depth",
         ("digs_warp.sim.sensor.drift:Drift.reported_disparity",),
-        lambda old: lambda self, matched: matched / np.float32(1 + self.baseline),
+        causes.baseline_flipped,
     ),
     Mutation(
         "dots-1.3",
         "the dots of the infrared projector are 1.3 times as bright",
         "test_the_pattern_has_the_density_and_the_distances_of_the_real_one",
         ("digs_warp.sim.sensor.infrared.pattern:dot_pattern",),
-        brighter_dots,
+        causes.brighter_dots,
     ),
 )
 

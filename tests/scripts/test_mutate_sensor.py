@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 from mutate_sensor import REPOSITORY, failing, table, unnoticed
-from mutations.catalogue import MUTATIONS, REQUIRED, Mutation, find_mutation
+from mutations.catalogue import MUTATIONS, REQUIRED, find_mutation
+from mutations.fault import Mutation
 
 REALISM = "tests/digs_warp/study/test_sensor_realism.py"
 COLOR = "tests/sim/sensor/test_color_path.py"
