@@ -20,7 +20,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.record.fields import shown
 from digs_warp.record.files import read_yaml
-from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
+from digs_warp.sim.rig import StereoRig
 from digs_warp.words import did_you_mean
 
 Origin = Literal["measured", "vendor", "tuned"]
@@ -220,11 +220,6 @@ def load_profile(source: str | Path) -> Profile:
             f"profile '{source}': not known{did_you_mean(str(source), PROFILES)}, or a .yaml file"
         )
     return _read_profile(Path(source))
-
-
-def zed2_like(width: int, height: int, horizontal_fov_deg: float = DEFAULT_FOV_DEG) -> StereoRig:
-    """Return a rig with the parameters of a ZED 2 at any image size."""
-    return PROFILES["zed2-720"].rig(width, height, horizontal_fov_deg)
 
 
 def _read_profile(path: Path) -> Profile:

@@ -108,7 +108,12 @@ class Drift:
 
     def reported_disparity(self, matched: np.ndarray) -> np.ndarray:
         """Return the disparity [px] that with today's baseline gives the depth that the camera reports."""
-        return matched * np.float32(1 + self.baseline) if self.baseline else matched
+        return matched * np.float32(self.baseline_factor) if self.baseline else matched
+
+    @property
+    def baseline_factor(self) -> float:
+        """Today's baseline over that of the calibration, in single precision."""
+        return float(np.float32(1 + self.baseline))
 
 
 NO_DRIFT = Drift()

@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.materials import is_mirror, is_transparent, pixels_of
+from digs_warp.sim.sensor.materials import is_mirror, is_transparent
 from digs_warp.sim.sensor.motion import image_motion
 
 # Thresholds of the statistics; the effects that use them give the sources.
@@ -111,7 +111,7 @@ def _color_cast(pixels: np.ndarray) -> float:
 def _materials(truth: FrameTruth, count: int) -> dict[str, float]:
     shares: dict[str, float] = {}
     for name, test in (("mirror", is_mirror), ("transparent", is_transparent)):
-        pixels = pixels_of(truth, test)
+        pixels = truth.pixels_of(test)
         shares[f"{name}_share"] = 0.0 if pixels is None else np.count_nonzero(pixels) / count
     return shares
 

@@ -1,5 +1,6 @@
 """What an effect knows about a frame (`FrameTruth`) and what it changes (`Sensed`)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -65,6 +66,7 @@ class FrameTruth:
         drift: of the right eye; ``right`` is what the drifted eye sees.
         dots_show: where the center of a projected dot would stand out of the image noise, (height, width),
             bool; None: the camera has no projector, or it is off.
+        right_mask: of the object in ``right``, (height, width), uint8; None: not rendered.
     """
 
     number: int
@@ -80,6 +82,7 @@ class FrameTruth:
     rays: FrameRays
     drift: Drift = NO_DRIFT
     dots_show: np.ndarray | None = None
+    right_mask: np.ndarray | None = None
 
     # Computed once, when the first effect needs it.
 
@@ -105,16 +108,31 @@ class FrameTruth:
         return gradient / np.float32(noise_of(self.rig.image_noise))
 
     @cached_property
+    def transparent(self) -> np.ndarray | None:
+        """Which pixels show a transparent material, (height, width), bool; None: there is none."""
+        return self.pixels_of(lambda material: material.is_transparent)
+
+    def pixels_of(self, test: Callable[[Material], bool]) -> np.ndarray | None:
+        """Return where the material passes ``test``, (height, width), bool; None: no material passes."""
+        passing = [number for number, material in enumerate(self.materials) if test(material)]
+        if not passing:
+            return None
+        where = self.material_ids == passing[0]
+        for number in passing[1:]:
+            where |= self.material_ids == number
+        return where & np.isfinite(self.depth)
+
+    @cached_property
     def hidden(self) -> np.ndarray:
         """Which pixels an opaque surface hides from the right eye, (height, width), bool."""
         return self.hidden_among(np.ones(self.depth.shape, bool))
 
     def hidden_among(self, where: np.ndarray) -> np.ndarray:
         """Return which pixels of ``where`` are `hidden`, both (height, width), bool."""
-        clear = np.array([*(material.is_transparent for material in self.materials), False])
         opaque = self.disparity
-        if clear.any():
-            opaque = np.where(clear[self.material_ids], np.float32(np.nan), opaque)
+        if self.transparent is not None:
+            opaque = opaque.copy()
+            np.putmask(opaque, self.transparent, np.float32(np.nan))
         return hidden_from_right(
             self.disparity, opaque, where, lambda some: self.rays.right_visibility(some, self.depth)
         )

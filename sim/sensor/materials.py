@@ -1,11 +1,6 @@
-"""Which pixels show a mirror, a glossy or a transparent surface."""
-
-from collections.abc import Callable
-
-import numpy as np
+"""Which materials are mirrors, glossy or transparent."""
 
 from digs_warp.sim.scene import Material
-from digs_warp.sim.sensor.frame import FrameTruth
 
 # A metal this smooth reflects its surroundings sharply.
 MIRROR_METALLIC, MIRROR_ROUGHNESS = 0.5, 0.1
@@ -36,10 +31,6 @@ def is_transparent(material: Material) -> bool:
     return material.is_transparent
 
 
-def pixels_of(truth: FrameTruth, test: Callable[[Material], bool]) -> np.ndarray | None:
-    """Return where the material passes ``test``, (height, width), bool; None: no material passes."""
-    passes = [test(material) for material in truth.materials]
-    if not any(passes):
-        return None
-    # The surround's id -1 picks the last entry.
-    return np.array([*passes, False])[truth.material_ids] & np.isfinite(truth.depth)
+def is_thin_glass(material: Material) -> bool:
+    """Whether what lies behind the surface shows at its own disparity: nothing bends the rays."""
+    return material.is_transparent and not material.bends

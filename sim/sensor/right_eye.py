@@ -17,94 +17,140 @@ from collections.abc import Callable
 import numpy as np
 import warp as wp
 
-from digs_warp.device.contiguous import bytes_from, floats_from
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.sensor.arrays import shared
 
 start_warp()
 wp.set_module_options(vector_module_options())
 
 # The classes of `classify`.
-SEEN = wp.constant(0)
-UNSURE = wp.constant(1)
-HIDDEN = wp.constant(2)
+SEEN = 0
+UNSURE = 1
+HIDDEN = 2
 
 # An edge may lie anywhere between two pixel centers. Half a pixel finds 99.5 % of the hidden pixels, and
 # sends 4 to 10 % of all pixels of the sample meshes to the rays.
-BETWEEN_PIXELS = wp.constant(0.5)
+BETWEEN_PIXELS = 0.5
 
 # A surface hides a point for certain if it is nearer by this much and steps less from pixel to pixel [px].
-NEARER = wp.constant(1.0)
-
-# A row that has landed serves queries this much farther away, too [px].
-REACH = wp.constant(2.0)
-
-NOTHING = wp.constant(float("nan"))
-
-# Blocks of this many pixels are skipped if none of them can be hidden: most of an image.
-_BLOCK = wp.constant(32)
+NEARER = 1.0
 
 
-@wp.func
-def steps_that_may_hide(here: wp.array[float], right: wp.array[float]) -> int:
-    """Count the pixels of a block whose right neighbor does not land at least half a pixel to the right."""
-    count = int(0)
-    for x in range(_BLOCK):
-        apart = 1.0 + here[x] - right[x]
-        count += wp.where(apart >= BETWEEN_PIXELS, 0, 1)
-    return count
+def _ahead(steps: int) -> str:
+    """Return the code for the lanes of ``after`` moved down by some steps."""
+    lanes = ", ".join(str(min(lane + steps, 16)) for lane in range(16))
+    return f"__builtin_shufflevector(after, far, {lanes})"
 
 
-@wp.func
-def nearer_than(disparity: wp.array[float], limit: float) -> int:
-    """Count the pixels of a block whose disparity exceeds the limit."""
-    count = int(0)
-    for x in range(_BLOCK):
-        count += wp.where(disparity[x] > limit, 1, 0)
-    return count
+# Written with Clang's vector types, which compile for any processor: sixteen pixels are one vector.
+_ROW = r"""
+typedef float Floats __attribute__((ext_vector_type(16), aligned(4)));
+typedef int Ints __attribute__((ext_vector_type(16)));
+typedef unsigned char Bytes __attribute__((ext_vector_type(16), aligned(1)));
+const float FAR = 1e30f;
+const float* own = disparity.data + row * width;
+const float* solid = opaque.data + row * width;
+const unsigned char* wanted = where.data + row * width;
+unsigned char* found = state.data + row * width;
+float* nearest = scratch.data + first_scratch;
+
+// From right to left: a point that lands right of one further right in the left image may be hidden by it.
+float leftmost = FAR, least = FAR;  // where points have landed so far; disparity of points that may be hidden
+int x = width;
+while (x % 16) {
+    const float landing = --x - own[x];
+    const bool may_be = leftmost < landing + BETWEEN && landing >= -0.5f && wanted[x];
+    found[x] = may_be ? UNSURE : SEEN;
+    least = may_be && own[x] < least ? own[x] : least;
+    leftmost = landing < leftmost ? landing : leftmost;
+}
+const Floats far = FAR;
+const Ints number = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+auto min = [](Floats a, Floats b) -> Floats { return __builtin_elementwise_min(a, b); };
+Floats least_of_lanes = far;
+while (x > 0) {
+    x -= 16;
+    const Floats here = *(const Floats*)(own + x);
+    const Floats landing = __builtin_convertvector(number + x, Floats) - here;
+    // Missing values land nowhere. Then: the least of each lane and all after it.
+    Floats after = landing == landing ? landing : far;
+    SUFFIX_MINIMUM
+    const Floats before = min(leftmost, AFTER_NEXT);
+    const Ints asked = __builtin_convertvector(*(const Bytes*)(wanted + x), Ints) != 0;
+    const Ints may_be = (before < landing + BETWEEN) & (landing >= -0.5f) & asked;
+    *(Bytes*)(found + x) = __builtin_convertvector(may_be & UNSURE, Bytes);
+    least_of_lanes = min(least_of_lanes, may_be ? here : far);
+    leftmost = after[0] < leftmost ? after[0] : leftmost;
+}
+const float least_vector = __builtin_reduce_min(least_of_lanes);
+least = least_vector < least ? least_vector : least;
+if (least >= FAR || width < 3)
+    return;
+
+// The row of the right image: the nearest opaque point that lands at each place. Of points that land
+// together, the rightmost one is the nearest, and is written last. What can hide none is left out.
+for (int i = 0; i < width; ++i)
+    nearest[i] = __builtin_nanf("");
+const float limit = least + NEARER;
+for (int begin = 0; begin < width; begin += 16) {
+    const int end = begin + 16 < width ? begin + 16 : width;
+    if (end == begin + 16) {
+        const Ints matters = *(const Floats*)(solid + begin) > limit;
+        if (!__builtin_reduce_or(matters))
+            continue;
+    }
+    for (int i = begin; i < end; ++i) {
+        const float place = i - solid[i];
+        if (place >= 0 && place < width)
+            nearest[(int)place] = solid[i];
+    }
+}
+auto distance = [](float a, float b) { return __builtin_fabsf(a - b); };
+for (int begin = 0; begin < width; begin += 16) {
+    const int end = begin + 16 < width ? begin + 16 : width;
+    if (end == begin + 16) {
+        const Bytes some = *(const Bytes*)(found + begin);
+        if (!__builtin_reduce_or(some))
+            continue;
+    }
+    for (int i = begin; i < end; ++i) {
+        if (!found[i])
+            continue;
+        int middle = (int)(i - own[i]);
+        middle = middle < 1 ? 1 : middle > width - 2 ? width - 2 : middle;
+        const float left = nearest[middle - 1], here = nearest[middle], right = nearest[middle + 1];
+        // Nearer on both sides, without a step between: no gap to look through.
+        const bool closed = distance(left, here) < NEARER && distance(right, here) < NEARER;
+        const float level = own[i] + NEARER;
+        if (closed && left > level && here > level && right > level)
+            found[i] = HIDDEN;
+    }
+}
+"""
+_ROW = _ROW.replace("AFTER_NEXT", _ahead(1)).replace(
+    "SUFFIX_MINIMUM", "".join(f"after = min(after, {_ahead(steps)});" for steps in (1, 2, 4, 8))
+)
+_CONSTANTS = f"""
+constexpr float BETWEEN = {BETWEEN_PIXELS}f, NEARER = {NEARER}f;
+constexpr int SEEN = {SEEN}, UNSURE = {UNSURE}, HIDDEN = {HIDDEN};
+"""
 
 
-@wp.func
-def land(opaque: wp.array[float], start: int, width: int, limit: float, nearest: wp.array[float]):
-    """Fill a row of the right image with the disparity of the nearest point that lands there; NaN: none.
-
-    Points whose disparity does not exceed the limit may be skipped: they hide nothing that matters.
-    """
-    whole = width // _BLOCK
-    for cleared in range(whole):
-        part = floats_from(nearest, cleared * _BLOCK, _BLOCK)
-        for x in range(_BLOCK):
-            part[x] = NOTHING
-    for i in range(whole * _BLOCK, width):
-        nearest[i] = NOTHING
-    for block in range(whole + 1):
-        begin = block * _BLOCK
-        count = wp.min(_BLOCK, width - begin)
-        points = floats_from(opaque, start + begin, count)
-        matters = bool(True)
-        if count == _BLOCK:
-            matters = nearer_than(points, limit) > 0
-        if matters:
-            for j in range(count):
-                place = float(begin + j) - points[j]
-                if place >= 0.0:
-                    # Of points that land together, the rightmost one is the nearest, and is written last.
-                    nearest[int(place)] = points[j]
-
-
-@wp.func
-def is_covered(nearest: wp.array[float], landing: float, own: float, width: int) -> bool:
-    """Whether a closed, nearer surface lands where a point of disparity ``own`` does."""
-    if width < 3:
-        return False
-    middle = wp.clamp(int(landing), 1, width - 2)
-    left = nearest[middle - 1]
-    here = nearest[middle]
-    right = nearest[middle + 1]
-    # Nearer on both sides, without a step between: no gap to look through.
-    closed = wp.abs(left - here) < NEARER and wp.abs(right - here) < NEARER
-    return closed and wp.min(wp.min(left, here), right) > own + NEARER
+@wp.func_native(_CONSTANTS + _ROW)
+def classify_row(
+    disparity: wp.array[float],
+    opaque: wp.array[float],
+    where: wp.array[wp.uint8],
+    scratch: wp.array[float],
+    state: wp.array[wp.uint8],
+    first_scratch: int,
+    row: int,
+    width: int,
+):
+    """Write the classes of a row."""
+    ...
 
 
 @wp.kernel
@@ -113,53 +159,17 @@ def _classify_kernel(
     width: int,
     disparity: wp.array[float],
     opaque: wp.array[float],
+    where: wp.array[wp.uint8],
     # outputs
-    nearest: wp.array[float],  # scratch: the right image
+    scratch: wp.array[float],  # the right image
     state: wp.array[wp.uint8],
 ):
-    """Walk a row from right to left; a point that lands to the right of a nearer one may be hidden by it."""
-    start = (first + wp.tid()) * width
-    own = floats_from(disparity, start, width)
-    # The rows of a launch run one after another and share the scratch memory of the first one.
-    landed = floats_from(nearest, first * width, width)
-    found = bytes_from(state, start, width)
-    # The right image holds all points nearer than this.
-    landed_limit = wp.float32(1.0e30)
-    leftmost_to_come = wp.float32(1.0e30)
-    end = int(width)
-    while end > 0:
-        begin = wp.max(end - _BLOCK, 0)
-        last = float(end - 1) - own[end - 1]
-        in_order = bool(False)
-        if end < width and end - begin == _BLOCK and leftmost_to_come >= last + BETWEEN_PIXELS:
-            here = floats_from(disparity, start + begin, _BLOCK)
-            right = floats_from(disparity, start + begin + 1, _BLOCK)
-            in_order = steps_that_may_hide(here, right) == 0
-        block = bytes_from(state, start + begin, _BLOCK)
-        if end - begin == _BLOCK:
-            for x in range(_BLOCK):
-                block[x] = wp.uint8(SEEN)
-        else:
-            for i in range(end - begin):
-                found[begin + i] = wp.uint8(SEEN)
-        if in_order:
-            leftmost_to_come = wp.min(leftmost_to_come, float(begin) - own[begin])
-        else:
-            for back in range(end - begin):
-                column = end - 1 - back
-                landing = float(column) - own[column]
-                if leftmost_to_come < landing + BETWEEN_PIXELS and landing >= -0.5:
-                    if own[column] + NEARER < landed_limit:
-                        landed_limit = own[column] + NEARER - REACH
-                        land(opaque, start, width, landed_limit, landed)
-                    hidden = is_covered(landed, landing, own[column], width)
-                    found[column] = wp.uint8(wp.where(hidden, HIDDEN, UNSURE))
-                if landing < leftmost_to_come:
-                    leftmost_to_come = landing
-        end = begin
+    """Process one row. The rows of a launch share the scratch memory of the first one."""
+    row = first + wp.tid()
+    classify_row(disparity, opaque, where, scratch, state, first * width, row, width)
 
 
-def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
+def classify(disparity: np.ndarray, opaque: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Return SEEN, UNSURE or HIDDEN for each pixel: whether the right eye sees it, (height, width), uint8.
 
     Whatever hides a point from the right eye appears in the left image to the right of the point, and lands
@@ -171,18 +181,15 @@ def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
     Args:
         disparity: [px], (height, width), float32, NaN where there is nothing.
         opaque: the same, without transparent surfaces.
+        where: the pixels in question, (height, width), bool; the others are SEEN.
     """
     height, width = disparity.shape
-    inputs = [
-        wp.from_numpy(
-            np.ascontiguousarray(image, np.float32).reshape(-1), dtype=float, device="cpu"
-        )
-        for image in (disparity, opaque)
-    ]
-    nearest = wp.empty(height * width, dtype=float, device="cpu")
-    state = wp.empty(height * width, dtype=wp.uint8, device="cpu")
-    launch_parallel(_classify_kernel, height, [width, *inputs, nearest, state])
-    return state.numpy().reshape(height, width)
+    images = [shared(np.asarray(image, np.float32)) for image in (disparity, opaque)]
+    images.append(shared(np.ascontiguousarray(where).view(np.uint8)))
+    scratch = wp.empty(height * width, dtype=float, device="cpu")
+    state = np.empty((height, width), np.uint8)
+    launch_parallel(_classify_kernel, height, [width, *images, scratch, shared(state)])
+    return state
 
 
 def hidden_from_right(
@@ -202,8 +209,8 @@ def hidden_from_right(
         right_visibility: casts rays to find whether the right eye sees the pixels of a mask, both
             (height, width), bool; see `digs_warp.sim.sensor.frame.FrameRays`.
     """
-    state = classify(disparity, opaque)
-    hidden, unsure = where & (state == HIDDEN), where & (state == UNSURE)
+    state = classify(disparity, opaque, where)
+    hidden, unsure = state == HIDDEN, state == UNSURE
     if unsure.any():
         hidden |= unsure & ~right_visibility(unsure)
     return hidden

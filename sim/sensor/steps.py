@@ -48,7 +48,9 @@ def _step_kernel(
     width: int,
     threshold: float,
     # outputs
-    steps: wp.array[wp.uint8],  # [height * width] 1 where disparity jumps to the right or downward
+    steps: wp.array[
+        wp.uint8
+    ],  # [height * width] 1: disparity jumps to the right, 2: downward, 3: both
 ):
     """Process one row."""
     row = first + wp.tid()
@@ -62,17 +64,14 @@ def _step_kernel(
         under = floats_from(disparity, below + piece * _PIECE, _PIECE)
         out = bytes_from(steps, column, _PIECE)
         for x in range(_PIECE):
-            # One at a time: the maximum of a jump and of a NaN may be either.
             sideways = wp.where(wp.abs(right[x] - here[x]) > threshold, 1, 0)
-            downward = wp.where(wp.abs(under[x] - here[x]) > threshold, 1, 0)
-            out[x] = wp.uint8(wp.max(sideways, downward))
+            downward = wp.where(wp.abs(under[x] - here[x]) > threshold, 2, 0)
+            out[x] = wp.uint8(sideways + downward)
     for i in range(whole * _PIECE, width):
         own = disparity[start + i]
-        found = wp.where(wp.abs(disparity[below + i] - own) > threshold, 1, 0)
+        found = wp.where(wp.abs(disparity[below + i] - own) > threshold, 2, 0)
         if i < width - 1:
-            found = wp.max(
-                found, wp.where(wp.abs(disparity[start + i + 1] - own) > threshold, 1, 0)
-            )
+            found += wp.where(wp.abs(disparity[start + i + 1] - own) > threshold, 1, 0)
         steps[start + i] = wp.uint8(found)
 
 
@@ -87,14 +86,9 @@ def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
         threshold: [px], >= 0.
     """
     height, width = disparity.shape
-    marks = np.empty((height, width), dtype=np.uint8)
-    launch_rows(_step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)])
-    at, values = np.flatnonzero(marks.view(bool)), disparity.reshape(-1)
-    here, limit = values[at], np.float32(threshold)
-    right = values[np.minimum(at + 1, values.size - 1)] - here
-    under = values[np.minimum(at + width, values.size - 1)] - here
-    sideways = at[(np.abs(right) > limit) & (at % width < width - 1)]
-    downward = at[(np.abs(under) > limit) & (at < values.size - width)]
+    marks, values = _marks(disparity, threshold).reshape(-1), disparity.reshape(-1)
+    at = np.flatnonzero(marks)
+    sideways, downward = at[marks[at] & 1 > 0], at[marks[at] & 2 > 0]
     rows, left = np.divmod(sideways, width)
     # Reading order of the transposed image: column by column.
     columns, top = np.divmod(np.sort(downward % width * height + downward // width), height)
@@ -103,6 +97,14 @@ def find_steps(disparity: np.ndarray, threshold: float) -> tuple[Steps, Steps]:
         _steps(rows, left, values[sideways + 1] > values[sideways]),
         _steps(columns, top, values[above + width] > values[above]),
     )
+
+
+def _marks(disparity: np.ndarray, threshold: float) -> np.ndarray:
+    """Return 1 where disparity jumps to the right, 2 where it does downward, 3 for both, uint8."""
+    height, width = disparity.shape
+    marks = np.empty((height, width), dtype=np.uint8)
+    launch_rows(_step_kernel, height, [shared(disparity), height, width, threshold, shared(marks)])
+    return marks
 
 
 def _steps(rows: np.ndarray, first: np.ndarray, near_is_second: np.ndarray) -> Steps:
@@ -115,10 +117,10 @@ def near_steps(disparity: np.ndarray, threshold: float, radius: int) -> np.ndarr
 
     The distance is the larger one of those along rows and columns. Shape (height, width), bool.
     """
-    marked = np.zeros(disparity.shape, dtype=bool)
-    for steps, mark in zip(find_steps(disparity, threshold), (marked, marked.T), strict=True):
-        mark[steps.rows, steps.near] = True
-        mark[steps.rows, steps.far] = True
+    marks = _marks(disparity, threshold)
+    marked = marks != 0
+    marked[:, 1:] |= (marks[:, :-1] & 1).view(bool)
+    marked[1:] |= marks[:-1] > 1
     return dilate(marked, radius)
 
 

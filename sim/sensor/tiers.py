@@ -66,9 +66,9 @@ def _measured(
 
         matched = sense_by_matching(truth, recorded)
     else:
-        from digs_warp.sim.sensor.guided.tier import SECOND_SURFACES, sense_by_guided_matching
+        from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 
-        matched = sense_by_guided_matching(truth, recorded, SECOND_SURFACES & names)
+        matched = sense_by_guided_matching(truth, recorded, names)
     return apply_effects(matched, truth, names, seed, strength)
 
 

@@ -1,7 +1,5 @@
 """Flat scenes whose images are known in closed form."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from digs_warp.sim.scene import Material, Scene
@@ -21,24 +19,4 @@ def plate(center: Vector, right: Vector, up: Vector, material: Material) -> Scen
         uvs=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
         vertex_colors=np.ones((4, 3), np.float32),
         materials=(material,),
-    )
-
-
-def join_scenes(*scenes: Scene) -> Scene:
-    """All triangles in one scene."""
-    starts = np.cumsum([0, *(len(scene.vertices) for scene in scenes)])
-    numbers = np.cumsum([0, *(len(scene.materials) for scene in scenes)])
-    return replace(
-        scenes[0],
-        vertices=np.concatenate([scene.vertices for scene in scenes]),
-        faces=np.concatenate(
-            [s.faces + n for s, n in zip(scenes, starts[:-1], strict=True)]
-        ).astype(np.int32),
-        face_materials=np.concatenate(
-            [s.face_materials + n for s, n in zip(scenes, numbers[:-1], strict=True)]
-        ).astype(np.int32),
-        normals=np.concatenate([scene.normals for scene in scenes]),
-        uvs=np.concatenate([scene.uvs for scene in scenes]),
-        vertex_colors=np.concatenate([scene.vertex_colors for scene in scenes]),
-        materials=tuple(material for scene in scenes for material in scene.materials),
     )

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile, zed2_like
+from digs_warp.sim.profiles import IMAGE_FIGURES, PROFILES, RIG_FIGURES, load_profile
+from reference.zed2 import zed2_like
 
 
 @pytest.mark.parametrize(

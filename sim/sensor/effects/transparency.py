@@ -8,7 +8,7 @@ from digs_warp.sim.sensor.effects.protocol import Choice, choose_by_share
 from digs_warp.sim.sensor.facts import SceneFacts
 
 # Rays to what lies behind each transparent pixel [ms/MP of such pixels].
-RAYS = 1000.0
+RAYS = 400.0
 
 
 @dataclass(frozen=True)

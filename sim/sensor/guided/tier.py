@@ -1,5 +1,7 @@
 """The 'guided' tier on a frame of the simulator."""
 
+from collections.abc import Collection
+
 import numpy as np
 
 from digs_warp.sim.sensor.blame import blame
@@ -8,18 +10,14 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS
 from digs_warp.sim.sensor.guided.confidence import confidence_of
 from digs_warp.sim.sensor.guided.search import search
-from digs_warp.sim.sensor.guided.second_surface import (
-    SECOND_SURFACES,
-    SecondSurface,
-    second_disparity,
-)
+from digs_warp.sim.sensor.guided.second_surface import ALL_KINDS, second_disparity
 from digs_warp.sim.sensor.matcher import search_range
 
 
 def sense_by_guided_matching(
     truth: FrameTruth,
     recorded: tuple[np.ndarray, np.ndarray] | None = None,
-    seconds: frozenset[SecondSurface] = SECOND_SURFACES,
+    seconds: Collection[str] = ALL_KINDS,
 ) -> Sensed:
     """Match the two images of a frame near the truth, which the confidence does not know.
 
@@ -27,7 +25,8 @@ def sense_by_guided_matching(
         truth: of the frame; it also tells the cause of what is missing or wrong.
         recorded: left and right image after the effects on images, sRGB, each (height, width, 3),
             uint8; None: the images of the truth.
-        seconds: which second surfaces the search tries: what shows through glass, what mirrors reflect.
+        seconds: which second surfaces the search tries, by the names of their effects: what shows through
+            glass, what mirrors reflect.
             Only where such materials are in view, this costs time.
     """
     rig = truth.rig

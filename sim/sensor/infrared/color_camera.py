@@ -19,10 +19,11 @@ class ColorView:
     Attributes:
         camera: the color camera.
         image: sRGB, (height, width, 3), uint8, before image noise.
-        mask: of the object, (height, width), uint8.
+        mask: of the objects, (height, width), uint8.
         depth: planar z [m], (height, width), float32, NaN where there is nothing.
         normals_world: (height, width, 3), float32.
         material_ids: (height, width), int32.
+        object_ids: number of the object, (height, width), int32; 0: none.
     """
 
     camera: Camera
@@ -31,6 +32,7 @@ class ColorView:
     depth: np.ndarray
     normals_world: np.ndarray
     material_ids: np.ndarray
+    object_ids: np.ndarray
 
     def as_truth(self, truth: FrameTruth) -> FrameTruth:
         """Return the truth of a sensor that measures from the place of the color camera."""

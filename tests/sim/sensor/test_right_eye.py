@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.scene import Material
-from digs_warp.sim.sensor.right_eye import HIDDEN, SEEN, UNSURE, classify
+from digs_warp.sim.sensor.right_eye import HIDDEN, SEEN, UNSURE
+from digs_warp.sim.sensor.right_eye import classify as classify_some
 from reference.right_eye_twin import classified
 from reference.stereo_frames import CountedRays, make_frame
 
 SHAPE = (240, 320)
+
+
+def classify(disparity: np.ndarray, opaque: np.ndarray) -> np.ndarray:
+    """The classes of all pixels."""
+    return classify_some(disparity, opaque, np.ones(disparity.shape, bool))
 
 
 @dataclass
@@ -97,3 +103,13 @@ def test_long_rows_are_classified_as_point_by_point() -> None:
     expected = classified(disparity, opaque)
     np.testing.assert_array_equal(classify(disparity, opaque), expected)
     assert {HIDDEN, UNSURE, SEEN} == set(expected.ravel().tolist())
+
+
+@pytest.mark.parametrize("width", [1, 15, 16, 90, 300])
+def test_pixels_that_nobody_asks_for_count_as_seen_and_change_nothing(width: int) -> None:
+    rng = np.random.default_rng(width)
+    disparity = (rng.integers(0, 64 * 12, (40, width)) / 64).astype(np.float32)
+    disparity[10:30, width // 4 : width // 2] = 20.25
+    where = rng.random(disparity.shape) < 0.3
+    some = classify_some(disparity, disparity, where)
+    np.testing.assert_array_equal(some, np.where(where, classify(disparity, disparity), SEEN))

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 from digs_warp.camera import Camera, pixel_centers
+from digs_warp.sim.join import join_scenes
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.scene import Material, Scene
@@ -29,7 +30,7 @@ from reference.infrared_scenes import (
     still_session,
     wall,
 )
-from reference.plates import join_scenes, plate
+from reference.plates import plate
 
 RIG = infrared_rig(color_offset=0.0)  # the left eye is in the origin
 PLACE = RIG.projector_offset

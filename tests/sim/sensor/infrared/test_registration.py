@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Camera
+from digs_warp.sim.join import join_scenes
 from digs_warp.sim.scene import Scene
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
@@ -13,7 +14,7 @@ from digs_warp.sim.sensor.infrared.color_camera import ColorView, registered
 from digs_warp.sim.sensor.infrared.registration import sources_of
 from digs_warp.sim.shutter import Shutter
 from reference.infrared_scenes import WHITE, infrared_rig, still_session, wall
-from reference.plates import join_scenes, plate
+from reference.plates import plate
 from reference.registration_twin import register
 
 NEAR, FAR = 0.5, 1.0

@@ -1,0 +1,279 @@
+"""Shadows of the bright spots: how much of each spot a place on the surface sees, kept for all later rays.
+
+The share is known at the corners of a lattice on each triangle, one or two pixels apart, and is linear
+between them. It is measured only where a few rays say that a penumbra is near. It belongs to the surface:
+both eyes and all frames find the same shadow, without noise of their own.
+"""
+
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false, reportReturnType=false
+
+import warp as wp
+
+from digs_warp.sim.render.key_lights import RIM_POINTS, SPOT_POINTS, KeyLights
+from digs_warp.sim.render.surface import Surface, is_blocked, smooth_position_at
+from digs_warp.sim.render.view import FAR
+
+wp.set_module_options({"enable_backward": False})
+
+# Shares that are kept, in blocks of neighbors and sets of blocks; newer ones replace older ones.
+# A word is 8 bytes.
+BLOCK = wp.constant(16)
+WAYS = wp.constant(4)
+SET = wp.constant(64)
+STORE_WORDS = 1 << 23
+
+# A triangle has up to 2^13 steps along an edge: places 0 to 8192 take 14 bits of a key.
+FINEST = wp.constant(13)
+
+# There is about one corner for a pixel; on slivers fewer, with steps of up to this many pixels.
+CORNERS_PER_PIXEL = wp.constant(1.0)
+LONG_STEP = wp.constant(4.0)
+
+# The middle of a triangle with up to 2^SMALL steps speaks for all of it. Its key has a level of its own.
+SMALL = wp.constant(1)
+MIDDLE = wp.constant(14)
+
+# A corner asks one in so many points of a spot; its neighbors ask others.
+TURNS = wp.constant(2)
+
+# The lattice is shrunk by this part of a step: at the edge itself the next triangle may hide the spot.
+INSET = wp.constant(0.25)
+
+# A share is stored as 1 to 255: no word of the store is 0 but the empty ones.
+STEPS = wp.constant(254.0)
+STEPS_MASK = wp.constant(wp.uint64(0xFF))
+TAG_MASK = wp.constant(wp.uint64(0xFFFFFFFFFFFFFF00))
+
+# The finalizer of SplitMix64 (Steele et al., "Fast splittable pseudorandom number generators", 2014): it maps
+# different keys to different words.
+MIX_1 = wp.constant(wp.uint64(0xBF58476D1CE4E5B9))
+MIX_2 = wp.constant(wp.uint64(0x94D049BB133111EB))
+
+
+def empty_store(spots: int) -> wp.array:
+    """Return the memory of `seen_share` for a scene with that many spots."""
+    return wp.zeros(STORE_WORDS if spots else SET, dtype=wp.uint64, device="cpu")
+
+
+@wp.func
+def mixed(key: wp.uint64) -> wp.uint64:
+    """A number that looks random, different for every key."""
+    a = (key ^ (key >> wp.uint64(30))) * MIX_1
+    b = (a ^ (a >> wp.uint64(27))) * MIX_2
+    return b ^ (b >> wp.uint64(31))
+
+
+@wp.func
+def rim_share(surface: Surface, keys: KeyLights, spot: int, origin: wp.vec3) -> float:
+    """1 if the rim of a spot and its middle are seen from ``origin``, 0 if none of them is, else a half."""
+    first = is_blocked(surface, origin, keys.rims[spot, 0], FAR)
+    for p in range(1, RIM_POINTS):
+        if is_blocked(surface, origin, keys.rims[spot, p], FAR) != first:
+            return 0.5
+    return wp.where(first, 0.0, 1.0)
+
+
+@wp.func
+def point_share(surface: Surface, keys: KeyLights, spot: int, turn: int, origin: wp.vec3) -> float:
+    """Share of a spot that is seen from ``origin``; ``turn``, 0 to TURNS - 1, says which points are asked."""
+    seen = wp.int32(0)
+    for p in range(SPOT_POINTS // TURNS):
+        if not is_blocked(surface, origin, keys.points[spot, TURNS * p + turn], FAR):
+            seen += 1
+    return float(seen * TURNS) / float(SPOT_POINTS)
+
+
+@wp.func
+def is_partial(share: float) -> bool:
+    """Whether a part of a spot is seen."""
+    return share > 0.0 and share < 1.0
+
+
+@wp.struct
+class Place:
+    """Where a hit lies on the lattice of its triangle."""
+
+    face: int
+    normal: wp.vec3  # of the triangle, toward the viewer
+    side: int  # 1: that is the triangle's own normal
+    level: int  # there are 2^level steps along an edge
+    i: int  # the corners around it: (i + 1, j), (i, j + 1), and either (i, j) or (i + 1, j + 1)
+    j: int
+    near: int  # 0 or 1: added to i and j for the third corner
+    along: wp.vec3  # weights of the three, in this order
+
+
+@wp.func
+def lattice_place(surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, width: float) -> Place:
+    """The place of a hit; ``normal`` of the triangle toward the viewer, ``width`` of a pixel there [m]."""
+    place = Place()
+    place.face = hit.face
+    place.normal = normal
+    place.side = wp.where(wp.dot(hit.normal, normal) > 0.0, 1, 0)
+    a = surface.points[surface.corners[3 * hit.face]]
+    b = surface.points[surface.corners[3 * hit.face + 1]]
+    c = surface.points[surface.corners[3 * hit.face + 2]]
+    longest = wp.max(wp.max(wp.length(b - a), wp.length(c - b)), wp.length(a - c))
+    edge = wp.max(wp.sqrt(wp.length(wp.cross(b - a, c - a))), longest / LONG_STEP)
+    step = wp.max(width, 1.0e-9) / wp.sqrt(CORNERS_PER_PIXEL)
+    place.level = wp.clamp(int(wp.round(wp.log2(edge / step))), 0, FINEST)
+    steps = 1 << place.level
+    x = wp.clamp(hit.u * (float(steps) + INSET) - INSET / 3.0, 0.0, float(steps))
+    y = wp.clamp(hit.v * (float(steps) + INSET) - INSET / 3.0, 0.0, float(steps) - x)
+    place.i = wp.min(int(x), steps - 1)
+    place.j = wp.min(int(y), steps - 1 - place.i)
+    fx = x - float(place.i)
+    fy = y - float(place.j)
+    place.along = wp.vec3(fx, fy, 1.0 - fx - fy)
+    if fx + fy > 1.0:
+        place.near = 1
+        place.along = wp.vec3(1.0 - fy, 1.0 - fx, fx + fy - 1.0)
+    return place
+
+
+@wp.struct
+class Word:
+    """Where a share is kept."""
+
+    tag: wp.uint64  # the upper bits of the word
+    slot: int
+    share: float  # negative: it is not kept yet
+
+
+@wp.func
+def kept_word(surface: Surface, group: int, kind: int, row: int, column: int, within: int) -> Word:
+    """Look up a share; ``kind`` says of what, ``within`` is its place in the block.
+
+    The store is exact: the set of a word and its upper 56 bits together are the whole mixed key, and its
+    place in the block is the rest.
+    """
+    key = (wp.uint64(group) << wp.uint64(12)) | wp.uint64(row)
+    key = (key << wp.uint64(12)) | wp.uint64(column)
+    key = (key << wp.uint64(9)) | wp.uint64(kind)
+    mix = mixed(key)
+    first = int(mix & wp.uint64(surface.shadows.shape[0] // SET - 1)) * SET + within
+    word = Word()
+    word.tag = mix & TAG_MASK
+    word.share = -1.0
+    word.slot = first + (int(mix >> wp.uint64(60)) & (WAYS - 1)) * BLOCK
+    for way in range(WAYS):
+        found = surface.shadows[first + way * BLOCK]
+        if found == wp.uint64(0):
+            word.slot = first + way * BLOCK
+            break
+        if (found & TAG_MASK) == word.tag:
+            word.share = (float(found & STEPS_MASK) - 1.0) / STEPS
+            break
+    return word
+
+
+@wp.func
+def keep(surface: Surface, word: Word, share: float) -> float:
+    """Keep a share, and return it as it is kept. It is written at once: threads cannot disturb each other."""
+    rounded = wp.round(STEPS * share)
+    surface.shadows[word.slot] = word.tag | wp.uint64(int(rounded) + 1)
+    return rounded / STEPS
+
+
+@wp.func
+def word_of_corner(
+    surface: Surface, place: Place, spot: int, level: int, i: int, j: int, asks_rim: int
+) -> Word:
+    """Look up a corner of the lattice of that level, or what the rim says there."""
+    group = place.face
+    row = i >> 2
+    column = j >> 2
+    within = ((i & 3) << 2) | (j & 3)
+    # Small triangles share a block.
+    if level == 0:
+        group = place.face >> 2
+        within = ((place.face & 3) << 2) | (i + 2 * j)
+    elif level == 1:
+        group = place.face >> 1
+        row = 0
+        within = ((place.face & 1) << 3) | (i + 3 * j)
+    kind = (((level << 3) | spot) << 2) | (place.side << 1) | asks_rim
+    return kept_word(surface, group, kind, row, column, within)
+
+
+@wp.func
+def start_of_rays(surface: Surface, place: Place, u: float, v: float) -> wp.vec3:
+    """A place of the triangle, lifted off it."""
+    start = smooth_position_at(surface, place.face, place.normal, u, v)
+    return start + surface.lift * place.normal
+
+
+@wp.func
+def corner_origin(surface: Surface, place: Place, level: int, i: int, j: int) -> wp.vec3:
+    """Start of the rays of a corner."""
+    steps = float(1 << level) + INSET
+    u = (float(i) + INSET / 3.0) / steps
+    v = (float(j) + INSET / 3.0) / steps
+    return start_of_rays(surface, place, u, v)
+
+
+@wp.func
+def rim_at_corner(
+    surface: Surface, keys: KeyLights, spot: int, place: Place, level: int, i: int, j: int
+) -> float:
+    """`rim_share` at a corner."""
+    word = word_of_corner(surface, place, spot, level, i, j, 1)
+    if word.share >= 0.0:
+        return word.share
+    origin = corner_origin(surface, place, level, i, j)
+    return keep(surface, word, rim_share(surface, keys, spot, origin))
+
+
+@wp.func
+def rim_in_middle(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
+    """`rim_share` in the middle of the triangle."""
+    kind = (((MIDDLE << 3) | spot) << 2) | (place.side << 1)
+    word = kept_word(surface, place.face >> 4, kind, 0, 0, place.face & 15)
+    if word.share >= 0.0:
+        return word.share
+    origin = start_of_rays(surface, place, 1.0 / 3.0, 1.0 / 3.0)
+    return keep(surface, word, rim_share(surface, keys, spot, origin))
+
+
+@wp.func
+def share_at_corner(
+    surface: Surface, keys: KeyLights, spot: int, place: Place, i: int, j: int
+) -> float:
+    """Share of a spot that a corner of the lattice sees, from the store or measured now.
+
+    Where the rim says the same on both sides, at corners twice as far apart or in the middle of a small
+    triangle, that is the answer. Only the others ask many points.
+    """
+    word = word_of_corner(surface, place, spot, place.level, i, j, 0)
+    if word.share >= 0.0:
+        return word.share
+    share = wp.float32(0.5)
+    if place.level <= SMALL:
+        share = rim_in_middle(surface, keys, spot, place)
+    else:
+        # A corner lies midway between two of the coarser lattice, or is one.
+        level = place.level - 1
+        share = rim_at_corner(surface, keys, spot, place, level, i >> 1, (j + 1) >> 1)
+        if (i & 1) + (j & 1) > 0 and not is_partial(share):
+            other = rim_at_corner(surface, keys, spot, place, level, (i + 1) >> 1, j >> 1)
+            share = wp.where(other == share, share, 0.5)
+    if is_partial(share):
+        origin = corner_origin(surface, place, place.level, i, j)
+        share = point_share(surface, keys, spot, (i + 2 * j) % TURNS, origin)
+    return keep(surface, word, share)
+
+
+@wp.func
+def seen_share(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
+    """Share of a spot that is seen from a place on the lattice."""
+    i = place.i
+    j = place.j
+    n = place.near
+    return (
+        place.along[0] * share_at_corner(surface, keys, spot, place, i + 1, j)
+        + place.along[1] * share_at_corner(surface, keys, spot, place, i, j + 1)
+        + place.along[2] * share_at_corner(surface, keys, spot, place, i + n, j + n)
+    )
