@@ -9,6 +9,7 @@ import numpy as np
 from digs_warp.checks import DigsError, check_finite, check_positive, check_shape
 from digs_warp.data.images import linear_from_srgb, read_image
 from digs_warp.sim.studio_room import studio_room_radiance
+from digs_warp.sim.surround import Surround
 
 _log = logging.getLogger(__name__)
 
@@ -22,23 +23,38 @@ ASPECT_TOLERANCE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """A luminous sphere around the origin.
+    """A luminous surround of the scene.
 
     Attributes:
         radiance: linear RGB, equirectangular as in `digs_warp.sim.panorama`, shape (height, width, 3),
             float32, finite, >= 0.
-        radius: radius of the sphere [m].
+        radius: radius of the sphere [m]; of a room: half its width.
+        level: its light against that which the exposure of a recording is set for, > 0.
+        floor: height of the floor [m]; None: a whole sphere around the origin.
+        is_room: whether the radiance shows a cube from its middle, so that it fits a box with a floor.
     """
 
     radiance: np.ndarray
     radius: float = DEFAULT_RADIUS
+    level: float = 1.0
+    floor: float | None = None
+    is_room: bool = False
 
     def __post_init__(self) -> None:
         radiance = np.asarray(self.radiance, dtype=np.float32)
         check_shape("environment radiance", radiance, (None, None, 3))
         check_finite("environment radiance", radiance)
         check_positive("environment radius", self.radius)
+        check_positive("environment level", self.level)
         object.__setattr__(self, "radiance", np.ascontiguousarray(np.maximum(radiance, 0.0)))
+
+    @property
+    def surround(self) -> Surround:
+        """Where the radiance is."""
+        if self.floor is None:
+            return Surround.sphere(self.radius)
+        make = Surround.room if self.is_room else Surround.dome
+        return make(self.floor, self.radius)
 
 
 def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
@@ -76,4 +92,4 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
 
 def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:
     """Return the built-in studio room: textured all around, lit by windows and soft boxes."""
-    return Environment(studio_room_radiance(), radius)
+    return Environment(studio_room_radiance(), radius, is_room=True)

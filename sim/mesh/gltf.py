@@ -1,14 +1,12 @@
-"""The JSON header of a glTF or GLB file: checks before its geometry is read, and what trimesh leaves out.
+"""The JSON header of a glTF or GLB file, and checks before its geometry is read.
 
 trimesh silently ignores missing textures, compressed geometry and truncated files, so the header is checked
-first. It also leaves out transmission, the strength of emission and the scale of normal maps.
+first.
 """
 
 import base64
 import struct
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -196,7 +194,7 @@ def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
     for number, image in enumerate(header.get("images", [])):
         what = f"image {number} '{image.get('name') or image.get('uri', '')[:40]}'"
         try:
-            check_texture(what, _image_bytes(path, header, image), decode=False)
+            check_texture(what, image_bytes(path, header, image), decode=False)
         except UndecodableError as error:
             yield f"{error}; drawn without it"
 
@@ -205,61 +203,12 @@ def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence for every material that will look different from what its author intended."""
     for index, material in enumerate(header.get("materials", [])):
         label = f"material '{material.get('name', index)}'"
-        extensions = material.get("extensions", {})
-        if "KHR_materials_volume" in extensions:
-            yield f"{label}: light passes straight through, its body neither bends nor tints it"
         texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
         if texture.get("texCoord", 0) or "KHR_texture_transform" in texture.get("extensions", {}):
             yield f"{label}: texture transforms are not read, its texture may be misplaced"
 
 
-@dataclass(frozen=True, eq=False)
-class GltfExtras:
-    """Of one material.
-
-    Attributes:
-        transmission: factor of KHR_materials_transmission.
-        transmission_image: PIL image whose red channel multiplies it; None: none.
-        emissive_strength: of KHR_materials_emissive_strength.
-        normal_scale: of the normal map.
-    """
-
-    transmission: float = 0.0
-    transmission_image: Any = None
-    emissive_strength: float = 1.0
-    normal_scale: float = 1.0
-
-
-def read_extras(path: Path, header: dict[str, Any]) -> dict[str, GltfExtras]:
-    """Return the extras of every named material of a .gltf or .glb file.
-
-    Raises:
-        OSError, ValueError, KeyError, IndexError: a texture cannot be read.
-    """
-    extras = {}
-    for material in header.get("materials", []):
-        extensions = material.get("extensions", {})
-        transmission = extensions.get("KHR_materials_transmission", {})
-        strength = extensions.get("KHR_materials_emissive_strength", {})
-        texture = transmission.get("transmissionTexture")
-        extras[str(material.get("name"))] = GltfExtras(
-            transmission=float(transmission.get("transmissionFactor", 0.0)),
-            transmission_image=None if texture is None else _image(path, header, texture["index"]),
-            emissive_strength=float(strength.get("emissiveStrength", 1.0)),
-            normal_scale=float(material.get("normalTexture", {}).get("scale", 1.0)),
-        )
-    return extras
-
-
-def _image(path: Path, header: dict[str, Any], texture: int) -> Any:
-    """Return the PIL image of a texture."""
-    from PIL import Image
-
-    entry = header["images"][header["textures"][texture]["source"]]
-    return Image.open(BytesIO(_image_bytes(path, header, entry)))
-
-
-def _image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> bytes:
+def image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> bytes:
     """Return the file in one of the header's ``images``."""
     if "uri" in entry:
         return _uri_bytes(path, entry["uri"])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.data.images import linear_from_srgb
-from digs_warp.sim.mesh.gltf import GltfExtras
+from digs_warp.sim.mesh.gltf_extras import GltfExtras
 from digs_warp.sim.mesh.parts import MeshPart
 from digs_warp.sim.mesh.pixels import alpha_pixels, color_texture, mean_over_surface, rgb_pixels
 from digs_warp.sim.scene import Material
@@ -119,6 +119,9 @@ def _pbr_material(source: Any, parts: Sequence[MeshPart], extras: GltfExtras) ->
         **_finish(source, name, parts),
         **_opacity(source, name, parts),
         **_transmission(extras, name, parts),
+        ior=extras.ior,
+        reflectance=extras.reflectance,
+        absorption=extras.absorption,
         **_emission(source, name, parts, extras.emissive_strength),
         normal_texture=_normals(source, name, parts, extras.normal_scale),
     )

@@ -44,11 +44,13 @@ class Placement:
             shape (4, 4), float64.
         up: axis of the file that points up: "x", "y" or "z".
         scale: metres per unit.
+        turned: by how much the object was turned from the file's pose, so that it rests [degrees].
     """
 
     world_from_mesh: np.ndarray
     up: str
     scale: Scale
+    turned: float = 0.0
 
 
 def stated_scale(size: float | None, unit: str, extent: np.ndarray, is_gltf: bool) -> Scale | None:
@@ -97,3 +99,19 @@ def place(low: np.ndarray, high: np.ndarray, up: str, scale: Scale) -> Placement
     """
     linear = scale.metres_per_unit * ROTATION_BY_UP_AXIS[up]
     return Placement(rigid(linear, -linear @ (low + high) / 2), up, scale)
+
+
+def place_turned(vertices: np.ndarray, up: str, scale: Scale, turn: np.ndarray) -> Placement:
+    """Return the placement that also turns the object after ``up`` points to z.
+
+    Args:
+        vertices: those that the faces use, in the file, shape (n, 3).
+        up: axis of the file that points up.
+        scale: metres per unit.
+        turn: rotation in the world, shape (3, 3).
+    """
+    linear = scale.metres_per_unit * turn @ ROTATION_BY_UP_AXIS[up]
+    turned = vertices @ linear.T
+    middle = (turned.min(axis=0) + turned.max(axis=0)) / 2
+    angle = np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+    return Placement(rigid(linear, -middle), up, scale, float(angle))

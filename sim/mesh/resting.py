@@ -73,15 +73,18 @@ def tipping_angle(hull: Hull, up: np.ndarray, level: float) -> float:
         up: unit vector, shape (3,).
         level: a face within this angle of the horizontal carries [degrees].
     """
+    carrying = hull.corners[hull.normals @ -up > np.cos(np.deg2rad(level))].reshape(-1, 3)
+    return tips_over_at(hull, up, carrying) if len(carrying) else 0.0
+
+
+def tips_over_at(hull: Hull, up: np.ndarray, carrying: np.ndarray) -> float:
+    """Return the angle of `tipping_angle` for the points that carry the object, shape (k, 3), k >= 1."""
     from scipy.spatial import ConvexHull, QhullError
 
-    carrying = hull.corners[hull.normals @ -up > np.cos(np.deg2rad(level))].reshape(-1, 3)
-    if not len(carrying):
-        return 0.0
     sides = np.linalg.svd(up[None])[2][1:]  # two axes in the plane
     try:
         edges = ConvexHull(carrying @ sides.T).equations
-    except QhullError:
+    except (QhullError, ValueError):  # on a line, or fewer than three points
         return 0.0
     margin = float(-(edges @ [*(sides @ hull.center), 1.0]).max())
     height = float((hull.center - carrying.mean(axis=0)) @ up)

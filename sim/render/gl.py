@@ -14,7 +14,9 @@ from digs_warp.camera import Camera, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import PYRENDER_APT, MissingLibraryError, import_pyrender
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.gl_scene import (
+    coverage_mesh,
     material_meshes,
     normal_mesh,
     sphere_mesh,
@@ -22,7 +24,14 @@ from digs_warp.sim.render.gl_scene import (
 )
 from digs_warp.sim.render.lighting import prepare_light
 from digs_warp.sim.render.projector import project_dots
-from digs_warp.sim.render.protocol import CameraTrack, Projected, RenderedView, exposure_by_views
+from digs_warp.sim.render.protocol import (
+    CameraTrack,
+    Followed,
+    Geometry,
+    Projected,
+    RenderedView,
+    exposure_by_views,
+)
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.render.upload import DeviceScene, is_see_through, upload_scene
 from digs_warp.sim.render.view import check_inside
@@ -58,18 +67,28 @@ class GlRenderer:
         self._pyrender = import_pyrender()
         self._scene = scene
         self._threads = threads
+        if environment.floor is not None:
+            raise DigsError(
+                "renderer 'gl': draws no ground; choose --ground none or --renderer raycast"
+            )
         self.surround_radius = environment.radius
+        self.surround = environment.surround
         light = prepare_light(environment, threads)
         self.exposure = light.exposure
         self._drawing = self._pyrender.Scene(bg_color=np.zeros(4))
         self._shown = [self._drawing.add(m) for m in material_meshes(self._pyrender, scene)]
         self._normals = [self._drawing.add(normal_mesh(self._pyrender, scene))]
+        self._covers = []
+        if scene.has_furniture:
+            self._covers = [self._drawing.add(coverage_mesh(self._pyrender, scene))]
         sphere = sphere_mesh(self._pyrender, environment, self.exposure)
         self._surround = [self._drawing.add(sphere)]
         two_lights(self._pyrender, self._drawing, light.struct.irradiance.numpy())
         self._has_glass = any(is_see_through(material) for material in scene.materials)
-        # Ids as colors; 0 is the background.
-        self._id_colors = {node: _id_color(int(node.mesh.name) + 1) for node in self._shown}
+        # Numbers of the meshes as colors; 0 is the background.
+        self._id_colors = {node: _id_color(i + 1) for i, node in enumerate(self._shown)}
+        kinds = [tuple(map(int, node.mesh.name.split())) for node in self._shown]
+        self._kinds = np.array([(-1, 0), *kinds], np.int32)  # material and object of each number
 
     def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
         """Return image, mask, depth, normals and material ids; the sampling is fixed."""
@@ -85,9 +104,12 @@ class GlRenderer:
         flags = self._pyrender.RenderFlags
         surround, _ = self._draw(self._surround, camera, flags.FLAT | flags.SKIP_CULL_FACES)
         flat, _ = self._draw(self._normals, camera, flags.FLAT | flags.RGBA, background=NO_NORMAL)
-        mask = flat[..., 3]
+        solid = flat[..., 3]
+        mask = solid
+        if self._covers:
+            mask = self._draw(self._covers, camera, flags.FLAT)[0][..., 0]
         black, _ = self._draw(self._shown, camera, 0, background=(0.0, 0.0, 0.0, 1.0))
-        through = 1.0 - mask[..., None] / 255.0
+        through = 1.0 - solid[..., None] / 255.0
         if self._has_glass:
             white, _ = self._draw(self._shown, camera, 0, background=(1.0, 1.0, 1.0, 1.0))
             through = (white.astype(np.float32) - black) / 255.0
@@ -100,34 +122,39 @@ class GlRenderer:
         """Return image and mask of a moving camera: one drawing for each pose."""
         return exposure_by_views(self, track, samples, seed)
 
-    def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return depth, world normals and material ids at the pixel centers.
+    def render_geometry(self, camera: Camera) -> Geometry:
+        """Return what is at the pixel centers.
 
         Normals have eight bits: they are off by about half a degree.
         """
         flags = self._pyrender.RenderFlags
         ids, depth = self._draw(self._shown, camera, flags.SEG)
-        materials = ids.astype(np.int32) @ np.array([1, 256, 65536], np.int32) - 1
-        is_object = materials >= 0
+        drawn = ids.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
+        materials, objects = np.moveaxis(self._kinds[drawn], -1, 0)
+        is_hit = drawn > 0
         rays, far = self._surround_depth(camera)
         flat, _ = self._draw(self._normals, camera, flags.FLAT, background=NO_NORMAL)
         normals = flat / 127.5 - 1.0
         inward = -(camera.center_world + rays * far[..., None])
-        normals = np.where(is_object[..., None], normals, inward)
+        normals = np.where(is_hit[..., None], normals, inward)
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-        depth = np.where(is_object, depth, far)
-        return depth.astype(np.float32), normals.astype(np.float32), materials
+        depth = np.where(is_hit, depth, far)
+        return Geometry(depth.astype(np.float32), normals.astype(np.float32), materials, objects)
 
     def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
         """Return the light of a dot projector of that pose, (4, 4), in the camera, by rays."""
-        surface, radius = self._device_scene.surface, self.surround_radius
-        return project_dots(surface, camera, radius, world_from_projector, self._threads)
+        surface, surround = self._device_scene.surface, self.surround
+        return project_dots(surface, camera, surround, world_from_projector, self._threads)
 
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
         """Return the rays for the sensor's effects; they are cast on request."""
-        return SurfaceRays(
-            self._device_scene, camera, baseline, self.surround_radius, self._threads
-        )
+        return SurfaceRays(self._device_scene, camera, baseline, self.surround, self._threads)
+
+    def follow(
+        self, source: CameraTrack, depth: np.ndarray, material_ids: np.ndarray, target: CameraTrack
+    ) -> Followed:
+        """Return where another eye sees the points of an image, by rays; see `Renderer.follow`."""
+        return follow(self._device_scene, source, depth, material_ids, target, self._threads)
 
     @cached_property
     def _device_scene(self) -> DeviceScene:
@@ -144,7 +171,7 @@ class GlRenderer:
 
         All meshes stay in one scene: pyrender uploads a mesh again each time it is added.
         """
-        check_inside(camera, self.surround_radius)
+        check_inside(camera.center_world, self.surround)
         for node in self._drawing.mesh_nodes:
             node.mesh.is_visible = node in nodes
         self._drawing.bg_color = background

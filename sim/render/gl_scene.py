@@ -8,7 +8,7 @@ from digs_warp.data.images import srgb_from_linear, to_uint8
 from digs_warp.sh import sh_basis
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.panorama import panorama_directions
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene import FURNITURE, Material, Scene
 
 # Segments of the surround's sphere: they distort its texture by less than a tenth of a degree.
 SPHERE_COLUMNS, SPHERE_ROWS = 256, 128
@@ -18,13 +18,13 @@ GLASS_ALPHA = 0.2
 
 
 def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
-    """Return one two-sided mesh per material that has faces, named by the material's number."""
+    """Return a two-sided mesh for each material of each object, named "material object" by their numbers."""
     faces = _faces_along_normals(scene)
     meshes = []
-    for number, material in enumerate(scene.materials):
-        chosen = faces[scene.face_materials == number]
-        if not len(chosen):
-            continue
+    of_faces = np.stack([scene.face_materials, scene.face_objects], axis=1)
+    for number, thing in np.unique(of_faces, axis=0).tolist():
+        material = scene.materials[number]
+        chosen = faces[(of_faces == (number, thing)).all(axis=1)]
         used, index = np.unique(chosen, return_inverse=True)
         index = index.reshape(-1, 3)
         white = (scene.vertex_colors[used] == 1).all()
@@ -38,7 +38,7 @@ def material_meshes(pyrender: Any, scene: Scene) -> list[Any]:
             indices=np.concatenate([index, index[:, ::-1] + len(used)]),
             material=_material(pyrender, material),
         )
-        meshes.append(pyrender.Mesh([primitive], name=str(number)))
+        meshes.append(pyrender.Mesh([primitive], name=f"{number} {thing}"))
     return meshes
 
 
@@ -51,6 +51,19 @@ def normal_mesh(pyrender: Any, scene: Scene) -> Any:
         normals=normals,
         color_0=_with_alpha(0.5 + 0.5 * normals),
         indices=np.concatenate([faces, faces[:, ::-1] + len(scene.vertices)]),
+        material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
+    )
+    return pyrender.Mesh([primitive])
+
+
+def coverage_mesh(pyrender: Any, scene: Scene) -> Any:
+    """Return the scene in white where it belongs to an object, in black where it is furniture."""
+    faces = _faces_along_normals(scene)
+    corners = np.concatenate([faces, faces[:, ::-1]])
+    is_object = np.tile(scene.face_objects != FURNITURE, 2)
+    primitive = pyrender.Primitive(
+        positions=scene.vertices[corners].reshape(-1, 3),
+        color_0=_with_alpha(np.repeat(is_object, 3)[:, None] * np.ones(3)),
         material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
     )
     return pyrender.Mesh([primitive])

@@ -6,9 +6,11 @@ the number of threads.
 
 import warp as wp
 
+from digs_warp.sim.render.glass import Bend, bend
+from digs_warp.sim.render.ground_light import floor_share, may_be_shaded
 from digs_warp.sim.render.lighting import Light, Panorama, sample_panorama
 from digs_warp.sim.render.look import look_at_hit
-from digs_warp.sim.render.shading import coat, key_visibility, shade
+from digs_warp.sim.render.shading import coat, coat_at, shade
 from digs_warp.sim.render.surface import (
     ANY_SURFACE,
     MAX_LAYERS,
@@ -20,6 +22,13 @@ from digs_warp.sim.render.surface import (
     trace,
     transmission_at,
     viewer_side_normal,
+)
+from digs_warp.sim.render.surround import (
+    SPHERE,
+    boundary_normal,
+    is_on_floor,
+    panorama_direction,
+    panorama_zoom,
 )
 from digs_warp.sim.render.view import (
     FAR,
@@ -36,8 +45,6 @@ wp.set_module_options({"enable_backward": False})
 # evenly with any number of samples.
 R2_X = wp.constant(0.7548776662466927)
 R2_Y = wp.constant(0.5698402909980532)
-
-GOLDEN_RATIO = wp.constant(0.6180339887498949)
 
 # Upper limit of a sample, as a multiple of full white.
 SAMPLE_LIMIT = wp.constant(4.0)
@@ -61,96 +68,151 @@ def srgb_byte(linear: float) -> wp.uint8:
 
 
 @wp.func
-def surround_place(view: View, center: wp.vec3, direction: wp.vec3) -> wp.vec3:
-    """Unit vector from the origin to the point where a ray from the camera meets the surround."""
-    return (center + surround_distance(view, center, direction) * direction) / view.surround_radius
+def seen_surround(
+    view: View,
+    panorama: Panorama,
+    center: wp.vec3,
+    direction: wp.vec3,
+    level: float,
+    passing: wp.vec3,
+) -> wp.vec3:
+    """The panorama where a ray from the camera meets the surround, times the weight of its samples.
+
+    ``level``: of the pyramid, that fits a pixel of a camera in the panorama's place.
+    """
+    distance = surround_distance(view, center, direction)
+    point = center + distance * direction
+    fitting = level
+    if view.boundary.shape != SPHERE:
+        fitting += wp.log2(panorama_zoom(view.boundary, point, direction, distance))
+    place = panorama_direction(view.boundary, point)
+    seen = sample_panorama(panorama, place, wp.max(fitting, 0.0))
+    return wp.cw_mul(passing, wp.min(seen, wp.vec3(SAMPLE_LIMIT)))
 
 
 @wp.func
-def seen_surround(panorama: Panorama, place: wp.vec3, level: float, passing: wp.vec3) -> wp.vec3:
-    """The panorama at a place, times the weight of the samples that reach it."""
-    return wp.cw_mul(
-        passing, wp.min(sample_panorama(panorama, place, level), wp.vec3(SAMPLE_LIMIT))
-    )
+def way_to_surround(view: View, center: wp.vec3, direction: wp.vec3) -> float:
+    """Distance [m] to what a pixel shows of the surround; of a sphere, at least."""
+    if view.boundary.shape == SPHERE:
+        return view.boundary.radius - wp.length(center)
+    return surround_distance(view, center, direction)
+
+
+@wp.func
+def is_floor_shaded(
+    view: View, surface: Surface, light: Light, center: wp.vec3, direction: wp.vec3, spread: float
+) -> bool:
+    """Whether the objects may take light from what a pixel shows of the floor."""
+    if surface.floor.exists == 0:
+        return False
+    distance = surround_distance(view, center, direction)
+    point = center + distance * direction
+    # A slanted pixel covers more of the floor, and its edge may reach it where its middle does not.
+    slope = wp.max(-direction[2], 0.02)
+    return may_be_shaded(surface, light, point, spread * distance / slope)
 
 
 @wp.struct
 class Sample:
     """The result of one ray."""
 
-    color: wp.vec3  # of the object
+    color: wp.vec3  # of the scene
     passing: wp.vec3  # share of the surround's light that passes through
-    covered: float  # 1: it met the object
-    visible: float  # share of the bright spots seen from the hit on an opaque object
+    covered: float  # 1: it met an object
 
 
 @wp.func
-def solid_sample(
-    view: View,
-    surface: Surface,
-    light: Light,
-    direction: wp.vec3,
-    pick: float,
-    known_visible: float,
-) -> Sample:
-    """Follow a ray through an opaque scene.
+def covers(surface: Surface, face: int) -> float:
+    """1 if a face belongs to an object, 0 for furniture."""
+    return wp.where(surface.objects[face] > 0, 1.0, 0.0)
 
-    ``known_visible``: from a sample of the same pixel; negative: cast a shadow ray.
-    """
+
+@wp.func
+def solid_sample(view: View, surface: Surface, light: Light, direction: wp.vec3) -> Sample:
+    """Follow a ray through an opaque scene."""
     sample = Sample()
     sample.passing = wp.vec3(1.0)
     hit = wp.mesh_query_ray(surface.mesh, view.center, direction, FAR)
     if hit.result:
         sample.passing = wp.vec3(0.0)
-        width = hit.t * view.pixel_cone
-        look = look_at_hit(surface, hit, direction, width)
+        look = look_at_hit(surface, hit, direction, hit.t * view.pixel_cone)
         point = view.center + hit.t * direction
-        sample.visible = known_visible
-        if known_visible < 0.0:
-            sample.visible = key_visibility(surface, light, hit, look, point, pick)
-        sample.color = shade(
-            view, surface, light, look, point, direction, width, sample.visible, 0.0
-        )
-        sample.covered = 1.0
+        shine = coat(look, direction)
+        sample.color = shade(view, surface, light, hit, look, point, direction, hit.t, shine, 0.0)
+        sample.covered = covers(surface, hit.face)
     return sample
 
 
 @wp.func
 def layered_sample(
-    view: View, surface: Surface, light: Light, direction: wp.vec3, pick: float
+    view: View, surface: Surface, light: Light, direction: wp.vec3, surround_level: float
 ) -> Sample:
-    """Follow a ray straight on through transparent walls, front to back."""
+    """Follow a ray through transparent walls, front to back: straight on if thin, bent by bodies.
+
+    What glass reflects on its inner side is taken from the surround. A ray that was bent looks up the
+    surround itself; ``surround_level`` as in `color_kernel`.
+    """
     sample = Sample()
     sample.passing = wp.vec3(1.0)
-    travelled = wp.float32(0.0)
+    start = view.center
+    heading = direction
+    travelled = wp.float32(0.0)  # from the camera to the start
+    absorption = wp.vec3(0.0)  # of what surrounds the ray
+    was_bent = wp.bool(False)
     for _layer in range(MAX_LAYERS):
-        origin = view.center + travelled * direction
-        hit = wp.mesh_query_ray(surface.mesh, origin, direction, FAR)
+        hit = wp.mesh_query_ray(surface.mesh, start, heading, FAR)
         if not hit.result:
             break
         distance = travelled + hit.t
+        point = start + hit.t * heading
         width = distance * view.pixel_cone
         opacity = wp.float32(1.0)
         transmission = wp.float32(0.0)
+        data = surface.data[surface.materials[hit.face]]
         if is_see_through(surface, hit):
-            texture = texture_level(surface, hit, direction, width)
+            texture = texture_level(surface, hit, heading, width)
             opacity = opacity_at(surface, hit, texture)
             transmission = transmission_at(surface, hit, texture)
+        if was_bent:
+            for c in range(3):
+                sample.passing[c] = sample.passing[c] * wp.exp(-absorption[c] * hit.t)
+        behind = Bend()
+        behind.direction = heading
+        aside = wp.vec3(0.0)
         if opacity > 0.0:
-            look = look_at_hit(surface, hit, direction, width)
-            point = view.center + distance * direction
-            visible = key_visibility(surface, light, hit, look, point, pick)
-            seen = shade(view, surface, light, look, point, direction, width, visible, transmission)
-            sample.color = sample.color + opacity * wp.cw_mul(sample.passing, seen)
-            body = transmission * (1.0 - look.metallic) * look.color
-            clear = wp.cw_mul(body, wp.vec3(1.0) - coat(look, direction))
-            through = wp.vec3(1.0 - opacity) + opacity * clear
-            sample.passing = wp.cw_mul(sample.passing, through)
-            sample.covered = 1.0
+            look = look_at_hit(surface, hit, heading, width)
+            shine = coat(look, heading)
+            if data.bends == 1 and transmission > 0.0:
+                enters = look.side > 0.0
+                behind = bend(heading, look.normal, look.facet_normal, data.ior, enters)
+                shine = coat_at(look, behind.cosine)
+                aside = (
+                    wp.where(behind.is_reflected, surface.step, -surface.step) * look.facet_normal
+                )
+                if not behind.is_reflected:
+                    absorption = wp.where(enters, data.absorption, wp.vec3(0.0))
+                was_bent = True
+            if not behind.is_reflected:
+                seen = shade(
+                    view, surface, light, hit, look, point, heading, distance, shine, transmission
+                )
+                sample.color = sample.color + opacity * wp.cw_mul(sample.passing, seen)
+                body = transmission * (1.0 - look.metallic) * look.color
+                clear = wp.cw_mul(body, wp.vec3(1.0) - shine)
+                through = wp.vec3(1.0 - opacity) + opacity * clear
+                sample.passing = wp.cw_mul(sample.passing, through)
+            sample.covered = wp.max(sample.covered, covers(surface, hit.face))
         if wp.max(sample.passing) < FAINT:
             sample.passing = wp.vec3(0.0)
             break
+        heading = behind.direction
+        start = point + surface.step * heading + aside
         travelled = distance + surface.step
+    if was_bent and wp.max(sample.passing) > 0.0:
+        sample.color = sample.color + seen_surround(
+            view, light.panorama, start, heading, surround_level, sample.passing
+        )
+        sample.passing = wp.vec3(0.0)
     return sample
 
 
@@ -162,7 +224,7 @@ def color_kernel(
     surface: Surface,
     light: Light,
     surround_level: float,  # pyramid level of the panorama that fits a pixel
-    surround_step: float,  # [rad] between the texels of that level
+    surround_step: float,  # [rad] over which what a pixel shows of the surround is linear
     samples: int,  # per moment
     seed: int,
     # outputs
@@ -178,25 +240,24 @@ def color_kernel(
     # The same even pattern in every pixel, with a random shift: no moire, little noise.
     shift_x = wp.randf(state)
     shift_y = wp.randf(state)
-    shift_pick = wp.randf(state)
     column = float(pixel % view.width)
     row = float(pixel // view.width)
     total = wp.vec3(0.0)
     covered = wp.float32(0.0)
-    visible = wp.float32(-1.0)
     band = track.bands[pixel // view.width]
     middle_cam = ray_direction_cam(view, column + 0.5, row + 0.5)
     middle = wp.normalize(track.middle_rotations[band] * middle_cam)
     middle_center = track.middle_centers[band]
     spread = HALF_DIAGONAL * view.pixel_cone * wp.sqrt(float(samples)) + track.swings[band]
     is_empty = passes_by(surface.radius + track.shifts[band], middle_center, middle, spread)
-    # Between two texels the panorama is linear: a short path has its mean value in the middle.
-    room = view.surround_radius - wp.length(middle_center)
+    # Over a short path what a pixel shows is linear, with its mean value in the middle.
+    room = way_to_surround(view, middle_center, middle)
     is_short = 2.0 * (track.swings[band] + track.shifts[band] / room) <= surround_step
+    is_shaded = is_floor_shaded(view, surface, light, middle_center, middle, spread)
     open_way = wp.vec3(0.0)
     for moment in range(track.moments):
         passing = wp.vec3(float(samples))
-        if not is_empty:
+        if not is_empty or is_shaded:
             passing = wp.vec3(0.0)
             eye = view_at(view, track, pixel // view.width, moment)
             for s in range(samples):
@@ -204,19 +265,21 @@ def color_kernel(
                 i = float(moment * samples + s)
                 dx = shift_x + R2_X * i
                 dy = shift_y + R2_Y * i
-                pick = shift_pick + GOLDEN_RATIO * i
                 x = column + dx - wp.floor(dx)
                 y = row + dy - wp.floor(dy)
                 direction = eye.world_from_cam * ray_direction_cam(eye, x, y)
-                pick = pick - wp.floor(pick)
                 sample = Sample()
-                if surface.see_through == 0:
-                    sample = solid_sample(eye, surface, light, direction, pick, visible)
-                    # Two samples share a shadow ray, even across moments.
-                    if sample.covered == 1.0:
-                        visible = wp.where(visible < 0.0, sample.visible, -1.0)
+                if is_empty:
+                    sample.passing = wp.vec3(1.0)
+                elif surface.see_through == 0:
+                    sample = solid_sample(eye, surface, light, direction)
                 else:
-                    sample = layered_sample(eye, surface, light, direction, pick)
+                    sample = layered_sample(eye, surface, light, direction, surround_level)
+                if is_shaded and wp.max(sample.passing) > 0.0:
+                    end = eye.center + surround_distance(eye, eye.center, direction) * direction
+                    if is_on_floor(view.boundary, end):
+                        arrives = floor_share(surface, light, end, moment * samples + s)
+                        sample.passing = wp.cw_mul(sample.passing, arrives)
                 # A single glint of the sun must not dominate its pixel.
                 total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
                 passing += sample.passing
@@ -225,11 +288,11 @@ def color_kernel(
         # The panorama is filtered: one look-up serves all samples of a moment.
         if not is_short and wp.max(passing) > 0.0:
             toward = track.rotations[band, moment] * middle_cam
-            place = surround_place(view, track.centers[band, moment], toward)
-            total += seen_surround(light.panorama, place, surround_level, passing)
+            start = track.centers[band, moment]
+            total += seen_surround(view, light.panorama, start, toward, surround_level, passing)
     if is_short and wp.max(open_way) > 0.0:
-        place = surround_place(view, middle_center, middle)
-        total += seen_surround(light.panorama, place, surround_level, open_way)
+        start = middle_center
+        total += seen_surround(view, light.panorama, start, middle, surround_level, open_way)
     count = float(samples * track.moments)
     mean = total / count
     image[pixel, 0] = srgb_byte(mean[0])
@@ -247,6 +310,7 @@ def geometry_kernel(
     depth: wp.array[float],  # [pixels] planar z [m]
     normals: wp.array[wp.vec3],  # [pixels] world, toward the viewer
     materials: wp.array[int],  # [pixels] -1: surround
+    objects: wp.array[int],  # [pixels] 0: surround or furniture
 ):
     """Cast one ray through the exact center of a pixel."""
     pixel = first + wp.tid()
@@ -269,8 +333,10 @@ def geometry_kernel(
         depth[pixel] = (start + hit.t) * direction_cam[2]
         normals[pixel] = viewer_side_normal(surface, hit, direction)
         materials[pixel] = surface.materials[hit.face]
+        objects[pixel] = surface.objects[hit.face]
     else:
         distance = surround_distance(view, view.center, direction)
         depth[pixel] = distance * direction_cam[2]
-        normals[pixel] = -wp.normalize(view.center + distance * direction)
+        normals[pixel] = boundary_normal(view.boundary, view.center + distance * direction)
         materials[pixel] = -1
+        objects[pixel] = 0

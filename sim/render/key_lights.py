@@ -1,12 +1,14 @@
 """The bright spots of an environment (sun, lamps, windows), separated from it so that they cast shadows.
 
-The rest is smooth and lights a surface through spherical harmonics. Each spot is a directional light with one
-shadow ray toward a random point of it.
+The rest is smooth and lights a surface through spherical harmonics. Each spot is a directional light; which
+share of it a surface sees is measured with rays toward points of it, see `digs_warp.sim.render.shadows`.
 """
 
 # Warp's stubs do not type device code.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -28,8 +30,12 @@ MIN_SHARE = 0.02
 # Weights of red, green and blue (Rec. 709).
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
-# Points per spot for shadow rays.
+# Points per spot for shadow rays, and those of them that lie farthest out, with one in the middle.
 SPOT_POINTS = 64
+RIM_POINTS = 7
+
+# Steps of the grid along whose curve the points of a spot are chosen.
+CURVE_STEPS = 1024
 
 
 @wp.struct
@@ -41,6 +47,7 @@ class KeyLights:
     colors: wp.array[wp.vec3]  # [count] irradiance at normal incidence over pi, exposed
     strengths: wp.array[float]  # [count] luminance of the colors
     points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions of equal strength
+    rims: wp.array2d[wp.vec3]  # [count, RIM_POINTS] those farthest out, and one in the middle
 
 
 @wp.func
@@ -50,37 +57,6 @@ def key_light(keys: KeyLights, normal: wp.vec3) -> wp.vec3:
     for k in range(keys.count):
         light += wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.colors[k]
     return light
-
-
-@wp.struct
-class KeyChoice:
-    """The direction of the shadow ray, and the light of all spots without shadows."""
-
-    direction: wp.vec3
-    strength: float
-
-
-@wp.func
-def choose_key(keys: KeyLights, normal: wp.vec3, pick: float) -> KeyChoice:
-    """Choose a spot with a probability proportional to its light, and a point of it.
-
-    The total light times the visibility of that point is an unbiased estimate of the shadowed light (for
-    spots of one color). ``pick`` is uniform in 0..1.
-    """
-    choice = KeyChoice()
-    for k in range(keys.count):
-        cosine = wp.max(wp.dot(normal, keys.vectors[k]), 0.0)
-        choice.strength = choice.strength + cosine * keys.strengths[k]
-    threshold = pick * choice.strength
-    passed = wp.float32(0.0)
-    for k in range(keys.count):
-        part = wp.max(wp.dot(normal, keys.vectors[k]), 0.0) * keys.strengths[k]
-        if part > 0.0 and passed <= threshold:
-            # The position of the random number within this spot's interval chooses the point.
-            within = wp.clamp((threshold - passed) / part, 0.0, 0.99999)
-            choice.direction = keys.points[k, int(within * float(SPOT_POINTS))]
-        passed += part
-    return choice
 
 
 def take_out_spots(radiance: np.ndarray) -> tuple[np.ndarray, KeyLights]:
@@ -110,37 +86,87 @@ def take_out_spots(radiance: np.ndarray) -> tuple[np.ndarray, KeyLights]:
             break
         taken = radiance * (excess_share * inside)[..., None]
         smooth -= taken
-        spots.append(_spot(directions[inside], taken[inside] * areas[inside][:, None]))
+        flux = taken[inside] * areas[inside][:, None]
+        spots.append(_spot(directions[inside], flux, np.pi / height))
         power = np.where(inside, 0.0, power)
     return np.maximum(smooth, 0.0).astype(np.float32), _pack(spots)
 
 
-def _spot(directions: np.ndarray, flux: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vector direction (3,), color (3,) and points (SPOT_POINTS, 3) of one spot.
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """Direction of the vector irradiance (3,), color (3,), points (SPOT_POINTS, 3), rim (RIM_POINTS, 3)."""
+
+    vector: np.ndarray
+    color: np.ndarray
+    points: np.ndarray
+    rim: np.ndarray
+
+
+def _spot(directions: np.ndarray, flux: np.ndarray, texel: float) -> Spot:
+    """Return one spot.
 
     Args:
         directions: of its pixels, shape (n, 3).
         flux: radiance times solid angle of each, shape (n, 3).
+        texel: height of a pixel [rad].
     """
     weight = flux @ LUMINANCE
     vector = weight @ directions
     # Less than the sum of the weights for wide spots: their parts have different directions.
     concentration = float(np.linalg.norm(vector) / weight.sum())
-    shares = (np.arange(SPOT_POINTS) + 0.5) / SPOT_POINTS * weight.sum()
-    chosen = np.searchsorted(np.cumsum(weight), shares).clip(0, len(weight) - 1)
+    vector = vector / np.linalg.norm(vector)
     color = flux.sum(axis=0) * concentration / np.pi
-    return vector / np.linalg.norm(vector), color, directions[chosen]
+    axes = np.linalg.svd(vector[None])[2][1:]
+    order = np.argsort(_place_on_curve(directions @ axes.T), kind="stable")
+    shares = (np.arange(SPOT_POINTS) + 0.5) / SPOT_POINTS * weight.sum()
+    chosen = order[np.searchsorted(np.cumsum(weight[order]), shares).clip(0, len(weight) - 1)]
+    points = _within_texels(directions[chosen], texel)
+    return Spot(vector, color, points, points[_rim(points @ axes.T)])
 
 
-def _pack(spots: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> KeyLights:
+def _place_on_curve(places: np.ndarray) -> np.ndarray:
+    """Return the position of places of a plane, (n, 2), on a curve whose parts are compact, (n,), int64.
+
+    Morton's order: the bits of both coordinates in turn.
+    """
+    span = np.maximum(np.ptp(places, axis=0), 1e-9).max()
+    cells = ((places - places.min(axis=0)) / span * (CURVE_STEPS - 1)).astype(np.int64)
+    bits = np.arange(int(CURVE_STEPS).bit_length())
+    spread = ((cells[..., None] >> bits) & 1) << (2 * bits)
+    return spread[:, 0].sum(axis=-1) + 2 * spread[:, 1].sum(axis=-1)
+
+
+def _within_texels(directions: np.ndarray, texel: float) -> np.ndarray:
+    """Return directions spread evenly over the texels whose centers are given, (n, 3)."""
+    number = np.arange(len(directions))
+    # The R2 sequence of Roberts, 2018.
+    right, down = (number[:, None] * [0.7548776662466927, 0.5698402909980532] % 1.0 - 0.5).T * texel
+    polar = np.clip(np.arccos(np.clip(directions[:, 2], -1, 1)) + down, 0, np.pi)
+    azimuth = np.arctan2(directions[:, 1], directions[:, 0]) - right
+    ring = np.sin(polar)
+    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), np.cos(polar)], axis=1)
+
+
+def _rim(places: np.ndarray) -> np.ndarray:
+    """Return the numbers of places, (n, 2), farthest out along even directions, and of one in the middle."""
+    angle = np.arange(RIM_POINTS - 1) / (RIM_POINTS - 1) * 2 * np.pi
+    outward = np.stack([np.cos(angle), np.sin(angle)])
+    # A lamp may be small and have a wide, faint rim.
+    middle = np.linalg.norm(places - np.median(places, axis=0), axis=1).argmin()
+    return np.append((places @ outward).argmax(axis=0), middle)
+
+
+def _pack(spots: list[Spot]) -> KeyLights:
     keys = KeyLights()
     keys.count = len(spots)
     if spots:
-        vectors, colors, points = (
-            np.stack(part).astype(np.float32) for part in zip(*spots, strict=True)
+        vectors, colors, points, rims = (
+            np.stack([getattr(spot, part) for spot in spots]).astype(np.float32)
+            for part in ("vector", "color", "points", "rim")
         )
         keys.vectors = wp.array(vectors, dtype=wp.vec3, device="cpu")
         keys.colors = wp.array(colors, dtype=wp.vec3, device="cpu")
         keys.strengths = wp.array(colors @ LUMINANCE, dtype=float, device="cpu")
         keys.points = wp.array(points, dtype=wp.vec3, device="cpu")
+        keys.rims = wp.array(rims, dtype=wp.vec3, device="cpu")
     return keys

@@ -33,7 +33,7 @@ WHITE_CARD = 0.65
 SPECULAR_COPIES = 5
 SPECULAR_WIDTH = 128
 SPECULAR_HEIGHT = 64
-SPECULAR_SAMPLES = 64
+SPECULAR_SAMPLES = 128
 
 # A curved mirror shrinks its reflection; this width [px] keeps sharp reflections free of aliasing.
 MIRROR_WIDTH = 512
@@ -197,7 +197,7 @@ def _blur_kernel(
             root = cos2 * (a2 - 1.0) + 1.0
             density = a2 / (4.0 * PI * root * root)
             solid_angle = 1.0 / (float(SPECULAR_SAMPLES) * density)
-            level = 0.5 * wp.log2(solid_angle / texel) + 1.0
+            level = 0.5 * wp.log2(solid_angle / texel)
             total += cos_l * sample_panorama(panorama, incoming, level)
             weight += cos_l
     specular[copy, row, column] = total / weight
@@ -224,12 +224,29 @@ def irradiance_coefficients(radiance: np.ndarray) -> np.ndarray:
     )
 
 
-def prepare_light(environment: Environment, threads: int = 0) -> EnvironmentLight:
-    """Build pyramid, irradiance and blurred copies; set the exposure of the recording."""
+def _light_from_above(smooth: np.ndarray, keys: KeyLights) -> np.ndarray:
+    """Return what a level white matte surface reflects, (3,): the smooth part of a panorama and its spots."""
+    light = sh_basis(np.array([[0.0, 0.0, 1.0]]), 2) @ irradiance_coefficients(smooth)
+    total = np.maximum(light[0], 0.0)
+    if keys.count:
+        total += np.maximum(keys.vectors.numpy()[:, 2], 0.0) @ keys.colors.numpy()
+    return total
+
+
+def prepare_light(
+    environment: Environment, threads: int = 0, below: np.ndarray | None = None
+) -> EnvironmentLight:
+    """Build pyramid, irradiance and blurred copies; set the exposure of the recording.
+
+    Args:
+        environment: the surround.
+        threads: 0: all cores.
+        below: albedo of a table top, (3,), that lights the objects from below in its place.
+    """
     radiance = environment.radiance
     height, width = radiance.shape[:2]
     mean = float((radiance.mean(axis=2) * solid_angles(width, height)).sum() / (4 * np.pi))
-    exposure = WHITE_CARD / max(mean, 1e-12)
+    exposure = WHITE_CARD * environment.level / max(mean, 1e-12)
     levels = mip_chain(radiance * np.float32(exposure))
     small = next(level for level in levels if level.shape[1] <= 2 * SPECULAR_WIDTH)
 
@@ -249,6 +266,8 @@ def prepare_light(environment: Environment, threads: int = 0) -> EnvironmentLigh
     light = Light()
     light.panorama = panorama
     smooth, light.keys = take_out_spots(small)
+    if below is not None:
+        smooth[smooth.shape[0] // 2 :] = below * _light_from_above(smooth, light.keys)
     light.irradiance = wp.array(
         irradiance_coefficients(smooth).astype(np.float32), dtype=wp.vec3, device="cpu"
     )

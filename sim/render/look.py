@@ -7,6 +7,7 @@
 
 import warp as wp
 
+from digs_warp.sim.render.light_map import light_on
 from digs_warp.sim.render.surface import (
     Surface,
     texture_level,
@@ -21,6 +22,9 @@ wp.set_module_options({"enable_backward": False})
 # Twice the value of byte 128, which is zero in normal maps.
 MAP_ZERO = wp.constant(256.0 / 255.0)
 
+# Least cosine between up and a level face.
+LEVEL = wp.constant(0.999)
+
 
 @wp.struct
 class Look:
@@ -29,11 +33,14 @@ class Look:
     color: wp.vec3  # linear
     emission: wp.vec3
     metallic: float
+    reflectance: float  # of a dielectric, at normal incidence
     roughness: float
     normal: wp.vec3  # unit, toward the viewer, with the normal map
     facet_normal: wp.vec3  # of the triangle, toward the viewer
     side: float  # 1: seen from the side of the vertex normals, -1: from the other
     openness: float  # share of the hemisphere that sees the surround
+    on_table: int  # 1: the table top on which the objects stand
+    spots_seen: float  # there, share of the bright spots if they are soft
 
 
 @wp.func
@@ -71,6 +78,23 @@ def interpolated_openness(surface: Surface, hit: wp.MeshQueryRay, side: float) -
     )
     # A quadratic between 0 and 1 at its nodes overshoots between them.
     return wp.clamp(wp.where(side > 0.0, both[0], both[1]), 0.0, 1.0)
+
+
+@wp.func
+def is_table_top(surface: Surface, hit: wp.MeshQueryRay) -> bool:
+    """Whether a hit has the material of the table top."""
+    return surface.table.exists == 1 and surface.materials[hit.face] == surface.table.material
+
+
+@wp.func
+def place_of(surface: Surface, hit: wp.MeshQueryRay) -> wp.vec3:
+    """Position of a hit in the world."""
+    corner = 3 * hit.face
+    return (
+        hit.u * surface.points[surface.corners[corner]]
+        + hit.v * surface.points[surface.corners[corner + 1]]
+        + (1.0 - hit.u - hit.v) * surface.points[surface.corners[corner + 2]]
+    )
 
 
 @wp.func
@@ -116,6 +140,7 @@ def material_at_hit(
     look.color = base_color(surface, hit, uv, level)
     look.roughness = data.roughness
     look.metallic = data.metallic
+    look.reflectance = data.reflectance
     if data.finish_texture >= 0:
         finish = sample_texture(surface.textures, data.finish_texture, uv, level, LINEAR)
         look.roughness = finish[0]
@@ -134,4 +159,10 @@ def look_at_hit(
     """Collect the look of a hit; ``cone_width`` is the width of the ray's cone there [m]."""
     look = material_at_hit(surface, hit, direction, cone_width)
     look.openness = interpolated_openness(surface, hit, look.side)
+    if is_table_top(surface, hit) and look.facet_normal[2] > LEVEL:
+        point = place_of(surface, hit)
+        found = light_on(surface.table, point[0], point[1])
+        look.openness = found[0]
+        look.spots_seen = found[1]
+        look.on_table = 1
     return look

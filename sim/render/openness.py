@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel
+from digs_warp.sim.render.light_map import openness_on, plane_distance
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.scene import Scene
 
@@ -22,6 +23,9 @@ wp.set_module_options({"enable_backward": False})
 
 GOLDEN_ANGLE = wp.constant(2.399963229728653)
 GOLDEN_RATIO = wp.constant(0.6180339887498949)
+
+# A ray to the ground ends this share of its length before it: a table top is a surface, too.
+BEFORE = wp.constant(0.999)
 
 # Rays per node and side; large meshes divide the budget.
 RAYS = 64
@@ -88,8 +92,9 @@ def open_share(
 ) -> float:
     """Cosine-weighted share of a hemisphere whose rays leave the object within ``reach`` [m].
 
-    The rays start along part of the vector ``inward``: a corner, or a small part that stands on a large face,
-    must not darken the whole face.
+    Rays that meet the ground on their way count as much as light reaches it there. The rays start along part
+    of the vector ``inward``: a corner, or a small part that stands on a large face, must not darken the whole
+    face.
     """
     helper = wp.where(wp.abs(normal[2]) < 0.9, wp.vec3(0.0, 0.0, 1.0), wp.vec3(1.0, 0.0, 0.0))
     tangent = wp.normalize(wp.cross(helper, normal))
@@ -106,8 +111,20 @@ def open_share(
             radius * (wp.cos(angle) * tangent + wp.sin(angle) * bitangent)
             + wp.sqrt(1.0 - radius2) * normal
         )
-        if not is_blocked(surface, start, direction, reach):
-            free += 1.0
+        ahead = reach
+        light = wp.float32(1.0)
+        down = plane_distance(surface.table, start, direction, 2.0 * surface.lift)
+        if down >= 0.0 and down < ahead:
+            meets = start + down * direction
+            light = openness_on(surface.table, meets[0], meets[1])
+            ahead = down * BEFORE
+        down = plane_distance(surface.floor, start, direction, 2.0 * surface.lift)
+        if down >= 0.0 and down < ahead:
+            meets = start + down * direction
+            light = openness_on(surface.floor, meets[0], meets[1])
+            ahead = down * BEFORE
+        if not is_blocked(surface, start, direction, ahead):
+            free += light
     return free / float(rays)
 
 
@@ -146,7 +163,7 @@ def measure_openness(scene: Scene, surface: Surface, threads: int = 0) -> None:
         wp.array(array, dtype=wp.vec3, device="cpu")
         for array in (nodes.points, nodes.inward, nodes.normals)
     ]
-    inputs = [surface, *places, rays, REACH * scene.radius, openness]
+    inputs = [surface, *places, rays, REACH * scene.object_radius, openness]
     launch_parallel(_openness_kernel, count, inputs, threads=threads)
     surface.openness = openness
     surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")

@@ -16,10 +16,12 @@ from digs_warp.camera import Camera
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.render.look import Look, material_at_hit
 from digs_warp.sim.render.protocol import Projected
-from digs_warp.sim.render.shading import DIELECTRIC_REFLECTANCE
 from digs_warp.sim.render.surface import OPAQUE, Surface, is_blocked, passes_by, trace
+from digs_warp.sim.render.surround import boundary_normal
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+from digs_warp.sim.scene import DIELECTRIC_REFLECTANCE
 from digs_warp.sim.sensor.infrared.pattern import SPOT, DotPattern, dot_pattern
+from digs_warp.sim.surround import Surround
 
 wp.set_module_options({"enable_backward": False})
 
@@ -29,6 +31,9 @@ SAME_POINT = wp.constant(1.0e-4)
 # Share of infrared light that the surround reflects: a panorama shows its light, not what it is made of
 # [tuned].
 SURROUND_REFLECTANCE = wp.constant(0.5)
+
+# Of the gloss on it, at normal incidence.
+PLAIN_REFLECTANCE = wp.constant(DIELECTRIC_REFLECTANCE)
 
 # Linear weights of red, green and blue in the brightness of a surface (Rec. 709).
 RED = wp.constant(0.2126)
@@ -90,7 +95,7 @@ def reflectance(look: Look, to_light: wp.vec3, to_eye: wp.vec3) -> float:
     half = wp.normalize(to_light + to_eye)
     half_cosine = wp.max(wp.dot(look.normal, half), 0.0)
     toward = wp.max(wp.dot(to_light, half), 0.0)
-    f0 = wp.lerp(DIELECTRIC_REFLECTANCE, luminance(look.color), look.metallic)
+    f0 = wp.lerp(look.reflectance, luminance(look.color), look.metallic)
     # Powers by multiplication: wp.pow takes as long as the rays.
     aside2 = (1.0 - toward) * (1.0 - toward)
     fresnel = f0 + (1.0 - f0) * aside2 * aside2 * (1.0 - toward)
@@ -137,8 +142,9 @@ def projector_kernel(
     else:
         away = surround_distance(view, view.center, direction)
         look.color = wp.vec3(SURROUND_REFLECTANCE)
+        look.reflectance = PLAIN_REFLECTANCE
         look.roughness = 1.0
-        look.normal = -wp.normalize(view.center + away * direction)
+        look.normal = boundary_normal(view.boundary, view.center + away * direction)
         look.facet_normal = look.normal
     ray = view.center + away * direction - projector
     reach = wp.length(ray)
@@ -162,7 +168,7 @@ def projector_kernel(
 def project_dots(
     surface: Surface,
     camera: Camera,
-    surround_radius: float,
+    surround: Surround,
     world_from_projector: np.ndarray,
     threads: int = 0,
 ) -> Projected:
@@ -171,11 +177,11 @@ def project_dots(
     Args:
         surface: the scene; light passes through what is transparent.
         camera: the eye.
-        surround_radius: of the sphere round the scene [m].
+        surround: where the environment is.
         world_from_projector: its pose, (4, 4); it looks along z.
         threads: 0: all cores.
     """
-    view = make_view(camera, surround_radius)
+    view = make_view(camera, surround)
     k = camera.intrinsics
     grid = _upload(dot_pattern(), 1.0 / min(k.fx, k.fy))
     count = k.height * k.width

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,17 +13,30 @@ from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.frame import FrameRays
 
 
+class Geometry(NamedTuple):
+    """What lies at the pixel centers of one eye.
+
+    Attributes:
+        depth: planar z [m], shape (height, width), float32; the surround has that of its walls and floor.
+        normals_world: unit normals toward the viewer, (height, width, 3), float32.
+        material_ids: (height, width), int32; -1: the surround.
+        object_ids: number of the object, (height, width), int32; 0: furniture or the surround.
+    """
+
+    depth: np.ndarray
+    normals_world: np.ndarray
+    material_ids: np.ndarray
+    object_ids: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class RenderedView:
     """The view of one eye.
 
     Attributes:
         image: sRGB, shape (height, width, 3), uint8.
-        mask: share of each pixel that the object covers, 0..255, shape (height, width), uint8.
-        depth: planar z at the pixel centers [m], shape (height, width), float32; the surround has the
-            depth of its sphere.
-        normals_world: unit normals toward the viewer at the pixel centers, (height, width, 3), float32.
-        material_ids: material at the pixel centers, (height, width), int32; -1: the surround.
+        mask: share of each pixel that objects cover, 0..255, shape (height, width), uint8.
+        depth, normals_world, material_ids, object_ids: see `Geometry`.
     """
 
     image: np.ndarray
@@ -31,6 +44,7 @@ class RenderedView:
     depth: np.ndarray
     normals_world: np.ndarray
     material_ids: np.ndarray
+    object_ids: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +94,22 @@ class Projected:
     light: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The points at the pixel centers of an image, as another eye sees them.
+
+    Attributes:
+        shift: how far to the right and down they appear there [px], (height, width, 2), float32; NaN where
+            there is no point, or it is behind that eye.
+        depth: planar z in that eye [m], (height, width), float32; NaN likewise.
+        occlusion: `digs_warp.data.occlusion.Occlusion`, (height, width), uint8.
+    """
+
+    shift: np.ndarray
+    depth: np.ndarray
+    occlusion: np.ndarray
+
+
 class Renderer(Protocol):
     """A scene in its surround, ready to be rendered for any camera inside."""
 
@@ -110,8 +140,8 @@ class Renderer(Protocol):
         """
         ...
 
-    def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return only depth, world normals and material ids."""
+    def render_geometry(self, camera: Camera) -> Geometry:
+        """Return only what is at the pixel centers."""
         ...
 
     def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
@@ -120,6 +150,19 @@ class Renderer(Protocol):
 
     def frame_rays(self, camera: Camera, baseline: float) -> FrameRays:
         """Return the rays for the sensor's effects; they are cast on request."""
+        ...
+
+    def follow(
+        self, source: CameraTrack, depth: np.ndarray, material_ids: np.ndarray, target: CameraTrack
+    ) -> Followed:
+        """Return where another eye sees the points of an image, and whether it does.
+
+        Args:
+            source: the eye that sees them; one moment for each band of rows.
+            depth: planar z at its pixel centers [m], (height, width), float32; NaN: nothing.
+            material_ids: the same for materials, int32; -1: the surround.
+            target: the other eye, likewise.
+        """
         ...
 
 

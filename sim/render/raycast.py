@@ -12,15 +12,28 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.follow import follow
+from digs_warp.sim.render.ground_light import measure_plane
 from digs_warp.sim.render.kernels import color_kernel, geometry_kernel
 from digs_warp.sim.render.lighting import prepare_light
 from digs_warp.sim.render.openness import measure_openness
+from digs_warp.sim.render.planes import planes_of
 from digs_warp.sim.render.projector import project_dots
-from digs_warp.sim.render.protocol import CameraTrack, Projected, RenderedView
+from digs_warp.sim.render.protocol import (
+    CameraTrack,
+    Followed,
+    Geometry,
+    Projected,
+    RenderedView,
+)
 from digs_warp.sim.render.rays import SurfaceRays
+from digs_warp.sim.render.shadows import empty_store
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view
 from digs_warp.sim.scene import Scene
+
+# Pixels of an image that one thread renders before others have started: those by which a camera meters light.
+TINY = 1024
 
 
 class RaycastRenderer:
@@ -28,10 +41,12 @@ class RaycastRenderer:
 
     def __init__(self, scene: Scene, environment: Environment, threads: int = 0) -> None:
         self.threads = threads
-        self.surround_radius = environment.radius
+        self.surround = environment.surround
         self._source = scene
         self._panorama_height = environment.radiance.shape[0]
-        self._light = prepare_light(environment, threads)
+        self._planes = planes_of(scene, environment)
+        table = self._planes.table
+        self._light = prepare_light(environment, threads, None if table is None else table.albedo)
         self._scene = upload_scene(scene)
         self._surface = self._scene.surface
         self._has_openness = False  # measured for the first image
@@ -42,10 +57,9 @@ class RaycastRenderer:
         return self._light.exposure
 
     def render(self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0) -> RenderedView:
-        """Return image, mask, depth, normals and material ids of a view."""
+        """Return everything that one eye sees."""
         image, mask = self.render_image(camera, samples_per_pixel, seed)
-        depth, normals, materials = self.render_geometry(camera)
-        return RenderedView(image, mask, depth, normals, materials)
+        return RenderedView(image, mask, *self.render_geometry(camera))
 
     def render_image(
         self, camera: Camera, samples_per_pixel: int = 4, seed: int = 0
@@ -64,15 +78,16 @@ class RaycastRenderer:
         """Return image and mask of a moving camera; every ray starts from the camera's pose at its moment."""
         k = track.intrinsics
         first = Camera(k, track.world_from_cam[0, 0])
-        view = make_view(first, self.surround_radius, samples)
-        way = make_track(track, self.surround_radius)
+        view = make_view(first, self.surround, samples)
+        way = make_track(track, self.surround)
         pixel_angle = 1.0 / min(k.fx, k.fy)
         texel_angle = np.pi / self._panorama_height
-        surround_level = float(max(0.0, np.log2(pixel_angle / texel_angle)))
+        surround_level = float(np.log2(pixel_angle / texel_angle))
         surround_step = float(max(pixel_angle, texel_angle))
+        if self.surround.floor is not None:
+            surround_step = pixel_angle  # the floor may be nearer than when its picture was taken
         if not self._has_openness:
-            measure_openness(self._source, self._surface, self.threads)
-            self._has_openness = True
+            self._measure_openness()
         image = wp.empty((k.height * k.width, 3), dtype=wp.uint8, device="cpu")
         mask = wp.empty(k.height * k.width, dtype=wp.uint8, device="cpu")
         scalars = [surround_level, surround_step, samples, _int32(seed)]
@@ -80,32 +95,52 @@ class RaycastRenderer:
         self._launch(color_kernel, k.height * k.width, inputs)
         return image.numpy().reshape(k.height, k.width, 3), mask.numpy().reshape(k.height, k.width)
 
-    def render_geometry(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return depth, world normals and material ids at the pixel centers; see `RenderedView`."""
-        view = make_view(camera, self.surround_radius)
+    def render_geometry(self, camera: Camera) -> Geometry:
+        """Return what is at the pixel centers."""
+        view = make_view(camera, self.surround)
         height, width = camera.intrinsics.height, camera.intrinsics.width
         depth = wp.empty(height * width, dtype=float, device="cpu")
         normals = wp.empty(height * width, dtype=wp.vec3, device="cpu")
         materials = wp.empty(height * width, dtype=int, device="cpu")
-        inputs = [view, self._surface, depth, normals, materials]
+        objects = wp.empty(height * width, dtype=int, device="cpu")
+        inputs = [view, self._surface, depth, normals, materials, objects]
         self._launch(geometry_kernel, height * width, inputs)
-        return (
+        return Geometry(
             depth.numpy().reshape(height, width),
             normals.numpy().reshape(height, width, 3),
             materials.numpy().reshape(height, width),
+            objects.numpy().reshape(height, width),
         )
 
     def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
         """Return the light of a dot projector of that pose, (4, 4), in the camera."""
-        surface, radius = self._surface, self.surround_radius
-        return project_dots(surface, camera, radius, world_from_projector, self.threads)
+        return project_dots(
+            self._surface, camera, self.surround, world_from_projector, self.threads
+        )
 
     def frame_rays(self, camera: Camera, baseline: float) -> SurfaceRays:
         """Return the rays for the sensor's effects; they are cast on request."""
-        return SurfaceRays(self._scene, camera, baseline, self.surround_radius, self.threads)
+        return SurfaceRays(self._scene, camera, baseline, self.surround, self.threads)
+
+    def follow(
+        self, source: CameraTrack, depth: np.ndarray, material_ids: np.ndarray, target: CameraTrack
+    ) -> Followed:
+        """Return where another eye sees the points of an image, by rays; see `Renderer.follow`."""
+        return follow(self._scene, source, depth, material_ids, target, self.threads)
+
+    def _measure_openness(self) -> None:
+        """Measure the light on the ground, which lights the objects from below, and then on them."""
+        light, planes = self._light.struct, self._planes
+        if planes.table is not None:
+            self._surface.table = measure_plane(self._surface, light, planes.table, self.threads)
+        if planes.floor is not None:
+            self._surface.floor = measure_plane(self._surface, light, planes.floor, self.threads)
+        measure_openness(self._source, self._surface, self.threads)
+        self._surface.shadows = empty_store(light.keys.count)
+        self._has_openness = True
 
     def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
-        launch_parallel(kernel, dim, inputs, threads=self.threads)
+        launch_parallel(kernel, dim, inputs, threads=1 if dim <= TINY else self.threads)
 
 
 def _int32(seed: int) -> int:

@@ -16,6 +16,7 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.render.surface import ANY_SURFACE, OPAQUE, Surface, trace, viewer_side_normal
 from digs_warp.sim.render.upload import DeviceScene
 from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
+from digs_warp.sim.surround import Surround
 
 wp.set_module_options({"enable_backward": False})
 
@@ -73,10 +74,11 @@ def right_visibility_at_depth_kernel(
     pixels: wp.array[int],
     right_center: wp.vec3,
     depth: wp.array[float],  # [height * width] planar z of what the left eye sees [m]
+    solid: Surface,  # without what rays pass anyway
     # outputs
     visible: wp.array[wp.uint8],  # [pixels]
 ):
-    """Look from the right eye at points of known depth among opaque surfaces: one ray per point."""
+    """Look from the right eye at points of known depth: one ray each, two among see-through things."""
     index = first + wp.tid()
     pixel = pixels[index]
     x = float(pixel % view.width) + 0.5
@@ -87,16 +89,23 @@ def right_visibility_at_depth_kernel(
     toward = view.center + distance * direction - right_center
     reach = wp.length(toward)
     toward = toward / reach
-    wall = surround_distance(view, view.center, direction)
+    near = reach * (1.0 - SAME_POINT)
+    # Nothing lies behind the surround, and it has one side: any hit in between hides it.
+    is_wall = distance > surround_distance(view, view.center, direction) * (1.0 - SAME_POINT)
     clear = wp.bool(True)
-    if distance > wall * (1.0 - SAME_POINT):
-        # Nothing lies behind the surround, and it has one side: any hit in between hides it.
-        near = reach * (1.0 - SAME_POINT)
+    if surface.see_through == 1:
+        clear = trace(solid, right_center, toward, near, view.pixel_cone, OPAQUE) < 0.0
+        if clear and not is_wall:
+            origin = view.center + distance * (1.0 - SAME_POINT) * direction
+            own = wp.mesh_query_ray(surface.mesh, origin, direction, FAR)
+            if own.result:
+                clear = wp.dot(own.normal, direction) * wp.dot(own.normal, toward) > 0.0
+    elif is_wall:
         clear = not wp.mesh_query_ray_anyhit(surface.mesh, right_center, toward, near)
     else:
         hit = wp.mesh_query_ray(surface.mesh, right_center, toward, reach * (1.0 + SAME_POINT))
         if hit.result:
-            clear = hit.t >= reach * (1.0 - SAME_POINT)
+            clear = hit.t >= near
             # The right eye may see the other side of a thin sheet.
             clear = clear and wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
     visible[index] = wp.uint8(wp.where(clear, 1, 0))
@@ -138,7 +147,7 @@ def reflection_kernel(
 def depth_behind_kernel(
     first: int,
     view: View,
-    surface: Surface,
+    solid: Surface,  # without what rays pass anyway
     pixels: wp.array[int],
     # outputs
     depth: wp.array[float],  # [pixels] planar z [m]
@@ -150,7 +159,7 @@ def depth_behind_kernel(
     y = float(pixel // view.width) + 0.5
     direction_cam = ray_direction_cam(view, x, y)
     direction = view.world_from_cam * direction_cam
-    distance = trace(surface, view.center, direction, FAR, view.pixel_cone, OPAQUE)
+    distance = trace(solid, view.center, direction, FAR, view.pixel_cone, OPAQUE)
     if distance < 0.0:
         distance = surround_distance(view, view.center, direction)
     depth[index] = distance * direction_cam[2]
@@ -163,7 +172,7 @@ class SurfaceRays:
         scene: on the device.
         camera: the left eye.
         baseline: distance of the right eye [m].
-        surround_radius: of the sphere around the scene [m].
+        surround: where the environment is.
         threads: 0: all cores.
     """
 
@@ -172,13 +181,13 @@ class SurfaceRays:
         scene: DeviceScene,
         camera: Camera,
         baseline: float,
-        surround_radius: float,
+        surround: Surround,
         threads: int = 0,
     ) -> None:
         self._scene = scene
         self._camera = camera
         self._baseline = baseline
-        self._view = make_view(camera, surround_radius)
+        self._view = make_view(camera, surround)
         self._threads = threads
 
     def right_visibility(
@@ -199,16 +208,17 @@ class SurfaceRays:
         0 for the surround, which reflects nothing. NaN outside ``where``, (height, width), bool; None:
         everywhere, once.
         """
-        return self._reflection_distance if where is None else self._cast(reflection_kernel, where)
+        return self._reflection_distance if where is None else self._look_along(where)
 
     def depth_behind(self, where: np.ndarray | None = None) -> np.ndarray:
         """Planar depth of the first opaque surface [m], (height, width), float32.
 
-        The ray passes surfaces that hide less than half of the background. If nothing opaque follows, this is
+        The ray passes surfaces that hide less than half of the background, and goes straight on, also through
+        bodies that bend light in the images. If nothing opaque follows, this is
         the depth of the surround. NaN outside ``where``, (height, width), bool;
         None: everywhere, once.
         """
-        return self._depth_behind if where is None else self._cast(depth_behind_kernel, where)
+        return self._depth_behind if where is None else self._look_behind(where)
 
     @cached_property
     def _right_visibility(self) -> np.ndarray:
@@ -216,11 +226,11 @@ class SurfaceRays:
 
     @cached_property
     def _reflection_distance(self) -> np.ndarray:
-        return self._cast(reflection_kernel, self._everywhere)
+        return self._look_along(self._everywhere)
 
     @cached_property
     def _depth_behind(self) -> np.ndarray:
-        return self._cast(depth_behind_kernel, self._everywhere)
+        return self._look_behind(self._everywhere)
 
     @property
     def _everywhere(self) -> np.ndarray:
@@ -230,25 +240,34 @@ class SurfaceRays:
     def _look_from_right(self, where: np.ndarray, depth: np.ndarray | None = None) -> np.ndarray:
         right = wp.vec3(*self._camera.shifted_right(self._baseline).center_world)
         visible = np.ones(where.shape, dtype=bool)
-        # Transparent surfaces need the general kernel.
-        if depth is None or self._scene.surface.see_through:
-            found = self._values(right_visibility_kernel, where, wp.uint8, right)
+        surface = self._scene.surface
+        if depth is None:
+            found = self._values(right_visibility_kernel, surface, where, wp.uint8, right)
         else:
             known = wp.array(depth.reshape(-1), dtype=float, device="cpu", copy=False)
-            found = self._values(right_visibility_at_depth_kernel, where, wp.uint8, right, known)
+            more = (right, known, self._scene.solid.surface)
+            found = self._values(right_visibility_at_depth_kernel, surface, where, wp.uint8, *more)
         visible[where] = found != 0
         return visible
 
-    def _cast(self, kernel: Any, where: np.ndarray) -> np.ndarray:
+    def _look_along(self, where: np.ndarray) -> np.ndarray:
+        return self._cast(reflection_kernel, where, self._scene.surface)
+
+    def _look_behind(self, where: np.ndarray) -> np.ndarray:
+        return self._cast(depth_behind_kernel, where, self._scene.solid.surface)
+
+    def _cast(self, kernel: Any, where: np.ndarray, surface: Surface) -> np.ndarray:
         image = np.full(where.shape, np.nan, dtype=np.float32)
-        image[where] = self._values(kernel, where, float)
+        image[where] = self._values(kernel, surface, where, float)
         return image
 
-    def _values(self, kernel: Any, where: np.ndarray, dtype: Any, *inputs: Any) -> np.ndarray:
+    def _values(
+        self, kernel: Any, surface: Surface, where: np.ndarray, dtype: Any, *inputs: Any
+    ) -> np.ndarray:
         """Return the values of a kernel at the pixels of ``where``, in reading order."""
         pixels = np.flatnonzero(where).astype(np.int32)
         values = wp.empty(len(pixels), dtype=dtype, device="cpu")
         numbers = wp.from_numpy(pixels, dtype=int, device="cpu")
-        arguments = [self._view, self._scene.surface, numbers, *inputs, values]
+        arguments = [self._view, surface, numbers, *inputs, values]
         launch_parallel(kernel, len(pixels), arguments, threads=self._threads)
         return values.numpy()

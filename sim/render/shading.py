@@ -10,22 +10,22 @@ the object itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
 
 import warp as wp
 
-from digs_warp.sim.render.key_lights import choose_key, key_light
+from digs_warp.sim.render.key_lights import key_light
+from digs_warp.sim.render.light_map import openness_on, plane_distance
 from digs_warp.sim.render.lighting import Light, diffuse_light, specular_light
 from digs_warp.sim.render.look import Look, look_at_hit
-from digs_warp.sim.render.surface import Surface, is_blocked, smooth_position
+from digs_warp.sim.render.shadows import lattice_place, seen_share
+from digs_warp.sim.render.surface import MIN_COSINE, Surface
+from digs_warp.sim.render.surround import is_on_floor, panorama_direction
 from digs_warp.sim.render.view import FAR, View, surround_distance
 
 wp.set_module_options({"enable_backward": False})
-
-# Reflectance of glass, plastic and paint at normal incidence.
-DIELECTRIC_REFLECTANCE = wp.constant(0.04)
 
 # Metal smoother than this reflects the object itself; the reflection fades out toward this roughness.
 MIRROR_ROUGHNESS = wp.constant(0.45)
 MIRROR_METALLIC = wp.constant(0.5)
 
-# Spots that add less than this share of full white are not worth a shadow ray.
+# Spots that add less than this share of full white are not worth shadow rays.
 FAINT_KEY = wp.constant(0.005)
 
 
@@ -70,12 +70,17 @@ def key_diffuse(light: Light, look: Look) -> wp.vec3:
 
 
 @wp.func
+def coat_at(look: Look, cosine: float) -> wp.vec3:
+    """Share of the reflected light that reaches a viewer at that angle from the normal."""
+    f0 = wp.lerp(wp.vec3(look.reflectance), look.color, look.metallic)
+    return coat_reflectance(f0, look.roughness, cosine)
+
+
+@wp.func
 def coat(look: Look, direction: wp.vec3) -> wp.vec3:
     """Share of the reflected light that reaches the viewer."""
     # Interpolated normals may point away from the viewer near a silhouette.
-    cosine = wp.clamp(-wp.dot(look.normal, direction), 0.0, 1.0)
-    f0 = wp.lerp(wp.vec3(DIELECTRIC_REFLECTANCE), look.color, look.metallic)
-    return coat_reflectance(f0, look.roughness, cosine)
+    return coat_at(look, wp.clamp(-wp.dot(look.normal, direction), 0.0, 1.0))
 
 
 @wp.func
@@ -88,11 +93,24 @@ def mirrored_direction(look: Look, direction: wp.vec3) -> wp.vec3:
 
 @wp.func
 def environment_light(
-    view: View, light: Light, origin: wp.vec3, direction: wp.vec3, roughness: float
+    view: View,
+    surface: Surface,
+    light: Light,
+    origin: wp.vec3,
+    direction: wp.vec3,
+    roughness: float,
 ) -> wp.vec3:
-    """Light of the surround at the point where a ray from the scene meets it."""
+    """Light of the surround, or of a table top, at the point where a ray from the scene meets it."""
+    down = plane_distance(surface.table, origin, direction, surface.lift)
+    if down >= 0.0:
+        meets = origin + down * direction
+        return openness_on(surface.table, meets[0], meets[1]) * surface.table.glow
     point = origin + surround_distance(view, origin, direction) * direction
-    return specular_light(light, point / view.surround_radius, roughness)
+    if surface.floor.exists == 1 and is_on_floor(view.boundary, point):
+        open_share = openness_on(surface.floor, point[0], point[1])
+        place = panorama_direction(view.boundary, point)
+        return open_share * specular_light(light, place, roughness)
+    return specular_light(light, panorama_direction(view.boundary, point), roughness)
 
 
 @wp.func
@@ -102,7 +120,7 @@ def shade_once(
     """Radiance toward the viewer without more rays: openness approximates visibility."""
     total = smooth_diffuse(light, look) + look.openness * key_diffuse(light, look)
     mirrored = mirrored_direction(look, direction)
-    around = environment_light(view, light, point, mirrored, look.roughness)
+    around = environment_light(view, surface, light, point, mirrored, look.roughness)
     return look.emission + total + look.openness * wp.cw_mul(coat(look, direction), around)
 
 
@@ -116,11 +134,12 @@ def mirrored_light(
     mirrored: wp.vec3,
     cone_width: float,
 ) -> wp.vec3:
-    """Light around the reflected ray; smooth metal casts one ray and so reflects the object."""
-    around = environment_light(view, light, point, mirrored, look.roughness)
+    """Light around the reflected ray; smooth metal and table tops cast one ray and so reflect the object."""
+    around = environment_light(view, surface, light, point, mirrored, look.roughness)
     # The part of the lobe that meets the object itself counts as black.
     blurred = look.openness * around
-    if look.metallic < MIRROR_METALLIC or look.roughness >= MIRROR_ROUGHNESS:
+    reflects = look.metallic >= MIRROR_METALLIC or look.on_table == 1
+    if not reflects or look.roughness >= MIRROR_ROUGHNESS:
         return blurred
     origin = point + surface.lift * look.facet_normal
     hit = wp.mesh_query_ray(surface.mesh, origin, mirrored, FAR)
@@ -134,20 +153,35 @@ def mirrored_light(
 
 
 @wp.func
-def key_visibility(
-    surface: Surface, light: Light, hit: wp.MeshQueryRay, look: Look, point: wp.vec3, pick: float
-) -> float:
-    """1 if a random point of a bright spot is visible from the hit, 0 if it is hidden.
+def shadowed_key_diffuse(
+    surface: Surface,
+    light: Light,
+    hit: wp.MeshQueryRay,
+    look: Look,
+    direction: wp.vec3,
+    width: float,
+) -> wp.vec3:
+    """Light of the bright spots that reaches the hit, reflected by the matte base.
 
-    ``pick`` is uniform in 0..1. Where the spots hardly matter, openness replaces the ray.
+    Where a spot hardly matters, openness replaces its rays. ``width`` is that of a pixel at the hit [m].
     """
-    if light.keys.count == 0:
-        return 1.0
-    choice = choose_key(light.keys, look.normal, pick)
-    if (1.0 - look.metallic) * wp.max(look.color) * choice.strength < FAINT_KEY:
-        return look.openness
-    origin = smooth_position(surface, hit, point, look.side) + surface.lift * look.facet_normal
-    return wp.where(is_blocked(surface, origin, choice.direction, FAR), 0.0, 1.0)
+    albedo = (1.0 - look.metallic) * look.color
+    if look.on_table == 1 and surface.table.is_soft == 1:
+        return look.spots_seen * key_diffuse(light, look)
+    brightest = wp.max(albedo)
+    total = wp.vec3(0.0)
+    if light.keys.count > 0 and brightest > FAINT_KEY:
+        # Along the slope a pixel covers more of the surface.
+        cosine = wp.max(wp.abs(wp.dot(look.facet_normal, direction)), MIN_COSINE)
+        place = lattice_place(surface, hit, look.facet_normal, width / wp.sqrt(cosine))
+        for k in range(light.keys.count):
+            incoming = wp.dot(look.normal, light.keys.vectors[k])
+            if incoming > 0.0:
+                seen = look.openness
+                if brightest * incoming * light.keys.strengths[k] >= FAINT_KEY:
+                    seen = seen_share(surface, light.keys, k, place)
+                total += (seen * incoming) * light.keys.colors[k]
+    return wp.cw_mul(albedo, total)
 
 
 @wp.func
@@ -155,19 +189,22 @@ def shade(
     view: View,
     surface: Surface,
     light: Light,
+    hit: wp.MeshQueryRay,
     look: Look,
     point: wp.vec3,
     direction: wp.vec3,
-    cone_width: float,
-    visible: float,
+    distance: float,
+    reflected: wp.vec3,
     transmission: float,
 ) -> wp.vec3:
     """Linear, exposed radiance from the hit toward the viewer.
 
-    ``visible`` is the visible share of the bright spots; the matte base loses the share ``transmission`` of
-    its light.
+    ``distance`` from the camera along the ray [m], ``reflected``: the `coat`; the matte base loses the share
+    ``transmission`` of its light.
     """
-    diffuse = smooth_diffuse(light, look) + visible * key_diffuse(light, look)
+    keys = shadowed_key_diffuse(surface, light, hit, look, direction, distance * view.pixel_angle)
+    diffuse = smooth_diffuse(light, look) + keys
     mirrored = mirrored_direction(look, direction)
-    around = mirrored_light(view, surface, light, look, point, mirrored, cone_width)
-    return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(coat(look, direction), around)
+    width = distance * view.pixel_cone
+    around = mirrored_light(view, surface, light, look, point, mirrored, width)
+    return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from digs_warp.sim.render.light_map import LightMap
 from digs_warp.sim.render.textures import LINEAR, TextureSet, sample_texture
 from digs_warp.sim.scene import OPAQUE_SHARE
 
@@ -33,6 +34,10 @@ class MaterialData:
     opacity: float
     alpha_cutoff: float
     transmission: float
+    reflectance: float  # of a dielectric, at normal incidence
+    bends: int  # 1: a body that bends rays; 0: a thin wall
+    ior: float
+    absorption: wp.vec3  # of the body [1/m]
     color_texture: int
     finish_texture: int
     opacity_texture: int
@@ -55,7 +60,9 @@ class Surface:
     colors: wp.array[wp.vec3]  # [n]
     openness: wp.array[wp.vec2]  # [nodes] unoccluded share in front of and behind the normal
     edges: wp.array[int]  # [3 m] node of each edge; see sim.render.openness
+    shadows: wp.array[wp.uint64]  # kept shares of the spots; see sim.render.shadows
     materials: wp.array[int]  # [m]
+    objects: wp.array[int]  # [m] 0: furniture
     uv_levels: wp.array[float]  # [m] log2(texture widths per metre)
     data: wp.array[MaterialData]  # [materials]
     textures: TextureSet
@@ -63,6 +70,8 @@ class Surface:
     step: float  # [m] rays continue this far behind a surface that they pass
     lift: float  # [m] rays that leave a surface start this far off it
     radius: float  # [m] sphere around the origin that holds every point
+    table: LightMap  # the top of a table
+    floor: LightMap  # the floor of the surround
 
 
 @wp.func
@@ -204,27 +213,36 @@ def is_blocked(surface: Surface, origin: wp.vec3, direction: wp.vec3, reach: flo
 
 
 @wp.func
-def beside_tangent_plane(point: wp.vec3, corner: wp.vec3, normal: wp.vec3) -> wp.vec3:
+def beside_tangent_plane(
+    surface: Surface, corner: int, point: wp.vec3, facet_normal: wp.vec3
+) -> wp.vec3:
     """Vector from a point below the tangent plane of a corner up to that plane."""
-    below = wp.min(wp.dot(point - corner, normal), 0.0)
+    number = surface.corners[corner]
+    normal = surface.normals[number]
+    normal = wp.where(wp.dot(normal, facet_normal) < 0.0, -normal, normal)
+    below = wp.min(wp.dot(point - surface.points[number], normal), 0.0)
     return -below * normal
 
 
 @wp.func
-def smooth_position(surface: Surface, hit: wp.MeshQueryRay, point: wp.vec3, side: float) -> wp.vec3:
-    """Lift a hit to the smooth surface that the vertex normals suggest.
+def smooth_position_at(
+    surface: Surface, face: int, facet_normal: wp.vec3, u: float, v: float
+) -> wp.vec3:
+    """A place of a triangle, lifted to the smooth surface that the vertex normals suggest.
 
     Shadow rays that start on the flat triangle would cut smooth shading into steps (Hanika, "Hacking the
     Shadow Terminator", Ray Tracing Gems II, 2021, chapter 4).
     """
-    corner = 3 * hit.face
-    a = surface.corners[corner]
-    b = surface.corners[corner + 1]
-    c = surface.corners[corner + 2]
-    w = 1.0 - hit.u - hit.v
+    corner = 3 * face
+    w = 1.0 - u - v
+    point = (
+        u * surface.points[surface.corners[corner]]
+        + v * surface.points[surface.corners[corner + 1]]
+        + w * surface.points[surface.corners[corner + 2]]
+    )
     return (
         point
-        + hit.u * beside_tangent_plane(point, surface.points[a], side * surface.normals[a])
-        + hit.v * beside_tangent_plane(point, surface.points[b], side * surface.normals[b])
-        + w * beside_tangent_plane(point, surface.points[c], side * surface.normals[c])
+        + u * beside_tangent_plane(surface, corner, point, facet_normal)
+        + v * beside_tangent_plane(surface, corner + 1, point, facet_normal)
+        + w * beside_tangent_plane(surface, corner + 2, point, facet_normal)
     )

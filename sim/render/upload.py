@@ -4,11 +4,13 @@
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false, reportAttributeAccessIssue=false
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import warp as wp
 
 from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.render.solid import stopping_faces
 from digs_warp.sim.render.surface import MaterialData, Surface
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
 from digs_warp.sim.scene import Material, Scene
@@ -32,6 +34,9 @@ TEXTURE_FIELDS = {
     "normal_texture": LINEAR,
 }
 
+# What the surfaces that stop rays share with the whole scene, as far as `trace` needs it.
+SHARED_FIELDS = ("uvs", "data", "textures", "step", "lift", "radius")
+
 
 @dataclass(frozen=True, eq=False)
 class DeviceScene:
@@ -39,14 +44,34 @@ class DeviceScene:
 
     surface: Surface
     mesh: wp.Mesh
+    source: Scene
+
+    @cached_property
+    def solid(self) -> "DeviceScene":
+        """The scene without the faces that `trace` passes anyway when it looks for opaque surfaces."""
+        stops = stopping_faces(self.source)
+        if stops.all():
+            return self
+        # A triangle without area, which no ray meets, where nothing stops one.
+        faces = self.source.faces[stops] if stops.any() else np.zeros((1, 3), np.int32)
+        kept = np.flatnonzero(stops) if stops.any() else np.zeros(1, int)
+        mesh = _mesh(self.source.vertices, faces)
+        surface, materials = Surface(), self.source.face_materials[kept]
+        for name in SHARED_FIELDS:
+            setattr(surface, name, getattr(self.surface, name))
+        surface.mesh = mesh.id
+        surface.corners = wp.array(faces.reshape(-1), dtype=int, device="cpu")
+        surface.materials = wp.array(materials, dtype=int, device="cpu")
+        levels = self.surface.uv_levels.numpy()[kept]
+        surface.uv_levels = wp.array(levels, dtype=float, device="cpu")
+        used = (self.source.materials[number] for number in np.unique(materials))
+        surface.see_through = int(any(map(is_see_through, used)))
+        return DeviceScene(surface, mesh, self.source)
 
 
 def upload_scene(scene: Scene) -> DeviceScene:
     """Copy a scene to the device, without its openness."""
-    mesh = wp.Mesh(
-        wp.array(scene.vertices, dtype=wp.vec3, device="cpu"),
-        wp.array(scene.faces.reshape(-1), dtype=int, device="cpu"),
-    )
+    mesh = _mesh(scene.vertices, scene.faces)
     slots, images = _texture_slots(scene.materials)
     surface = Surface()
     surface.mesh = mesh.id
@@ -59,6 +84,7 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.uvs = wp.array(scene.uvs, dtype=wp.vec2, device="cpu")
     surface.colors = wp.array(scene.vertex_colors, dtype=wp.vec3, device="cpu")
     surface.materials = wp.array(scene.face_materials, dtype=int, device="cpu")
+    surface.objects = wp.array(scene.face_objects, dtype=int, device="cpu")
     surface.uv_levels = wp.array(_uv_levels(scene), dtype=float, device="cpu")
     data = [_material_data(m, slot) for m, slot in zip(scene.materials, slots, strict=True)]
     surface.data = wp.array(data, dtype=MaterialData, device="cpu")
@@ -67,7 +93,15 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.step = STEP_SHARE * scene.radius
     surface.lift = LIFT_SHARE * scene.radius
     surface.radius = scene.radius
-    return DeviceScene(surface, mesh)
+    return DeviceScene(surface, mesh, scene)
+
+
+def _mesh(vertices: np.ndarray, faces: np.ndarray) -> wp.Mesh:
+    """Return the BVH of some triangles."""
+    return wp.Mesh(
+        wp.array(vertices, dtype=wp.vec3, device="cpu"),
+        wp.array(faces.reshape(-1), dtype=int, device="cpu"),
+    )
 
 
 def _texture_slots(
@@ -111,6 +145,10 @@ def _material_data(material: Material, slot: dict[str, int]) -> MaterialData:
     data.opacity = material.opacity
     data.alpha_cutoff = material.alpha_cutoff
     data.transmission = material.transmission
+    data.reflectance = material.reflectance
+    data.bends = int(material.bends)
+    data.ior = material.ior
+    data.absorption = wp.vec3(*(material.absorption or (0.0, 0.0, 0.0)))
     data.color_texture = slot["texture"]
     data.finish_texture = slot["finish_texture"]
     data.opacity_texture = slot["opacity_texture"]

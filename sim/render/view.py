@@ -4,12 +4,16 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.sim.render.protocol import CameraTrack
+from digs_warp.sim.render.surround import Boundary, boundary_distance, make_boundary
+from digs_warp.sim.surround import Surround
 
 wp.set_module_options({"enable_backward": False})
 
@@ -32,8 +36,9 @@ class View:
     cy: float
     world_from_cam: wp.mat33  # rotation
     center: wp.vec3
-    surround_radius: float  # [m], sphere around the origin
+    boundary: Boundary  # of the surround
     pixel_cone: float  # spread of the cone of one sample [rad]
+    pixel_angle: float  # width of a pixel [rad]
 
 
 @wp.struct
@@ -61,8 +66,9 @@ def view_at(view: View, track: Track, row: int, moment: int) -> View:
     now.fy = view.fy
     now.cx = view.cx
     now.cy = view.cy
-    now.surround_radius = view.surround_radius
+    now.boundary = view.boundary
     now.pixel_cone = view.pixel_cone
+    now.pixel_angle = view.pixel_angle
     band = track.bands[row]
     now.world_from_cam = track.rotations[band, moment]
     now.center = track.centers[band, moment]
@@ -77,68 +83,74 @@ def ray_direction_cam(view: View, x: float, y: float) -> wp.vec3:
 
 @wp.func
 def surround_distance(view: View, origin: wp.vec3, direction: wp.vec3) -> float:
-    """Distance along the ray to the surrounding sphere, from inside."""
-    along = wp.dot(origin, direction)
-    gap = view.surround_radius * view.surround_radius - wp.dot(origin, origin)
-    root = wp.sqrt(along * along + gap)
-    # Two forms of the same root, each without cancellation for one sign of `along`.
-    return wp.where(along > 0.0, gap / (root + along), root - along)
+    """Distance along the ray to the surround, from inside."""
+    return boundary_distance(view.boundary, origin, direction)
 
 
-def check_inside(camera: Camera, surround_radius: float) -> None:
-    """Raise a `DigsError` if the camera is outside the surround."""
-    distance = float(np.linalg.norm(camera.center_world))
-    if distance >= surround_radius:
+def check_inside(center: np.ndarray, surround: Surround) -> None:
+    """Raise a `DigsError` if a camera's center in the world, (3,), is outside the surround."""
+    if surround.holds(center):
+        return
+    if surround.floor is not None and center[2] <= surround.floor:
         raise DigsError(
-            f"camera: {distance:.3g} m from the origin, outside the surround of radius "
-            f"{surround_radius:.3g} m; make the environment larger or move the camera closer"
+            f"camera: at z = {center[2]:.3g} m, on or below the floor at z = {surround.floor:.3g} m; raise it"
         )
+    raise DigsError(
+        f"camera: {float(np.linalg.norm(center)):.3g} m from the origin, outside the surround of radius "
+        f"{surround.radius:.3g} m; make the environment larger or move the camera closer"
+    )
 
 
-def make_track(track: CameraTrack, surround_radius: float) -> Track:
+def make_track(track: CameraTrack, surround: Surround) -> Track:
     """Return a camera's track for kernels.
 
     Raises:
         DigsError: the camera leaves the surround.
     """
     poses = track.world_from_cam
-    for pose in poses.reshape(-1, 4, 4):
-        check_inside(Camera(track.intrinsics, pose), surround_radius)
+    for center in poses[..., :3, 3].reshape(-1, 3):
+        check_inside(center, surround)
     edges = np.array(track.edges)
     bands = np.repeat(np.arange(len(poses)), np.diff(edges)).astype(np.int32)
     device = Track()
-    rotations = np.ascontiguousarray(poses[..., :3, :3], np.float32)
-    centers = np.ascontiguousarray(poses[..., :3, 3], np.float32)
-    device.rotations = wp.array(rotations, dtype=wp.mat33, device="cpu")
-    device.centers = wp.array(centers, dtype=wp.vec3, device="cpu")
-    device.bands = wp.array(bands, dtype=int, device="cpu")
+    device.rotations = _device_array(poses[..., :3, :3], wp.mat33)
+    device.centers = _device_array(poses[..., :3, 3], wp.vec3)
+    device.bands = wp.array(bands, dtype=int, device="cpu", copy=False)
     device.moments = poses.shape[1]
     middle = poses.mean(axis=1, keepdims=True)
     # A unit vector moves by at most the norm of the difference, and turns by nearly as many radians.
-    turns = np.linalg.norm((poses - middle)[..., :3, :3], ord=2, axis=(-2, -1)).max(axis=1)
+    turns = np.zeros(len(poses))
+    if device.moments > 1:
+        turns = np.linalg.norm((poses - middle)[..., :3, :3], ord=2, axis=(-2, -1)).max(axis=1)
     ways = np.linalg.norm((poses - middle)[..., :3, 3], axis=-1).max(axis=1)
-    middle = np.ascontiguousarray(middle[:, 0], np.float32)
-    device.middle_rotations = wp.array(middle[:, :3, :3], dtype=wp.mat33, device="cpu")
-    device.middle_centers = wp.array(middle[:, :3, 3], dtype=wp.vec3, device="cpu")
-    device.swings = wp.array(SWING_MARGIN * turns, dtype=float, device="cpu")
-    device.shifts = wp.array(ways, dtype=float, device="cpu")
+    device.middle_rotations = _device_array(middle[:, 0, :3, :3], wp.mat33)
+    device.middle_centers = _device_array(middle[:, 0, :3, 3], wp.vec3)
+    device.swings = _device_array(SWING_MARGIN * turns, float)
+    device.shifts = _device_array(ways, float)
     return device
 
 
-def make_view(camera: Camera, surround_radius: float, samples_per_pixel: int = 1) -> View:
+def _device_array(values: np.ndarray, dtype: Any) -> wp.array:
+    """Return an array for kernels on the memory of a copy in single precision."""
+    # A copy by Warp takes three times as long, which counts where tiny images are rendered.
+    return wp.array(np.array(values, np.float32, order="C"), dtype=dtype, device="cpu", copy=False)
+
+
+def make_view(camera: Camera, surround: Surround, samples_per_pixel: int = 1) -> View:
     """Return the camera for kernels.
 
     Raises:
         DigsError: the camera is outside the surround.
     """
-    check_inside(camera, surround_radius)
+    check_inside(camera.center_world, surround)
     k = camera.intrinsics
     view = View()
     view.width = k.width
     view.fx, view.fy, view.cx, view.cy = k.fx, k.fy, k.cx, k.cy
     view.world_from_cam = wp.mat33(camera.world_from_cam[:3, :3].astype(np.float32))
     view.center = wp.vec3(*camera.center_world)
-    view.surround_radius = surround_radius
+    view.boundary = make_boundary(surround)
     # The samples of a pixel share its area: each has a cone of 1 / sqrt(n) of its width.
-    view.pixel_cone = 1.0 / (min(k.fx, k.fy) * np.sqrt(samples_per_pixel))
+    view.pixel_angle = 1.0 / min(k.fx, k.fy)
+    view.pixel_cone = view.pixel_angle / np.sqrt(samples_per_pixel)
     return view

@@ -219,7 +219,7 @@ def test_flat_normal_maps_and_even_finishes_cost_nothing(tmp_path: Path) -> None
 
 
 def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
-    """Transmission with its texture, strength of emission, scale of the normal map."""
+    """Transmission with its texture, a body of glass, strength of emission, scale of the normal map."""
     tilted = np.full((2, 2, 3), (148, 108, 250), np.uint8)
     square = textured_square(
         emissiveFactor=[0.5, 0.5, 0.0],
@@ -238,6 +238,13 @@ def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
                 "transmissionTexture": {"index": color_index},
             },
             "KHR_materials_emissive_strength": {"emissiveStrength": 3.0},
+            "KHR_materials_ior": {"ior": 1.33},
+            "KHR_materials_specular": {"specularFactor": 0.5},
+            "KHR_materials_volume": {
+                "thicknessFactor": 0.1,
+                "attenuationDistance": 0.5,
+                "attenuationColor": [1.0, 0.5, 0.25],
+            },
         }
 
     edit_gltf(path, add_extensions)
@@ -246,3 +253,8 @@ def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
     assert found.transmission == pytest.approx(0.8 * 51 / 255, abs=2e-3)
     assert found.normal_texture is not None
     np.testing.assert_array_equal(found.normal_texture[0, 0], [138, 118, 250])
+    assert found.ior == 1.33 and found.bends
+    assert found.reflectance == pytest.approx(0.5 * (0.33 / 2.33) ** 2)
+    assert found.absorption == pytest.approx((0.0, 2 * np.log(2), 4 * np.log(2)))
+    (larger,) = load_scene(path, size=2 * load_scene(path).size.max()).materials
+    assert larger.absorption == pytest.approx((0.0, np.log(2), 2 * np.log(2)))

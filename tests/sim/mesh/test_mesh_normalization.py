@@ -16,10 +16,10 @@ from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided
 def test_gltf_is_in_metres_whatever_the_size(tmp_path: Path, longest: float) -> None:
     mesh = lopsided()
     mesh.apply_scale(longest / mesh.extents.max())
-    scene = load_scene(save(tmp_path / "a.glb", mesh))
+    scene = load_scene(save(tmp_path / "a.glb", mesh), up="y")
     check_scene(scene, size=longest)
-    assert scene.placement is not None
-    assert scene.placement.scale.origin == "glTF is in metres"
+    assert scene.objects[0].placement is not None
+    assert scene.objects[0].placement.scale.origin == "glTF is in metres"
 
 
 @pytest.mark.parametrize(
@@ -61,11 +61,11 @@ def test_the_placement_takes_the_file_to_the_scene(
     mesh.apply_translation((3.0, -2.0, 0.5))
     path = save(tmp_path / f"a{suffix}", mesh)
     scene = load_scene(path, **settings)
-    assert scene.placement is not None
-    placed = trimesh.transform_points(mesh.vertices, scene.placement.world_from_mesh)
+    assert scene.objects[0].placement is not None
+    placed = trimesh.transform_points(mesh.vertices, scene.objects[0].placement.world_from_mesh)
     distances, _ = KDTree(scene.vertices).query(placed)
     assert distances.max() < 1e-6 * scene.size.max()
-    again = load_scene_at(path, scene.placement.world_from_mesh)
+    again = load_scene_at(path, scene.objects[0].placement.world_from_mesh)
     np.testing.assert_array_equal(again.vertices, scene.vertices)
     np.testing.assert_array_equal(again.normals, scene.normals)
 

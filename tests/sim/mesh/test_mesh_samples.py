@@ -52,7 +52,7 @@ def test_sample_meshes_load_whole(
 
 @pytest.mark.parametrize("name", SAMPLE_EXTENTS)
 def test_sample_meshes_stand_upright(sample_data: Path, name: str) -> None:
-    scene = load_scene(sample_data / "meshes" / name / f"{name}.glb")
+    scene = load_scene(sample_data / "meshes" / name / f"{name}.glb", up="y")
     x, y, z = SAMPLE_EXTENTS[name]
     np.testing.assert_allclose(scene.size, (x, z, y), rtol=0.01)
 

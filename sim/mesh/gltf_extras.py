@@ -1,0 +1,86 @@
+"""What trimesh leaves out of glTF materials: glass, strength of emission, scale of normal maps."""
+
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from digs_warp.sim.mesh.gltf import image_bytes
+from digs_warp.sim.scene import DIELECTRIC_IOR, DIELECTRIC_REFLECTANCE
+
+# Attenuation colors are not darker: black would absorb without limit.
+DARKEST = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class GltfExtras:
+    """Of one material.
+
+    Attributes:
+        transmission: factor of KHR_materials_transmission.
+        transmission_image: PIL image whose red channel multiplies it; None: none.
+        ior: of KHR_materials_ior.
+        reflectance: at normal incidence, by that and the factor of KHR_materials_specular.
+        absorption: of KHR_materials_volume, linear RGB per unit of the file; None: a thin wall.
+        emissive_strength: of KHR_materials_emissive_strength.
+        normal_scale: of the normal map.
+    """
+
+    transmission: float = 0.0
+    transmission_image: Any = None
+    ior: float = DIELECTRIC_IOR
+    reflectance: float = DIELECTRIC_REFLECTANCE
+    absorption: tuple[float, float, float] | None = None
+    emissive_strength: float = 1.0
+    normal_scale: float = 1.0
+
+
+def read_extras(path: Path, header: dict[str, Any]) -> dict[str, GltfExtras]:
+    """Return the extras of every named material of a .gltf or .glb file.
+
+    Raises:
+        OSError, ValueError, KeyError, IndexError: a texture cannot be read.
+    """
+    extras = {}
+    for material in header.get("materials", []):
+        extensions = material.get("extensions", {})
+        transmission = extensions.get("KHR_materials_transmission", {})
+        strength = extensions.get("KHR_materials_emissive_strength", {})
+        texture = transmission.get("transmissionTexture")
+        ior = max(float(extensions.get("KHR_materials_ior", {}).get("ior", DIELECTRIC_IOR)), 1.0)
+        specular = float(extensions.get("KHR_materials_specular", {}).get("specularFactor", 1.0))
+        extras[str(material.get("name"))] = GltfExtras(
+            transmission=float(transmission.get("transmissionFactor", 0.0)),
+            transmission_image=None if texture is None else _image(path, header, texture["index"]),
+            ior=ior,
+            reflectance=float(np.clip(specular * ((ior - 1) / (ior + 1)) ** 2, 0.0, 1.0)),
+            absorption=_absorption(extensions.get("KHR_materials_volume", {})),
+            emissive_strength=float(strength.get("emissiveStrength", 1.0)),
+            normal_scale=float(material.get("normalTexture", {}).get("scale", 1.0)),
+        )
+    return extras
+
+
+def _absorption(volume: dict[str, Any]) -> tuple[float, float, float] | None:
+    """Return the absorption of a body per unit of the file, by Beer and Lambert; None: a thin wall.
+
+    Light has its attenuation color after the attenuation distance; without one nothing is absorbed.
+    """
+    if not float(volume.get("thicknessFactor", 0.0)) > 0:
+        return None
+    distance = float(volume.get("attenuationDistance", np.inf))
+    color = np.asarray(volume.get("attenuationColor", (1.0, 1.0, 1.0)), dtype=np.float64)
+    if not distance > 0:
+        return 0.0, 0.0, 0.0
+    red, green, blue = -np.log(np.clip(color, DARKEST, 1.0)) / distance
+    return float(red), float(green), float(blue)
+
+
+def _image(path: Path, header: dict[str, Any], texture: int) -> Any:
+    """Return the PIL image of a texture."""
+    from PIL import Image
+
+    entry = header["images"][header["textures"][texture]["source"]]
+    return Image.open(BytesIO(image_bytes(path, header, entry)))

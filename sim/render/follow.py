@@ -1,0 +1,211 @@
+"""Where the points that one eye sees appear in another eye, and whether something hides them there.
+
+The other eye may be the right one, or the same camera at another time: the scene does not move. The eyes of
+a rolling shutter see each band of rows from another place; a point appears in the band in which it lands.
+"""
+
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from digs_warp.data.occlusion import Occlusion
+from digs_warp.device.parallel import launch_parallel, packed
+from digs_warp.sim.render.protocol import CameraTrack, Followed
+from digs_warp.sim.render.rays import SAME_POINT
+from digs_warp.sim.render.surface import OPAQUE, Surface, trace
+from digs_warp.sim.render.upload import DeviceScene
+
+wp.set_module_options({"enable_backward": False})
+
+SEEN = wp.constant(wp.uint8(Occlusion.SEEN))
+OUTSIDE = wp.constant(wp.uint8(Occlusion.OUTSIDE))
+HIDDEN = wp.constant(wp.uint8(Occlusion.HIDDEN))
+
+# Looks for the band in which a point lands. A band moves points by a fraction of its height, so that the
+# second look mostly confirms the first.
+ROUNDS = wp.constant(8)
+
+
+@wp.struct
+class Eye:
+    """An eye, in double precision: single precision costs thousandths of a pixel."""
+
+    width: int
+    height: int
+    fx: wp.float64
+    fy: wp.float64
+    cx: wp.float64
+    cy: wp.float64
+    rotations: wp.array[wp.mat33d]  # [bands] world_from_cam
+    centers: wp.array[wp.vec3d]  # [bands]
+    bands: wp.array[int]  # [height] band of each row
+
+
+@wp.func
+def ray_through(eye: Eye, column: int, row: int) -> wp.vec3d:
+    """Direction through a pixel center in camera axes, with z = 1."""
+    half = wp.float64(0.5)
+    x = (wp.float64(column) + half - eye.cx) / eye.fx
+    y = (wp.float64(row) + half - eye.cy) / eye.fy
+    return wp.vec3d(x, y, wp.float64(1.0))
+
+
+@wp.func
+def appears_at(eye: Eye, band: int, point: wp.vec3d) -> wp.vec3d:
+    """Column and row [px] at which the camera of a band sees a point, and its planar z [m]."""
+    cam = wp.transpose(eye.rotations[band]) * (point - eye.centers[band])
+    return wp.vec3d(eye.fx * cam[0] / cam[2] + eye.cx, eye.fy * cam[1] / cam[2] + eye.cy, cam[2])
+
+
+@wp.func
+def same_side(
+    surface: Surface, origin: wp.vec3, direction: wp.vec3, distance: float, toward: wp.vec3
+) -> bool:
+    """Whether a second ray meets the side of a thin sheet that the first one does."""
+    start = distance * (1.0 - SAME_POINT)
+    span = 2.0 * SAME_POINT * distance
+    hit = wp.mesh_query_ray(surface.mesh, origin + start * direction, direction, span)
+    return (not hit.result) or wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
+
+
+@wp.func
+def is_clear(
+    surface: Surface,
+    origin: wp.vec3d,
+    point: wp.vec3d,
+    on_object: bool,
+    away: wp.vec3d,
+    cone: float,
+) -> bool:
+    """Whether the eye at ``away`` sees a point that the eye at ``origin`` sees."""
+    direction = wp.vec3(wp.normalize(point - origin))
+    center = wp.vec3(away)
+    toward = wp.vec3(wp.normalize(point - away))
+    reach = float(wp.length(point - away))
+    near = reach * (1.0 - SAME_POINT)
+    if surface.see_through == 1:
+        if trace(surface, center, toward, near, cone, OPAQUE) >= 0.0:
+            return False
+        distance = float(wp.length(point - origin))
+        return (not on_object) or same_side(surface, wp.vec3(origin), direction, distance, toward)
+    if not on_object:
+        # Nothing lies behind the surround, and it has one side.
+        return not wp.mesh_query_ray_anyhit(surface.mesh, center, toward, near)
+    hit = wp.mesh_query_ray(surface.mesh, center, toward, reach * (1.0 + SAME_POINT))
+    if not hit.result:
+        return True
+    return hit.t >= near and wp.dot(hit.normal, direction) * wp.dot(hit.normal, toward) > 0.0
+
+
+@wp.kernel
+def follow_kernel(
+    first: int,
+    source: Eye,
+    target: Eye,
+    surface: Surface,
+    depth: wp.array[float],  # [height * width] planar z of what the source sees [m]
+    materials: wp.array[int],  # [height * width] -1: the surround
+    cone: float,  # spread of a pixel [rad]
+    # outputs
+    shifts: wp.array[wp.vec2],  # [height * width] to the right and down [px]
+    depths: wp.array[float],  # [height * width] planar z in the target [m]
+    states: wp.array[wp.uint8],  # [height * width] `Occlusion`
+):
+    """Follow the point at a pixel center into the target."""
+    pixel = first + wp.tid()
+    column = pixel % source.width
+    row = pixel // source.width
+    nothing = wp.float32(wp.nan)
+    shifts[pixel] = wp.vec2(nothing, nothing)
+    depths[pixel] = nothing
+    states[pixel] = OUTSIDE
+    z = wp.float64(depth[pixel])
+    if not z > wp.float64(0.0):  # NaN is not
+        return
+    from_band = source.bands[row]
+    origin = source.centers[from_band]
+    point = origin + source.rotations[from_band] * (z * ray_through(source, column, row))
+    band = target.bands[wp.min(row, target.height - 1)]
+    place = appears_at(target, band, point)
+    for _round in range(ROUNDS):
+        if not place[2] > wp.float64(0.0):
+            return
+        landed_row = wp.clamp(place[1], wp.float64(0.0), wp.float64(target.height - 1))
+        landed = target.bands[int(landed_row)]
+        if landed == band:
+            break
+        band = landed
+        place = appears_at(target, band, point)
+    if not place[2] > wp.float64(0.0):
+        return
+    half = wp.float64(0.5)
+    right = place[0] - wp.float64(column) - half
+    down = place[1] - wp.float64(row) - half
+    shifts[pixel] = wp.vec2(float(right), float(down))
+    depths[pixel] = float(place[2])
+    nowhere = wp.float64(0.0)
+    inside_x = place[0] >= nowhere and place[0] < wp.float64(target.width)
+    inside_y = place[1] >= nowhere and place[1] < wp.float64(target.height)
+    if inside_x and inside_y:
+        on_object = materials[pixel] >= 0
+        clear = is_clear(surface, origin, point, on_object, target.centers[band], cone)
+        states[pixel] = wp.where(clear, SEEN, HIDDEN)
+
+
+def follow(
+    scene: DeviceScene,
+    source: CameraTrack,
+    depth: np.ndarray,
+    material_ids: np.ndarray,
+    target: CameraTrack,
+    threads: int = 0,
+) -> Followed:
+    """Follow all points of an image into another eye; see `digs_warp.sim.render.protocol.Renderer.follow`."""
+    shape = depth.shape
+    pixels = depth.size
+    shifts = wp.empty(pixels, dtype=wp.vec2, device="cpu")
+    depths = wp.empty(pixels, dtype=float, device="cpu")
+    states = wp.empty(pixels, dtype=wp.uint8, device="cpu")
+    seen = [
+        wp.from_numpy(
+            np.ascontiguousarray(depth, np.float32).reshape(-1), dtype=float, device="cpu"
+        ),
+        wp.from_numpy(
+            np.ascontiguousarray(material_ids, np.int32).reshape(-1), dtype=int, device="cpu"
+        ),
+    ]
+    cone = 1.0 / min(source.intrinsics.fx, source.intrinsics.fy)
+    inputs = [_eye(source), _eye(target), scene.surface, *seen, cone, shifts, depths, states]
+    launch_parallel(follow_kernel, pixels, inputs, threads=threads)
+    return Followed(
+        shifts.numpy().reshape(*shape, 2),
+        depths.numpy().reshape(shape),
+        states.numpy().reshape(shape),
+    )
+
+
+def _eye(track: CameraTrack) -> Any:
+    """Return an eye for the kernel, from the first moment of each band."""
+    k, poses = track.intrinsics, track.world_from_cam[:, 0]
+    bands = np.repeat(np.arange(len(poses)), np.diff(track.edges)).astype(np.int32)
+    rotations, centers = (
+        np.ascontiguousarray(part) for part in (poses[:, :3, :3], poses[:, :3, 3])
+    )
+    return packed(
+        Eye,
+        width=k.width,
+        height=k.height,
+        fx=k.fx,
+        fy=k.fy,
+        cx=k.cx,
+        cy=k.cy,
+        rotations=wp.array(rotations, dtype=wp.mat33d, device="cpu"),
+        centers=wp.array(centers, dtype=wp.vec3d, device="cpu"),
+        bands=wp.array(bands, dtype=int, device="cpu"),
+    )

@@ -1,0 +1,65 @@
+"""Panoramas that are too coarse for the images that show them."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.camera import Camera
+from digs_warp.geometry import look_at
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.panorama_sharpness import SOFT, pixels_per_texel, warn_if_soft
+from digs_warp.sim.procedural import procedural_scene
+from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.render.raycast import RaycastRenderer
+
+DISTANCE = 1.0
+RIG = load_profile("zed2-720").rig(320, 180)
+
+
+def striped(height: int) -> Environment:
+    """Return a panorama with stripes eight texels wide."""
+    stripes = np.where(np.arange(2 * height) // 8 % 2, 1.0, 0.1)
+    radiance = np.broadcast_to(stripes[:, None], (height, 2 * height, 3))
+    return Environment(np.ascontiguousarray(radiance, np.float32), radius=3.0)
+
+
+def test_texels_are_as_wide_as_they_are_in_the_image() -> None:
+    environment = striped(256)
+    scene = procedural_scene()
+    speck = replace(scene, vertices=scene.vertices * np.float32(0.01))
+    # Looking past the speck, level with the middle of the panorama: at the far side of the sphere.
+    pose = look_at(np.array([DISTANCE, 0.0, 0.0]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    camera = Camera(RIG.intrinsics, pose)
+    image, _ = RaycastRenderer(speck, environment).render_image(camera, samples_per_pixel=16)
+    row = image[RIG.intrinsics.height // 2 + 10].astype(float).mean(axis=1)
+    middle = slice(RIG.intrinsics.width // 3, 2 * RIG.intrinsics.width // 3)
+    steps = np.flatnonzero(np.diff((row > (row.min() + row.max()) / 2).astype(int)))
+    steps = steps[(steps > middle.start) & (steps < middle.stop)]
+    assert len(steps) > 2
+    width = (steps[-1] - steps[0]) / (len(steps) - 1) / 8
+    assert width == pytest.approx(pixels_per_texel(environment, RIG, DISTANCE), rel=0.08)
+
+
+def test_a_coarse_panorama_is_warned_of_and_a_fine_one_is_not(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        warn_if_soft(striped(1024), RIG, DISTANCE)
+    assert not caplog.records
+    coarse = striped(64)
+    with caplog.at_level(logging.WARNING):
+        warn_if_soft(coarse, RIG, DISTANCE)
+    (message,) = caplog.messages
+    assert "128 x 64" in message
+    advised = int(message.split("panorama of ")[1].split(" x ")[0])
+    assert pixels_per_texel(striped(advised // 2), RIG, DISTANCE) <= SOFT
+
+
+def test_a_floor_near_by_counts() -> None:
+    sphere = striped(256)
+    floor = Environment(sphere.radiance, radius=6.0, floor=-0.1)
+    near = pixels_per_texel(floor, RIG, 0.5)
+    assert near > 2 * pixels_per_texel(sphere, RIG, 0.5)
+    assert near == pytest.approx(2 * pixels_per_texel(floor, RIG, 1.0), rel=0.05)
