@@ -21,7 +21,17 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-CaptureFormat = Literal["colmap", "colmap-text", "nerfstudio", "tum", "bop", "redwood"]
+CaptureFormat = Literal[
+    "colmap",
+    "colmap-text",
+    "nerfstudio",
+    "tum",
+    "bop",
+    "redwood",
+    "kitti-stereo",
+    "sceneflow",
+    "middlebury",
+]
 RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "redwood", "bop"]
 
 
@@ -47,9 +57,10 @@ class Convert(Command):
     overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
     """Replace the file, or the results of an earlier run in the folder, once the new ones are complete."""
 
-    to: CaptureFormat | None = None
-    """For a capture: the format to write. COLMAP (binary, or as text), nerfstudio (also for OpenSplat), TUM
-    RGB-D, BOP, or Redwood for Open3D."""
+    to: Annotated[CaptureFormat | None, tyro.conf.arg(metavar="FORMAT")] = None
+    """For a capture: the format to write. colmap (binary), colmap-text, nerfstudio (also for OpenSplat), tum,
+    bop or redwood (for Open3D); with the labels of 'digs-warp simulate --labels disparity,flow' also a data
+    set for stereo: kitti-stereo (2015), sceneflow (as FlyingThings3D) or middlebury (2014)."""
 
     recorded_as: Annotated[RecordingFormat | None, tyro.conf.arg(name="from")] = None
     """For a recording of a real RGB-D camera: the format of its folder (see docs/recordings.md). The result
@@ -105,16 +116,16 @@ def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrit
 
 def _add_bop_model(capture: "Capture", folder: Path) -> None:
     """Write the recorded object as the model that the poses are of, where it is known."""
-    from digs_warp.interchange.captures.bop_models import write_bop_model
-    from digs_warp.surface.true_surface import read_true_surface
+    from digs_warp.interchange.captures.bop_models import write_bop_models
+    from digs_warp.surface.true_surface import read_true_surfaces
 
     try:
-        surface = read_true_surface(capture.folder)
+        surfaces = read_true_surfaces(capture.folder)
     except DigsError as error:
         logger.warning("%s; the data set gets no models", error)
         return
-    if surface is not None:
-        write_bop_model(capture, surface, folder)
+    if surfaces is not None:
+        write_bop_models(capture, surfaces, folder)
 
 
 def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: bool) -> str:

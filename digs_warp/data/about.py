@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import CaptureError
+from digs_warp.data.placed_object import (
+    Matrix,
+    PlacedObject,
+    is_list_of_objects,
+    is_placement,
+    matrix_rows,
+)
 from digs_warp.record.fields import is_number, is_text, shown
-
-# Rows of numbers; a tuple, so that facts can be compared.
-Matrix = tuple[tuple[float, ...], ...]
-
-# By how much the axes of a placement may miss equal lengths and right angles.
-SIMILARITY_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +28,10 @@ class About:
         seed: seed of the simulation.
         object_radius: radius of the simulated object [m].
         world_from_mesh: rotation, scale and translation from the coordinates of the simulated mesh file to
-            the world [m], rows of a (4, 4) matrix; None: the built-in object, which is made in the world.
-        surround_radius: radius of its surround [m].
+            the world [m], rows of a (4, 4) matrix; None: the built-in object, which is made in the world, or
+            several objects.
+        objects: of the simulation; the first has number 1 in the images of object numbers.
+        surround_radius: radius of its surround [m]; of a room, half its width.
         exposure: factor from radiance to pixel values in the simulation.
         sensor: parameters of the simulated stereo camera; None for infinite ones.
         readout_time: time from the first row of an image to the last [s]; 0: all rows at once.
@@ -42,6 +45,7 @@ class About:
     seed: int | None = None
     object_radius: float | None = None
     world_from_mesh: Matrix | None = None
+    objects: tuple[PlacedObject, ...] | None = None
     surround_radius: float | None = None
     exposure: float | None = None
     sensor: dict[str, Any] | None = None
@@ -49,11 +53,18 @@ class About:
     effects: tuple[str, ...] | None = None
     cause_labels: dict[int, str] | None = None
 
+    def instance(self, number: int) -> PlacedObject | None:
+        """Return the object with a number from 1; None if the recorder names none with it."""
+        objects = self.objects or ()
+        return objects[number - 1] if 1 <= number <= len(objects) else None
+
     def as_json(self) -> dict[str, Any]:
         """Return the known facts in the form of transforms.json."""
         facts = {each.name: getattr(self, each.name) for each in fields(self)}
         if self.cause_labels is not None:
             facts["cause_labels"] = {str(code): name for code, name in self.cause_labels.items()}
+        if self.objects is not None:
+            facts["objects"] = [each.as_json() for each in self.objects]
         return {name: value for name, value in facts.items() if value is not None}
 
 
@@ -81,12 +92,9 @@ def read_about(facts: dict[str, Any], where: str) -> About:
         known["cause_labels"] = {int(code): name for code, name in known["cause_labels"].items()}
     if "world_from_mesh" in known:
         known["world_from_mesh"] = matrix_rows(np.array(known["world_from_mesh"], np.float64))
+    if "objects" in known:
+        known["objects"] = tuple(PlacedObject.from_json(each) for each in known["objects"])
     return About(**known)
-
-
-def matrix_rows(matrix: np.ndarray) -> Matrix:
-    """Return a matrix as `About` holds it."""
-    return tuple(map(tuple, matrix.tolist()))
 
 
 def _is_positive(value: Any) -> bool:
@@ -103,22 +111,6 @@ def _are_labels(value: Any) -> bool:
     )
 
 
-def _is_placement(value: Any) -> bool:
-    """Whether it is a rotation, a scale and a translation, (4, 4)."""
-    is_4x4 = (
-        isinstance(value, list)
-        and [len(row) if isinstance(row, list) else 0 for row in value] == [4] * 4
-    )
-    if not is_4x4 or not all(is_number(x) for row in value for x in row):
-        return False
-    matrix = np.array(value, np.float64)
-    if not np.isfinite(matrix).all() or matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-        return False
-    volume = np.linalg.det(matrix[:3, :3])
-    axes = matrix[:3, :3] / np.cbrt(volume) if volume > 0 else np.zeros((3, 3))
-    return bool(np.abs(axes @ axes.T - np.eye(3)).max() < SIMILARITY_TOLERANCE)
-
-
 # Key -> whether a value fits, and what is expected.
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "recorded_as": (is_text, "a name"),
@@ -127,8 +119,12 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "seed": (lambda value: type(value) is int and value >= 0, "an integer, 0 or more"),
     "object_radius": (_is_positive, "metres"),
     "world_from_mesh": (
-        _is_placement,
+        is_placement,
         "4 rows of 4 numbers: a rotation, a scale and a translation",
+    ),
+    "objects": (
+        is_list_of_objects,
+        "a list of objects with name, size (3 lengths in metres) and world_from_mesh (4 x 4)",
     ),
     "surround_radius": (_is_positive, "metres"),
     "exposure": (_is_positive, "a number, 0 or more"),

@@ -22,7 +22,9 @@ from digs_warp.data.index_rules import (
     require_metres,
     require_pinhole,
 )
+from digs_warp.data.label_loaders import LabelLoaders
 from digs_warp.data.layers import Layer
+from digs_warp.data.object_view import ObjectView, read_object_view
 from digs_warp.data.other_folders import OF_A_CAMERA, what_it_is
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.fields import ABOVE_ZERO, Fields, shown
@@ -69,13 +71,14 @@ class InfraredPair:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(LabelLoaders):
     """One moment of a recording: the left camera, the time [s], and where its pixels are.
 
     ``layers`` has a file or an array for each layer of the frame; only `Layer.IMAGE` is always there. An
     array holds what the file would hold (8 bits of sRGB, 8 bits of mask, float32 metres of depth, ...), so
     both are decoded by the same code. ``color_gain``: factors of automatic exposure and white balance on red,
-    green and blue in linear light, against the common exposure of the recording; None: unknown.
+    green and blue in linear light, against the common exposure of the recording; None: unknown. ``objects``:
+    how each object of `About.objects` appears; empty if the recorder does not tell.
     """
 
     name: str
@@ -83,6 +86,7 @@ class Frame:
     time: float
     layers: Mapping[Layer, PixelSource]
     color_gain: tuple[float, float, float] | None = None
+    objects: tuple[ObjectView, ...] = ()
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
@@ -122,15 +126,12 @@ class Frame:
         """Return the sensor's confidence in its depth, 0 to 1, shape (height, width), float32."""
         return self._load_grey(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
 
-    def load_normals(self) -> np.ndarray:
-        """Return true unit normals in the world, toward the viewer, (height, width, 3), float32."""
-        pixels = self._load(Layer.NORMALS)
-        if pixels.dtype != np.float32 or pixels.shape[2] != 3:
-            raise CaptureError(
-                f"{self._where(Layer.NORMALS)}: {pixels.shape[2]} channels of {pixels.dtype}, expected a "
-                "float EXR with x, y, z"
-            )
-        return pixels
+    def load_instances(self) -> np.ndarray:
+        """Return the number of the object at each pixel center, (height, width), uint8; 0: no object.
+
+        `About.objects` of the capture names them, starting with number 1.
+        """
+        return self._load_grey(Layer.INSTANCES)
 
     def has(self, layer: Layer) -> bool:
         """Whether the frame has this layer."""
@@ -335,7 +336,8 @@ def _read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) ->
     if Layer.IMAGE not in files:
         raise CaptureError(f"{where}: {INDEX_NAME} has no '{Layer.IMAGE.value}'")
     time = own.number("time", default=float(number))
-    return Frame(files[Layer.IMAGE].stem, camera, time, files, _read_color_gain(own))
+    objects = tuple(map(read_object_view, own.sections("objects", [])))
+    return Frame(files[Layer.IMAGE].stem, camera, time, files, _read_color_gain(own), objects)
 
 
 def _read_color_gain(own: Fields) -> tuple[float, float, float] | None:

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from digs_warp.data.capture import INDEX_NAME, Capture, Frame, Rig, read_capture
 from digs_warp.data.images import write_image
 from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION
 from digs_warp.data.layers import BASIC_LAYERS, Layer
+from digs_warp.data.object_view import ObjectView
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept
@@ -38,11 +39,24 @@ class FrameImages:
     normals: np.ndarray | None = None
     infrared_left: np.ndarray | None = None
     infrared_right: np.ndarray | None = None
+    instances: np.ndarray | None = None
+    depth_right: np.ndarray | None = None
+    mask_right: np.ndarray | None = None
+    disparity: np.ndarray | None = None
+    disparity_right: np.ndarray | None = None
+    occlusion: np.ndarray | None = None
+    occlusion_right: np.ndarray | None = None
+    flow: np.ndarray | None = None
+    flow_occlusion: np.ndarray | None = None
 
     def by_layer(self) -> dict[Layer, np.ndarray]:
         """Return the images that are present."""
         images = {layer: getattr(self, layer.name.lower()) for layer in Layer}
         return {layer: pixels for layer, pixels in images.items() if pixels is not None}
+
+    def with_layers(self, images: Mapping[Layer, np.ndarray]) -> "FrameImages":
+        """Return the frame with more images."""
+        return replace(self, **{layer.name.lower(): pixels for layer, pixels in images.items()})
 
 
 @dataclass
@@ -79,11 +93,12 @@ class CaptureWriter:
         time: float,
         intrinsics: Intrinsics | None = None,
         color_gain: tuple[float, float, float] | None = None,
+        objects: Sequence[ObjectView] = (),
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose files have been written.
 
         ``intrinsics`` is the frame's camera if it differs from the others', at the same image size;
-        ``color_gain`` see `Frame`.
+        ``color_gain`` and ``objects`` see `Frame`.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
         paths = {layer.value: layer.pattern.format(number) for layer in Layer}
@@ -93,6 +108,7 @@ class CaptureWriter:
             "time": time,
             **({} if intrinsics is None else camera_keys(intrinsics)),
             **({} if color_gain is None else {"color_gain": list(color_gain)}),
+            **({"objects": [each.as_json() for each in objects]} if objects else {}),
         }
 
     def finish(self, about: About | None = None) -> Capture:
@@ -138,11 +154,14 @@ class MemoryWriter:
         world_from_cam: np.ndarray,
         time: float,
         color_gain: tuple[float, float, float] | None = None,
+        objects: Sequence[ObjectView] = (),
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose images have been written."""
         camera = Camera(self.intrinsics, world_from_cam)
         layers = self._layers[number]
-        self._frames[number] = Frame(f"{number:04d}", camera, time, layers, color_gain)
+        self._frames[number] = Frame(
+            f"{number:04d}", camera, time, layers, color_gain, tuple(objects)
+        )
 
     def finish(self, about: About | None = None) -> Capture:
         """Return the capture."""

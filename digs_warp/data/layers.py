@@ -24,6 +24,23 @@ class Layer(Enum):
     INFRARED_LEFT = "infrared_left_file_path", "left infrared image", "infrared_left/{:04d}.png"
     INFRARED_RIGHT = "infrared_right_file_path", "right infrared image", "infrared_right/{:04d}.png"
     NORMALS = "normals_file_path", "normals", "normals/{:04d}.exr"
+    INSTANCES = "instances_file_path", "object numbers", "instances/{:04d}.png"
+    DEPTH_RIGHT = "depth_right_file_path", "right eye's depth", "depth_right/{:04d}.exr"
+    MASK_RIGHT = "mask_right_path", "right eye's mask", "masks_right/{:04d}.png"
+    DISPARITY = "disparity_file_path", "disparity", "disparity/{:04d}.exr"
+    DISPARITY_RIGHT = (
+        "disparity_right_file_path",
+        "right eye's disparity",
+        "disparity_right/{:04d}.exr",
+    )
+    OCCLUSION = "occlusion_file_path", "occlusion", "occlusion/{:04d}.png"
+    OCCLUSION_RIGHT = (
+        "occlusion_right_file_path",
+        "right eye's occlusion",
+        "occlusion_right/{:04d}.png",
+    )
+    FLOW = "flow_file_path", "optical flow", "flow/{:04d}.exr"
+    FLOW_OCCLUSION = "flow_occlusion_file_path", "flow occlusion", "flow_occlusion/{:04d}.png"
 
     def __new__(cls, key: str, label: str, pattern: str) -> "Layer":
         """Make a member whose value is the key alone."""

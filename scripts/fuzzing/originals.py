@@ -18,6 +18,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
 from digs_warp.interchange.splats.files import write_splat_file
 from digs_warp.study.preference.design import design, save_key
+from fuzzing.stereo_pair import write_middlebury, write_pair
 
 PUBLISHED_STUDY = Path(__file__).resolve().parents[2] / "docs/study/tradeoff/results.jsonl"
 RECONSTRUCT = ("--iterations", "4", "--test-every", "3", "--keep-course")
@@ -73,7 +74,7 @@ class Originals:
     def _capture(self, folder: Path) -> None:
         scenes = self.make("scenes")
         _digs_warp("simulate", "--mesh", scenes / "ball.ply", "--environment", scenes / "room.png",
-                   *("--frames", "4", "--width", "48", "--normals", "--out"), folder)  # fmt: skip
+                   *("--frames", "4", "--width", "48", "--labels", "all", "--out"), folder)  # fmt: skip
 
     def _millimetres(self, folder: Path) -> None:
         """A capture with depth as 16-bit PNG."""
@@ -241,6 +242,12 @@ class Originals:
         }
         profile = {"base": "zed2-720", "title": "My camera", "figures": figures}
         (folder / "camera.yaml").write_text(yaml.safe_dump(profile))
+
+    def _pair(self, folder: Path) -> None:
+        write_pair(folder)
+
+    def _middlebury(self, folder: Path) -> None:
+        write_middlebury(folder)
 
     def _study(self, folder: Path) -> None:
         """Results of a study, and the key and answers of a preference kit."""

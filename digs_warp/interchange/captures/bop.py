@@ -1,4 +1,4 @@
-"""BOP, the benchmark of object poses: one scene of one object, in millimetres.
+"""BOP, the benchmark of object poses: one scene of one or several objects, in millimetres.
 
     camera.json                               the sensor
     train/000000/rgb/000000.png               depth/000000.png, mask/000000_000000.png, mask_visib/...
@@ -8,9 +8,12 @@
     train/000000/scene_gt_info.json           per image and object: boxes, numbers of pixels
 
 What we write: the model's frame is that of the mesh file that was recorded, in millimetres, else the world's.
-`digs_warp.interchange.captures.bop_models` writes the model. Nothing hides the object, so its silhouette is
-the mask; an object cut by the image border counts as complete. What we read may hold several objects; where
-an image has no pose of the camera in the world, the frame of the first object is the world. See
+`digs_warp.interchange.captures.bop_models` writes the models. Nothing hides a single object, so its
+silhouette is the mask; cut by the image border, it counts as complete. Of several objects, the capture's
+object numbers give mask_visib, and its `Frame.objects` boxes and counts; there is no mask/, since a capture
+does not hold what is hidden. A mesh that is there twice is two instances of one model. What we read may hold
+several objects; where an image has no pose of the camera in the world, the frame of the first object is the
+world. See
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
 """
 
@@ -22,6 +25,7 @@ import numpy as np
 from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture, Frame
 from digs_warp.data.images import write_image
+from digs_warp.data.object_view import Box
 from digs_warp.geometry import rigid
 from digs_warp.interchange.captures.frames import (
     LARGEST_UINT16,
@@ -112,41 +116,64 @@ def write_bop(capture: Capture, folder: Path) -> None:
     Raises:
         CaptureError: no depth or no masks.
     """
+    ids = model_ids(capture)
 
-    def write_frame(number: int, frame: Frame) -> tuple[dict[str, Any], dict[str, Any], int]:
-        depth, mask = frame.load_depth(), object_mask(frame)
+    def write_frame(number: int, frame: Frame) -> tuple[dict[str, Any], list[Any], int]:
+        depth, masks = frame.load_depth(), visible_masks(frame, len(ids))
         scale = depth_scale(depth)
         encoded, lost = encode_depth(depth, MM_PER_METRE / scale)
         copy_image(frame, folder / SCENE / f"rgb/{number:06d}.png")
         write_image(folder / SCENE / f"depth/{number:06d}.png", encoded)
-        for kind in ("mask", "mask_visib"):
-            path = folder / SCENE / kind / f"{number:06d}_000000.png"
-            write_image(path, np.where(mask, 255, 0).astype(np.uint8))
-        return _camera(frame, scale), _object_info(mask, encoded > 0), lost
+        for i, mask in enumerate(masks):
+            for kind in ("mask", "mask_visib") if len(ids) == 1 else ("mask_visib",):
+                path = folder / SCENE / kind / f"{number:06d}_{i:06d}.png"
+                write_image(path, np.where(mask, 255, 0).astype(np.uint8))
+        return _camera(frame, scale), _object_infos(frame, masks, encoded > 0), lost
 
     cameras, infos, lost = zip(
         *for_each_frame(capture.frames, "Writing BOP", write_frame), strict=True
     )
     warn_of_lost_depth(sum(lost), MM_PER_METRE / DEPTH_SCALES[-1], "BOP")
-    world_from_model = model_placement(capture)
-    poses = [_object_pose(frame, world_from_model) for frame in capture.frames]
+    placements = [model_placement(capture, i) for i in range(len(ids))]
+    poses = [
+        [_object_pose(frame, *each) for each in zip(ids, placements, strict=True)]
+        for frame in capture.frames
+    ]
     _write_json(folder / SCENE / CAMERAS, dict(enumerate(cameras)))
-    _write_json(folder / SCENE / POSES, {i: [pose] for i, pose in enumerate(poses)})
-    _write_json(folder / SCENE / "scene_gt_info.json", {i: [info] for i, info in enumerate(infos)})
+    _write_json(folder / SCENE / POSES, dict(enumerate(poses)))
+    _write_json(folder / SCENE / "scene_gt_info.json", dict(enumerate(infos)))
     k = integer_centered(capture.frames[0].camera.intrinsics)
     sensor = {"width": k.width, "height": k.height, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}
     largest = max(camera["depth_scale"] for camera in cameras)
     _write_json(folder / "camera.json", sensor | {"depth_scale": largest})
 
 
-def model_placement(capture: Capture) -> np.ndarray:
-    """Return rotation and translation [mm] from the model to the world [mm], shape (4, 4).
+def model_ids(capture: Capture) -> list[int]:
+    """Return the model of each object of a capture; equal meshes have one model, named after the first."""
+    meshes = [each.mesh for each in capture.about.objects or ()]
+    if len(meshes) < 2:
+        return [OBJECT_ID]
+    return [OBJECT_ID + meshes.index(mesh) for mesh in meshes]
 
-    The model is the recorded mesh file in millimetres; without one, its frame is the world's.
+
+def visible_masks(frame: Frame, count: int) -> list[np.ndarray]:
+    """Return where an image shows each of its objects, (height, width), bool."""
+    if count == 1:
+        return [object_mask(frame)]
+    numbers = frame.load_instances()
+    return [numbers == i + 1 for i in range(count)]
+
+
+def model_placement(capture: Capture, index: int = 0) -> np.ndarray:
+    """Return rotation and translation [mm] from a model to the world [mm], shape (4, 4).
+
+    The model is the mesh file of an object in millimetres; without one, its frame is the world's.
     """
-    if capture.about.world_from_mesh is None:
+    objects = capture.about.objects or ()
+    rows = objects[index].world_from_mesh if len(objects) > 1 else capture.about.world_from_mesh
+    if rows is None:
         return np.eye(4)
-    world_from_mesh = np.array(capture.about.world_from_mesh)
+    world_from_mesh = np.array(rows)
     rotation = world_from_mesh[:3, :3] / np.cbrt(np.linalg.det(world_from_mesh[:3, :3]))
     return rigid(rotation, world_from_mesh[:3, 3] * MM_PER_METRE)
 
@@ -168,15 +195,44 @@ def _camera(frame: Frame, scale: float) -> dict[str, Any]:
     }
 
 
-def _object_pose(frame: Frame, world_from_model: np.ndarray) -> dict[str, Any]:
+def _object_pose(frame: Frame, number: int, world_from_model: np.ndarray) -> dict[str, Any]:
     cam_from_world = frame.camera.cam_from_world
     in_mm = rigid(cam_from_world[:3, :3], cam_from_world[:3, 3] * MM_PER_METRE)
     cam_from_model = in_mm @ world_from_model
     return {
-        "obj_id": OBJECT_ID,
+        "obj_id": number,
         "cam_R_m2c": cam_from_model[:3, :3].ravel().tolist(),
         "cam_t_m2c": cam_from_model[:3, 3].tolist(),
     }
+
+
+def _object_infos(frame: Frame, masks: list[np.ndarray], known: np.ndarray) -> list[dict[str, Any]]:
+    """Return boxes and counts of each object of a frame."""
+    infos = [_object_info(mask, known) for mask in masks]
+    if len(masks) == 1:
+        return infos
+    if len(frame.objects) != len(masks):
+        raise CaptureError(
+            f"frame '{frame.name}': views of {len(frame.objects)} objects, expected {len(masks)}; record it "
+            "again with digs-warp simulate --scene"
+        )
+    return [
+        info
+        | {
+            "bbox_obj": _bop_box(view.box),
+            "px_count_all": view.pixels,
+            "visib_fract": view.visible_share,
+        }
+        for info, view in zip(infos, frame.objects, strict=True)
+    ]
+
+
+def _bop_box(box: Box | None) -> list[int]:
+    """Return a box in BOP's form: its width is from center to center of the outermost pixels."""
+    if box is None:
+        return NO_BOX
+    x, y, width, height = box
+    return [x, y, width - 1, height - 1]
 
 
 def _object_info(mask: np.ndarray, known: np.ndarray) -> dict[str, Any]:

@@ -7,12 +7,15 @@ from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.capture import Capture
 from digs_warp.interchange.captures.bop import read_bop, write_bop
 from digs_warp.interchange.captures.colmap import write_colmap_binary, write_colmap_text
+from digs_warp.interchange.captures.kitti import write_kitti_stereo
+from digs_warp.interchange.captures.middlebury import write_middlebury
 from digs_warp.interchange.captures.nerfstudio import read_nerfstudio
 from digs_warp.interchange.captures.nerfstudio_export import write_nerfstudio
 from digs_warp.interchange.captures.record3d import read_record3d
 from digs_warp.interchange.captures.recording import Recording
 from digs_warp.interchange.captures.redwood import read_redwood, write_redwood
 from digs_warp.interchange.captures.scannet import read_scannet
+from digs_warp.interchange.captures.sceneflow import write_sceneflow
 from digs_warp.interchange.captures.tum import read_tum, write_tum
 from digs_warp.interchange.captures.zed import read_zed
 from digs_warp.words import did_you_mean
@@ -34,6 +37,9 @@ EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {
     "tum": write_tum,
     "bop": write_bop,
     "redwood": write_redwood,
+    "kitti-stereo": write_kitti_stereo,
+    "sceneflow": write_sceneflow,
+    "middlebury": write_middlebury,
 }
 
 

@@ -197,6 +197,11 @@ def test_a_broken_rig_raises(tmp_path: Path, ours: Any) -> None:
             {"world_from_mesh": [[1, 0, 0, 0]] * 4},
             "world_from_mesh is .*, expected 4 rows of 4 numbers",
         ),
+        ({"objects": []}, "objects is \\[\\], expected a list of objects with name"),
+        (
+            {"objects": [{"name": "mug", "size": [1, 1, 1]}]},
+            "objects is .*, expected a list of objects",
+        ),
         ({"world_from_mesh": "unit"}, "world_from_mesh is .*, expected 4 rows of 4 numbers"),
         ({"effects": "blur"}, "effects is 'blur', expected a list of names"),
         ({"cause_labels": {"dark": "occluded"}}, "cause_labels is .*expected names by number"),

@@ -13,6 +13,7 @@ from digs_warp.data.capture import InfraredPair, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
+from digs_warp.data.placed_object import PlacedObject, matrix_rows
 from reference.file_hashes import file_hashes
 from reference.noise_capture import INTRINSICS, frame_images, view, write_capture
 
@@ -41,12 +42,15 @@ def test_what_is_written_is_read(tmp_path: Path, stereo: bool) -> None:
 
 
 def test_facts_about_the_recording_come_back(tmp_path: Path) -> None:
+    at_origin = matrix_rows(np.eye(4))
     about = About(
         recorded_as="zed", poses_known=False, tier="guided", seed=3, object_radius=0.2,
         world_from_mesh=((0.0, -2.0, 0.0, 1.0), (2.0, 0.0, 0.0, 0.0), (0.0, 0.0, 2.0, 5.0),
                          (0.0, 0.0, 0.0, 1.0)),
         surround_radius=4, exposure=1.5, sensor={"baseline": 0.12, "max_depth": None},
         readout_time=0.01, effects=("blur",), cause_labels={0: "ok", 12: "occluded"},
+        objects=(PlacedObject("mug", "a/mug.glb", (0.1, 0.2, 0.3), at_origin),
+                 PlacedObject("made by code", None, (1.0, 1.0, 1.0), at_origin)),
     )  # fmt: skip
     writer = CaptureWriter(tmp_path, INTRINSICS)
     writer.write_frame(0, frame_images(0))
@@ -54,12 +58,24 @@ def test_facts_about_the_recording_come_back(tmp_path: Path) -> None:
     assert writer.finish(about).about == about
 
 
-@pytest.mark.parametrize("layer", [*BASIC_LAYERS, Layer.CAUSE, Layer.CONFIDENCE, Layer.NORMALS])
+LABELS = (
+    *(Layer.DEPTH_RIGHT, Layer.MASK_RIGHT, Layer.DISPARITY, Layer.DISPARITY_RIGHT),
+    *(Layer.INSTANCES, Layer.OCCLUSION, Layer.OCCLUSION_RIGHT, Layer.FLOW, Layer.FLOW_OCCLUSION),
+)
+
+
+@pytest.mark.parametrize(
+    "layer", [*BASIC_LAYERS, Layer.CAUSE, Layer.CONFIDENCE, Layer.NORMALS, *LABELS]
+)
 def test_arrays_and_files_give_the_same_pixels(tmp_path: Path, layer: Layer) -> None:
     rng = np.random.default_rng(5)
     grey = rng.integers(0, 256, (9, 12), dtype=np.uint8)
     normals = rng.normal(size=(9, 12, 3)).astype(np.float32)
     images = replace(frame_images(0), cause=grey, confidence=grey, normals=normals)
+    images = images.with_layers({layer: grey for layer in LABELS if layer.pattern.endswith("png")})
+    numbers = [layer for layer in LABELS if layer.pattern.endswith("exr")]
+    images = images.with_layers(dict.fromkeys(numbers, normals[..., 0]))
+    images = images.with_layers({Layer.FLOW: normals})
     assert images.depth is not None
     images.depth[0, :5] = [np.nan, -np.inf, np.inf, 0.0, -1.0]
     writer = CaptureWriter(tmp_path, INTRINSICS)

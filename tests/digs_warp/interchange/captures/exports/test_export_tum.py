@@ -64,6 +64,15 @@ def test_tum_files_follow_the_specification(capture: Capture, tmp_path: Path) ->
         np.testing.assert_allclose(found, true_points(capture, number), atol=1.5e-4)
 
 
+def test_evo_reads_the_trajectory(capture: Capture, tmp_path: Path) -> None:
+    files = pytest.importorskip("evo.tools.file_interface", reason="evo is not installed")
+    folder = exported(capture, "tum", tmp_path)
+    found = files.read_tum_trajectory_file(folder / "groundtruth.txt")
+    np.testing.assert_allclose(found.timestamps, TIMES)
+    expected = [frame.camera.world_from_cam for frame in capture.frames]
+    np.testing.assert_allclose(found.poses_se3, expected, atol=1e-6)
+
+
 def test_tum_needs_times_that_differ(capture: Capture, tmp_path: Path) -> None:
     twice = with_last_frame(capture, time=0.25)
     with pytest.raises(CaptureError, match="several frames share a time"):

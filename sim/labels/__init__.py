@@ -1,0 +1,1 @@
+"""Labels for training, on request: what else is true of the pixels of a frame."""
