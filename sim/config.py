@@ -1,11 +1,15 @@
 """The settings of a recording: what to record, with which camera, and how."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.sim.ground import Ground
+from digs_warp.sim.labels.names import labels_named
+from digs_warp.sim.look_settings import LookSettings
 from digs_warp.sim.mesh.placement import Unit
 from digs_warp.sim.sensor.after.names import filters_named
 
@@ -19,8 +23,32 @@ class SimulateConfig:
     mesh: Path | None = None
     """The object: GLB, glTF, OBJ, PLY or STL. Default: the built-in object."""
 
+    scene: tuple[Path, ...] = ()
+    """Several objects instead of one: mesh files, placed at random beside each other, at rest on the ground.
+    One that is named twice is there twice."""
+
+    arrange: Literal["rest", "drop"] = "rest"
+    """How mesh files come to rest. 'rest': in a stable pose, beside each other. 'drop': they fall in a pile,
+    simulated by MuJoCo (pip install 'digs-warp[drop]')."""
+
     environment: Path | None = None
     """The surround and its light: an equirectangular HDR, EXR, PNG or JPG. Default: a built-in room."""
+
+    ground: Ground = "auto"
+    """What the object stands on. 'floor': the lower part of the environment, projected from the height of a
+    photographer; the built-in room has its own. 'table': a table on that floor. 'none': the object hangs in
+    the middle of a sphere. auto: a table for objects up to half a metre, a floor for larger ones and in the
+    built-in room; none with --renderer gl, which draws no ground."""
+
+    object_turn: float = 0.0
+    """Turn the objects about the vertical axis [degree], counterclockwise from above."""
+
+    distractors: int = 0
+    """Number of plain shapes of random size and color that stand beside the objects. They are in no mask."""
+
+    distractor_meshes: tuple[Path, ...] = ()
+    """Mesh files of other things beside the objects, in no mask either. One that would be in the way of the
+    camera is scaled down."""
 
     frames: int = 60
     """Number of stereo frames, uniformly spaced in time over three orbits."""
@@ -61,14 +89,18 @@ class SimulateConfig:
     """Factor on the errors of the sensor; 0: none, 2: twice those of the real sensor. Limits (the range, the
     band that only one eye sees) do not change."""
 
-    normals: bool = False
-    """Also write the true normals."""
+    labels: str = "none"
+    """What else to write for training: none, all, or names separated by commas. 'right': true depth and mask
+    of the right eye. 'disparity': true disparity of both eyes, and what the other eye does not see. 'flow':
+    optical flow and change of disparity to the next frame, and what that does not show. 'normals'.
+    'instances': the number of the object at each pixel."""
 
     renderer: Literal["raycast", "gl"] = "raycast"
     """'raycast' needs no graphics driver; 'gl' uses OpenGL: a cross-check, without reflections."""
 
     object_size: float | None = None
-    """Scale the object: its longest side [m]. Default: the size that the file gives it."""
+    """Scale the object: its longest side [m]. Default: the size that the file gives it. With --scene: the
+    longest side of the longest object; the others keep their proportion to it."""
 
     unit: Unit = "auto"
     """Unit of the mesh file. auto: metres for GLB and glTF; the other formats have none, so it is guessed
@@ -76,12 +108,17 @@ class SimulateConfig:
 
     up: Literal["auto", "y", "z"] = "auto"
     """Which axis of the mesh file points up. auto: that of the format, y for GLB, glTF and OBJ, z for PLY and
-    STL, with a warning if the object then lies where it could stand."""
+    STL, with a warning if the object then lies where it could stand; one that would fall is turned so that it
+    rests. An axis that is named here keeps the object's pose."""
 
     seed: int = 0
     """Seed of hand shake, pixel sampling and everything random in the sensor."""
 
+    look: LookSettings = field(default_factory=LookSettings)
+
     def __post_init__(self) -> None:
+        check_flag("--object-turn", self.object_turn)
+        check_flag("--distractors", self.distractors)
         check_flag("--frames", self.frames)
         check_flag("--width", self.width)
         check_flag("--height", self.height)
@@ -90,12 +127,24 @@ class SimulateConfig:
         check_flag("--strength", self.strength)
         check_flag("--confidence-threshold", self.confidence_threshold)
         check_flag("--object-size", self.object_size)
+        if self.mesh is not None and self.scene:
+            raise DigsError(
+                "--mesh and --scene contradict each other; name the mesh in --scene, too"
+            )
+        if self.arrange == "drop" and self.mesh is None and not self.scene:
+            raise DigsError("--arrange drop: nothing to drop; name mesh files with --scene")
         if self.object_size is not None and self.unit != "auto":
             raise DigsError(
                 f"--object-size {self.object_size:g} and --unit {self.unit} both set the size of the object; "
                 "give one of them"
             )
+        if self.renderer == "gl" and self.ground not in ("auto", "none"):
+            raise DigsError(
+                f"--ground {self.ground}: --renderer gl draws no ground; choose --renderer raycast or "
+                "--ground none"
+            )
         filters_named(self.filters)
+        labels_named(self.labels)
         for flag, value, idle in (
             ("--effects", self.effects, "auto"),
             ("--filters", self.filters, "none"),
@@ -106,6 +155,24 @@ class SimulateConfig:
                     f"{flag} {value}: has no meaning with --tier {self.tier}; choose --tier guided or "
                     "matcher, or leave it out"
                 )
+
+    @staticmethod
+    def of_today(settings: Mapping[str, Any]) -> dict[str, Any]:
+        """Return recorded settings with ``normals``, a switch of earlier versions, as ``labels``."""
+        settings = dict(settings)
+        if settings.pop("normals", False):
+            settings.setdefault("labels", "normals")
+        return settings
+
+    @property
+    def chosen_ground(self) -> Ground:
+        """The ground; "auto" only where it depends on the object."""
+        return "none" if self.renderer == "gl" else self.ground
+
+    @property
+    def input_files(self) -> list[Path | None]:
+        """The files that the recording reads; None for what is built in."""
+        return [self.mesh, self.environment, *self.scene, *self.distractor_meshes]
 
     @property
     def plans_effects(self) -> bool:

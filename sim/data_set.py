@@ -1,11 +1,12 @@
-"""Many recordings at once: every mesh in every environment, on several walks."""
+"""Many recordings at once: every mesh in every environment on several walks, or scenes drawn at random."""
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.randomize.draws import draw_scenes
+from digs_warp.sim.randomize.file import Randomization
 from digs_warp.sim.record import simulate
 from digs_warp.words import counted
 
@@ -32,12 +35,14 @@ class SceneJob:
     """One recording of a data set.
 
     Attributes:
-        name: its folder below that of the data set: mesh/environment/walk.
+        name: its folder below that of the data set: mesh/environment/walk, or the number of the draw.
         config: what to record.
+        drawn: the settings that were drawn at random, by name; None: none were.
     """
 
     name: str
     config: SimulateConfig
+    drawn: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,7 @@ class SceneResult:
         fill: share of the object's pixels with depth, 0 to 1; None where nothing could be judged.
         error_mm: median absolute depth error on the object [mm]; None likewise.
         size: longest side of the object [m]; None where it failed.
+        drawn: that of the job.
     """
 
     name: str
@@ -61,6 +67,7 @@ class SceneResult:
     fill: float | None = None
     error_mm: float | None = None
     size: float | None = None
+    drawn: Mapping[str, Any] | None = None
 
     def __str__(self) -> str:
         """The outcome in a phrase, without the name."""
@@ -92,7 +99,8 @@ def plan_jobs(
     """
     if trajectories < 1:
         raise DigsError(f"trajectories: {trajectories}, expected at least 1")
-    objects = _named([*meshes] or [config.mesh], BUILT_IN_OBJECT)
+    several = "+".join(path.stem for path in config.scene)
+    objects = _named([*meshes] or [config.mesh], several or BUILT_IN_OBJECT)
     rooms = _named([*environments] or [config.environment], BUILT_IN_ROOM)
     return tuple(
         SceneJob(
@@ -103,6 +111,18 @@ def plan_jobs(
     )
 
 
+def draw_jobs(
+    randomization: Randomization,
+    config: SimulateConfig,
+    count: int,
+    meshes: Sequence[Path] = (),
+    environments: Sequence[Path] = (),
+) -> tuple[SceneJob, ...]:
+    """Return a job for each of ``count`` scenes drawn at random; see `draw_scenes`."""
+    scenes = draw_scenes(randomization, config, count, meshes, environments)
+    return tuple(SceneJob(f"{each.number:04d}", each.config, each.drawn) for each in scenes)
+
+
 def simulate_many(
     jobs: Sequence[SceneJob], folder: Path, resume: bool = False
 ) -> tuple[SceneResult, ...]:
@@ -111,7 +131,7 @@ def simulate_many(
     The summary, ``folder``/summary.json, grows with every recording.
 
     Args:
-        jobs: from `plan_jobs`.
+        jobs: from `plan_jobs` or `draw_jobs`.
         folder: of the data set.
         resume: keep what an interrupted run has finished; see `digs_warp.sim.record.simulate`.
     """
@@ -133,10 +153,11 @@ def _attempt(job: SceneJob, folder: Path, resume: bool) -> SceneResult:
         expected = isinstance(error, DigsError | OSError)
         message = str(error) if expected else f"{type(error).__name__}: {error}"
         _log.error("scene '%s' failed: %s", job.name, message, exc_info=not expected)
-        return SceneResult(job.name, message, 0, time.perf_counter() - start)
+        seconds = time.perf_counter() - start
+        return SceneResult(job.name, message, 0, seconds, drawn=job.drawn)
     seconds = time.perf_counter() - start
     size = _longest_side(folder / job.name)
-    return SceneResult(job.name, "", len(capture), seconds, fill, error_mm, size)
+    return SceneResult(job.name, "", len(capture), seconds, fill, error_mm, size, job.drawn)
 
 
 def _longest_side(folder: Path) -> float | None:

@@ -9,6 +9,8 @@ from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
 from digs_warp.record.run_log import timed
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.labels.frame import LabeledFrame
+from digs_warp.sim.labels.names import label_layers, labels_named
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
 from digs_warp.sim.sensor.color.adaptation import Adaptation
 from digs_warp.sim.sensor.color.recorded import recorded_images
@@ -19,19 +21,32 @@ from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.limit import within_range
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
-from digs_warp.sim.session import Session, load_inputs, number_before, prepare_session, rig_of
-from digs_warp.sim.shutter import Shutter
+from digs_warp.sim.session import (
+    ObjectPixels,
+    Session,
+    load_inputs,
+    number_before,
+    prepare_session,
+    rig_of,
+)
+from digs_warp.sim.shutter import Shutter, ShutteredEye
 
 # Added to the seed for the noise of a color camera beside an infrared pair.
 COLOR_SEED = 2**32
 
 
-def layers_of(config: SimulateConfig) -> tuple[Layer, ...]:
-    """Return the layers that a recording writes for every frame."""
+def layers_of(config: SimulateConfig, number: int) -> tuple[Layer, ...]:
+    """Return the layers that a recording writes for a frame."""
     basic = INFRARED_LAYERS if rig_of(config).has_color_camera else BASIC_LAYERS
     sensor = (Layer.CAUSE, Layer.CONFIDENCE) if config.plans_effects else ()
-    normals = (Layer.NORMALS,) if config.normals else ()
-    return (*basic, *sensor, *normals)
+    labels = label_layers(labels_of(config), is_last=number == config.frames - 1)
+    return (*basic, *sensor, *labels)
+
+
+def labels_of(config: SimulateConfig) -> tuple[str, ...]:
+    """Return the labels of a recording: those asked for, and the numbers of several objects."""
+    of_several = ("instances",) if config.scene else ()
+    return tuple(dict.fromkeys((*labels_named(config.labels), *of_several)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +55,13 @@ class RenderedFrame:
 
     Attributes:
         truth: of the eyes that measure depth.
-        mask: of the object in the recorded image, (height, width), uint8.
+        objects: where the recorded image shows the objects.
         color: what the color camera beside an infrared pair sees; None: the left eye takes the images.
         earlier: truth of the frames just before that a filter needs, the earliest first.
     """
 
     truth: FrameTruth
-    mask: np.ndarray
+    objects: ObjectPixels
     color: ColorView | None = None
     earlier: tuple[FrameTruth, ...] = ()
 
@@ -71,15 +86,15 @@ class FrameMaker:
 
     def render(self, number: int) -> RenderedFrame:
         """Return the truth of a frame, and of those before it that the device remembers."""
-        truth, mask = self._truth(number)
+        truth, objects = self._truth(number)
         before = range(self.device.earlier_frames, 0, -1)
         earlier = tuple(self._truth(number_before(number, frames))[0] for frames in before)
         if not truth.rig.has_color_camera:
-            return RenderedFrame(truth, mask, None, earlier)
+            return RenderedFrame(truth, objects, None, earlier)
         color = self.session.color_view(number, self._shutter(number))
-        return RenderedFrame(truth, color.mask, color, earlier)
+        return RenderedFrame(truth, ObjectPixels(color.mask, color.object_ids), color, earlier)
 
-    def _truth(self, number: int) -> tuple[FrameTruth, np.ndarray]:
+    def _truth(self, number: int) -> tuple[FrameTruth, ObjectPixels]:
         config, session = self.session.config, self.session
         drift = self.plan.drift(session.rig, config.seed, config.strength)
         return session.truth(number, self._shutter(number), drift, self.plan.projects)
@@ -88,20 +103,47 @@ class FrameMaker:
         config, rig = self.session.config, self.session.rig
         return self.plan.shutter(rig, config.strength, self._adapted(number))
 
+    def recorded_eye(self, number: int) -> ShutteredEye:
+        """Return the camera that takes the images of a frame."""
+        return self.session.image_eye(number, self._shutter(number))
+
     @property
     def device(self) -> AfterMatching:
         """What the device does after matching."""
         return AfterMatching.of(self.session.config)
 
     def finish(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
-        """Return the content of the files; safe to call during `render` in another thread.
+        """Return the content of the files; safe to call in several threads, as `render` is.
 
         Args:
             frame: what the eyes see.
             seconds: takes the time of each stage.
         """
-        if frame.color is not None:
-            return self._registered(frame, frame.color, seconds)
+        recorded = (
+            self._measured(frame, seconds)
+            if frame.color is None
+            else self._registered(frame, frame.color, seconds)
+        )
+        with timed(seconds, "label"):
+            labels = self._labels(frame)
+        return recorded.with_layers(labels)
+
+    def _labels(self, frame: RenderedFrame) -> dict[Layer, np.ndarray]:
+        """Return the labels that the settings ask for."""
+        number, session = frame.truth.number, self.session
+        is_last = number == session.config.frames - 1
+        labeled = LabeledFrame(
+            session=session,
+            truth=frame.truth,
+            color=frame.color,
+            objects=frame.objects,
+            shutter=self._shutter(number),
+            next_shutter=None if is_last else self._shutter(number + 1),
+        )
+        return labeled.images(labels_of(session.config))
+
+    def _measured(self, frame: RenderedFrame, seconds: dict[str, float]) -> FrameImages:
+        """Return the content of the files of a stereo camera, without labels."""
         config, truth = self.session.config, frame.truth
         with timed(seconds, "color"):
             image, right = self._recorded(truth)
@@ -112,18 +154,17 @@ class FrameMaker:
         return FrameImages(
             image=image,
             depth=depth,
-            mask=frame.mask,
+            mask=frame.objects.mask,
             right=right,
             depth_true=truth.depth,
             cause=sensed.cause if tells else None,
             confidence=to_uint8(sensed.confidence) if tells else None,
-            normals=truth.normals_world if config.normals else None,
         )
 
     def _registered(
         self, frame: RenderedFrame, view: ColorView, seconds: dict[str, float]
     ) -> FrameImages:
-        """Return the content of the files of a color camera beside an infrared pair."""
+        """Return the same of a color camera beside an infrared pair."""
         config, truth = self.session.config, frame.truth
         tells = config.plans_effects
         with timed(seconds, "color"):
@@ -138,11 +179,10 @@ class FrameMaker:
         return FrameImages(
             image=image,
             depth=measured.depth,
-            mask=view.mask,
+            mask=frame.objects.mask,
             depth_true=view.depth,
             cause=measured.cause if tells else None,
             confidence=to_uint8(measured.confidence) if tells else None,
-            normals=view.normals_world if config.normals else None,
             infrared_left=left,
             infrared_right=right,
         )

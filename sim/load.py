@@ -1,43 +1,33 @@
 """Any mesh file as a `Scene`: z up, in its real size, centered on the origin."""
 
 import logging
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from digs_warp.checks import DigsError, MeshError, check_positive, require_file
-from digs_warp.sim.mesh.files_beside import ply_textures, resolver_beside
-from digs_warp.sim.mesh.gltf import (
-    check_gltf,
-    check_textures,
-    read_extras,
-    read_gltf_header,
-    undecodable_images,
-    unmodelled_features,
-)
-from digs_warp.sim.mesh.materials import materials_of_parts
-from digs_warp.sim.mesh.normalize import box_of, drop_bad_faces, drop_unused_vertices, in_world
+from digs_warp.checks import MeshError, check_positive
+from digs_warp.geometry import transform_points
+from digs_warp.sim.mesh.normalize import box_of, drop_unused_vertices, in_world
 from digs_warp.sim.mesh.normals import fill_normals
-from digs_warp.sim.mesh.parts import Triangles, join_parts, parts_of_scene
+from digs_warp.sim.mesh.parts import Triangles
 from digs_warp.sim.mesh.placement import (
     METRES_PER_UNIT,
     ROTATION_BY_UP_AXIS,
     Placement,
+    Scale,
     guessed_scale,
     place,
+    place_turned,
     stated_scale,
 )
-from digs_warp.sim.mesh.promises import check_promises
+from digs_warp.sim.mesh.read import GLTF_SUFFIXES, UP_AXIS_BY_SUFFIX, read_triangles
 from digs_warp.sim.mesh.resting import better_up_axis
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.mesh.stable_pose import SAME_POSE, resting_turn
+from digs_warp.sim.scene import Material, Scene, SceneObject
 
 logger = logging.getLogger(__name__)
-
-# The axis that points up, by file format. glTF defines it; OBJ files mostly come from modelling programs
-# (y), STL and PLY files from printing and scanning (z).
-UP_AXIS_BY_SUFFIX = {".glb": "y", ".gltf": "y", ".obj": "y", ".ply": "z", ".stl": "z"}
-GLTF_SUFFIXES = (".glb", ".gltf")
 
 
 def load_scene(
@@ -45,23 +35,79 @@ def load_scene(
 ) -> Scene:
     """Load a GLB, glTF, OBJ, PLY or STL file.
 
-    A logged warning names parts that the renderer cannot show as intended (glass that bends light), textures
+    A logged warning names parts that the renderer cannot show as intended, textures
     of OBJ and PLY files that cannot be used, and faces that are dropped because they have no area or are not
     finite. Vertex colors are linear in glTF, as its standard says, and sRGB in the other formats.
 
     Args:
         path: the file; its textures and buffers are read relative to its folder.
         size: longest edge of the bounding box in the world [m]; None: that of the file.
-        up: axis of the file that points up: "x", "y", "z", or "auto" for the convention of the format.
+        up: axis of the file that points up: "x", "y", "z", or "auto" for the convention of the format; with
+            "auto", an object that would fall is turned so that it rests.
         unit: of the file: "m", "cm", "mm", "in", or "auto": metres for glTF, else a guess by the size.
 
     Raises:
         MeshError: missing, empty, truncated, unsupported, or without a single usable triangle.
     """
+    return read_mesh(path, size, up, unit).scene()
+
+
+def read_mesh(
+    path: Path, size: float | None = None, up: str = "auto", unit: str = "auto"
+) -> "MeshFile":
+    """Read a file that may still go somewhere else; see `load_scene`."""
     _check_settings(size, up, unit)
-    triangles, materials = _read_mesh(Path(path))
+    triangles, materials = read_triangles(Path(path))
     placement = _placement(Path(path), triangles, size, up, unit)
-    return _scene(triangles, materials, placement.world_from_mesh, placement)
+    return MeshFile(Path(path), triangles, materials, placement)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFile:
+    """The content of a mesh file, and where it would stand alone.
+
+    Attributes:
+        path: the file.
+        triangles: in its frame.
+        materials: of the triangles.
+        placement: at rest, its box centered on the origin.
+    """
+
+    path: Path
+    triangles: Triangles
+    materials: tuple[Material, ...]
+    placement: Placement
+
+    @cached_property
+    def vertices(self) -> np.ndarray:
+        """The vertices that its faces use, where the object would stand alone [m], shape (n, 3), float64."""
+        used = self.triangles.vertices[np.unique(self.triangles.faces)]
+        return transform_points(self.placement.world_from_mesh, used)
+
+    def with_size(self, size: float) -> "MeshFile":
+        """Return the object with another longest side [m]."""
+        scale = stated_scale(size, "auto", self._extent, is_gltf=False)
+        assert scale is not None
+        factor = scale.metres_per_unit / self.placement.scale.metres_per_unit
+        placed = np.diag([factor, factor, factor, 1.0]) @ self.placement.world_from_mesh
+        return replace(self, placement=replace(self.placement, world_from_mesh=placed, scale=scale))
+
+    @property
+    def longest_side(self) -> float:
+        """Of the box along the axes of the file [m]."""
+        return float(self._extent.max()) * self.placement.scale.metres_per_unit
+
+    @property
+    def _extent(self) -> np.ndarray:
+        low, high = box_of(self.triangles.vertices, self.triangles.faces)
+        return high - low
+
+    def scene(self, world_from_own: np.ndarray | None = None) -> Scene:
+        """Return the object as a scene, moved from its own place by a rigid motion, (4, 4)."""
+        at = self.placement.world_from_mesh
+        if world_from_own is not None:
+            at = world_from_own @ at
+        return _scene(self.path, self.triangles, self.materials, at, self.placement)
 
 
 def load_scene_at(path: Path, world_from_mesh: np.ndarray) -> Scene:
@@ -74,42 +120,7 @@ def load_scene_at(path: Path, world_from_mesh: np.ndarray) -> Scene:
     Raises:
         MeshError: as `load_scene`.
     """
-    return _scene(*_read_mesh(Path(path)), world_from_mesh)
-
-
-def _read_mesh(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
-    """Return the usable triangles in the frame of the file, and their materials."""
-    suffix = _checked_suffix(path)
-    header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
-    check_gltf(path, header)
-    check_promises(path, header)
-    for sentence in unmodelled_features(header):
-        logger.warning("mesh '%s': %s", path.name, sentence)
-    if suffix == ".ply" and len(names := ply_textures(path)) > 1:
-        logger.warning(
-            "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), names[-1]
-        )
-    try:
-        for sentence in undecodable_images(path, header):
-            logger.warning("mesh '%s': %s", path.name, sentence)
-        parts = parts_of_scene(_read(path), linear_colors=suffix in GLTF_SUFFIXES)
-        check_textures(path, header, (part.material for part in parts))
-        extras = read_extras(path, header)
-        materials, part_materials = materials_of_parts(parts, extras)
-    except (MeshError, ImportError):
-        raise
-    except DigsError as error:  # a texture beyond its bound
-        raise MeshError(f"mesh '{path}': {error}") from None
-    except Exception as error:  # trimesh's readers raise any kind of exception
-        raise MeshError(
-            f"mesh '{path}': cannot be read as {suffix[1:].upper()}, damaged or truncated "
-            f"({type(error).__name__}: {error}); copy or export it again"
-        ) from error
-    if not parts:
-        raise MeshError(
-            f"mesh '{path}': 0 faces, expected triangles; turn a point cloud into a mesh first"
-        )
-    return _usable(path, join_parts(parts, part_materials)), materials
+    return _scene(Path(path), *read_triangles(Path(path)), world_from_mesh)
 
 
 def _check_settings(size: float | None, up: str, unit: str) -> None:
@@ -121,61 +132,44 @@ def _check_settings(size: float | None, up: str, unit: str) -> None:
         raise MeshError(f"unit '{unit}': expected 'auto', {', '.join(METRES_PER_UNIT)}")
 
 
-def _checked_suffix(path: Path) -> str:
-    """Check that a file exists, is not empty and has a known format; return its suffix in lower case."""
-    try:
-        require_file(path, "mesh")
-    except DigsError as error:
-        raise MeshError(str(error)) from None
-    suffix = path.suffix.lower()
-    if suffix not in UP_AXIS_BY_SUFFIX:
-        raise MeshError(
-            f"mesh '{path}': suffix '{path.suffix}', expected one of {', '.join(UP_AXIS_BY_SUFFIX)}; "
-            "convert it, for example with Blender"
-        )
-    return suffix
-
-
-def _read(path: Path) -> Any:
-    """Return the file as a `trimesh.Scene`, vertices and faces as they are stored."""
-    import trimesh
-
-    file_type, resolver = path.suffix[1:].lower(), resolver_beside(path)
-    log = trimesh.util.log
-    usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
-    try:
-        return trimesh.load_scene(path, file_type=file_type, resolver=resolver, process=False)
-    finally:
-        log.disabled = usual
-
-
-def _usable(path: Path, triangles: Triangles) -> Triangles:
-    total = len(triangles.faces)
-    triangles = drop_bad_faces(triangles, path.name)
-    if not len(triangles.faces):
-        raise MeshError(
-            f"mesh '{path}': none of its {total} faces is usable (no area, or vertices that are not "
-            "finite); repair or export it again"
-        )
-    return triangles
-
-
 def _placement(
     path: Path, triangles: Triangles, size: float | None, up: str, unit: str
 ) -> Placement:
-    """Return where the mesh goes; a guessed unit other than metres is worth a warning."""
+    """Return where the mesh goes: in a pose in which it rests, unless the user names the axis."""
     suffix = path.suffix.lower()
     low, high = box_of(triangles.vertices, triangles.faces)
     scale = stated_scale(size, unit, high - low, suffix in GLTF_SUFFIXES)
     axis = _usual_up_axis(path, triangles) if up == "auto" else up
-    if scale is not None:
-        return place(low, high, axis, scale)
-    guess = guessed_scale(high - low, suffix[1:].upper())
-    placement = place(low, high, axis, guess)
-    in_metres = " x ".join(f"{side * guess.metres_per_unit:.3g}" for side in high - low)
+    if scale is None:
+        scale = _guessed_scale(path, high - low)
+    placement = place(low, high, axis, scale)
+    return _at_rest(path, triangles, placement) if up == "auto" else placement
+
+
+def _guessed_scale(path: Path, extent: np.ndarray) -> Scale:
+    """Return a guess; one other than metres is worth a warning."""
+    guess = guessed_scale(extent, path.suffix[1:].upper())
+    in_metres = " x ".join(f"{side * guess.metres_per_unit:.3g}" for side in extent)
     level = logging.INFO if guess.metres_per_unit == 1.0 else logging.WARNING
     logger.log(level, "mesh '%s': %s m; %s", path.name, in_metres, guess.origin)
-    return placement
+    return guess
+
+
+def _at_rest(path: Path, triangles: Triangles, placement: Placement) -> Placement:
+    """Return the placement in which the object rests; one in which it would fall is worth a line."""
+    vertices = triangles.vertices[np.unique(triangles.faces)]
+    turn = resting_turn(transform_points(placement.world_from_mesh, vertices))
+    if (turn == np.eye(3)).all():
+        return placement
+    turned = place_turned(vertices, placement.up, placement.scale, turn)
+    level = logging.INFO if turned.turned < SAME_POSE else logging.WARNING
+    logger.log(
+        level,
+        "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. --up %s keeps it as "
+        "it is",
+        *(path.name, turned.up, turned.turned, turned.up),
+    )
+    return turned
 
 
 def _usual_up_axis(path: Path, triangles: Triangles) -> str:
@@ -192,6 +186,7 @@ def _usual_up_axis(path: Path, triangles: Triangles) -> str:
 
 
 def _scene(
+    path: Path,
     triangles: Triangles,
     materials: tuple[Material, ...],
     world_from_mesh: np.ndarray,
@@ -199,13 +194,28 @@ def _scene(
 ) -> Scene:
     """Return the triangles in the world."""
     triangles = drop_unused_vertices(fill_normals(in_world(triangles, world_from_mesh)))
+    vertices = triangles.vertices.astype(np.float32)
+    size = np.ptp(vertices, axis=0).astype(np.float64)
     return Scene(
-        vertices=triangles.vertices.astype(np.float32),
+        vertices=vertices,
         faces=triangles.faces.astype(np.int32),
         face_materials=triangles.face_materials.astype(np.int32),
         normals=triangles.normals.astype(np.float32),
         uvs=triangles.uvs.astype(np.float32),
         vertex_colors=triangles.colors.astype(np.float32),
-        materials=materials,
-        placement=placement,
+        materials=_in_metres(materials, world_from_mesh),
+        objects=(SceneObject(path.stem, path, world_from_mesh, size, placement),),
+    )
+
+
+def _in_metres(
+    materials: tuple[Material, ...], world_from_mesh: np.ndarray
+) -> tuple[Material, ...]:
+    """Return the materials with the absorption of their bodies in the world, not in the file [1/m]."""
+    scale = float(np.cbrt(abs(np.linalg.det(world_from_mesh[:3, :3]))))
+    return tuple(
+        material
+        if material.absorption is None
+        else replace(material, absorption=tuple(value / scale for value in material.absorption))
+        for material in materials
     )

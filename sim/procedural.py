@@ -21,9 +21,11 @@ from digs_warp.sim.builtin.shapes import (
     smooth_curve,
     tube,
 )
-from digs_warp.sim.scene import Material, Scene
+from digs_warp.sim.scene import Material, Scene, SceneObject
 
 SEED = 7
+
+NAME = "built-in object"
 
 # Longest edge of the bounding box [m], as of loaded meshes.
 SIZE = 0.5
@@ -156,8 +158,10 @@ def _scene(patches: list[Patch], materials: tuple[Material, ...]) -> Scene:
     low, high = whole.vertices.min(axis=0), whole.vertices.max(axis=0)
     scale = SIZE / (high - low).max()
     count = len(whole.vertices)
+    vertices = ((whole.vertices - (low + high) / 2) * scale).astype(np.float32)
+    size = np.ptp(vertices, axis=0).astype(np.float64)
     return Scene(
-        vertices=((whole.vertices - (low + high) / 2) * scale).astype(np.float32),
+        vertices=vertices,
         faces=whole.faces.astype(np.int32),
         face_materials=np.repeat(np.arange(len(patches)), [len(p.faces) for p in patches]).astype(
             np.int32
@@ -166,4 +170,5 @@ def _scene(patches: list[Patch], materials: tuple[Material, ...]) -> Scene:
         uvs=whole.uvs.astype(np.float32),
         vertex_colors=np.ones((count, 3), np.float32),
         materials=materials,
+        objects=(SceneObject(NAME, None, np.eye(4), size),),
     )

@@ -19,8 +19,9 @@ LOST_PIXELS = 1.5
 
 def orbit_distance(scene: Scene, rig: StereoRig) -> float:
     """Return the distance [m] at which the object fits the image and no part is too near for the sensor."""
-    fitting = fitting_distance(scene.radius, rig.image_intrinsics)
-    return max(fitting, rig.min_depth + NEAR_MARGIN * scene.radius)
+    radius = scene.object_radius
+    fitting = fitting_distance(radius, rig.image_intrinsics)
+    return max(fitting, rig.min_depth + NEAR_MARGIN * radius)
 
 
 def check_reach(scene: Scene, rig: StereoRig) -> None:
@@ -32,7 +33,7 @@ def check_reach(scene: Scene, rig: StereoRig) -> None:
     distance = orbit_distance(scene, rig)
     measured = f"this camera measures {rig.min_depth:g} to {rig.max_depth:g} m"
     size = _length(scene.size.max())
-    if distance - scene.radius >= rig.max_depth:
+    if distance - scene.object_radius >= rig.max_depth:
         raise DigsError(
             f"object of {size}: fits the image from {distance:.3g} m away, but {measured}. {_hint(scene)}"
         )
@@ -44,7 +45,7 @@ def check_reach(scene: Scene, rig: StereoRig) -> None:
             measured,
             _hint(scene),
         )
-    if distance > LOST_PIXELS * fitting_distance(scene.radius, rig.image_intrinsics):
+    if distance > LOST_PIXELS * fitting_distance(scene.object_radius, rig.image_intrinsics):
         k = rig.image_intrinsics
         _log.warning(
             "nearest depth of this camera is %g m; an object of %s spans %.0f of %d x %d px. Use more pixels "
@@ -59,10 +60,13 @@ def check_reach(scene: Scene, rig: StereoRig) -> None:
 
 def _hint(scene: Scene) -> str:
     """Say what to do about an object that is too large."""
-    if scene.placement is None:
+    placement = (
+        max(scene.objects, key=lambda each: each.size.max()).placement if scene.objects else None
+    )
+    if placement is None:
         return "Choose another camera with --profile"
     return (
-        f"Size of the file: {scene.placement.scale.origin}. Is that right? --unit or --object-size say "
+        f"Size of the file: {placement.scale.origin}. Is that right? --unit or --object-size say "
         "otherwise; or choose a camera that sees wider or farther with --profile"
     )
 

@@ -1,16 +1,23 @@
 """Record a scene with the stereo camera: mesh and environment in, capture folder out."""
 
 import math
+import time
+from collections import deque
+from collections.abc import Generator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.about import About, matrix_rows
+from digs_warp.data.about import About
 from digs_warp.data.capture import INDEX_NAME, Capture, InfraredPair, Rig, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
+from digs_warp.data.object_view import ObjectView
+from digs_warp.data.placed_object import PlacedObject, matrix_rows
+from digs_warp.device.threads import default_threads, limited_threads
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
 from digs_warp.record.lock import sole_writer
@@ -18,18 +25,18 @@ from digs_warp.record.manifest import Manifest, recorded_files
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
-from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame, layers_of
+from digs_warp.sim.frame_maker import FrameMaker, labels_of, layers_of
+from digs_warp.sim.object_views import ObjectViews
 from digs_warp.sim.profiles import Profile
 from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Scene
+from digs_warp.sim.scene import Scene, SceneObject
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
 from digs_warp.sim.session import Session, load_inputs, prepare_session
 
-# Threads that sense and write frames while the next ones are rendered, and frames that may wait for
-# them; this bounds the memory.
-WORKERS = 2
-QUEUE = 4
+# Frames that are made at the same time, at most: each takes some tens of megabytes, and beyond this number
+# threads wait for the interpreter lock.
+AT_ONCE = 8
 
 # The times are saved every SAVE_EVERY frames, in case the run is killed.
 SAVE_EVERY = 10
@@ -127,66 +134,119 @@ def _is_finished(folder: Path, config: SimulateConfig) -> bool:
         frames = read_capture(folder).frames
     except CaptureError:  # something was deleted: record it again
         return False
-    return all(frame.has(layer) for frame in frames for layer in layers_of(config))
+    return all(
+        frame.has(layer)
+        for number, frame in enumerate(frames)
+        for layer in layers_of(config, number)
+    )
+
+
+def frames_at_once() -> int:
+    """Return how many frames a recording makes at the same time."""
+    return min(AT_ONCE, default_threads())
 
 
 def _record(
     maker: FrameMaker, writer: CaptureWriter | MemoryWriter, log: RunLog, record: Path | None
 ) -> None:
-    """Make the frames that are not there yet: rendering here, the rest beside it in other threads.
+    """Make the frames that are not there yet; ``record`` is the file for the times so far, if any.
 
-    ``record`` is the file for the times so far; None: they are not saved.
-    The times noted for the workers' stages add up over the threads: most of them pass while rays are cast.
+    Frames are made side by side: a stage gets the share of the time that passes as it has of the threads'
+    time, so that the stages add up to what a user waits for.
     """
     config = maker.session.config
-    layers = layers_of(config)
-    missing = [n for n in range(config.frames) if not writer.has_frame(n, layers)]
-    pending: list[Future[dict[str, float]]] = []
-
-    def settle(limit: int) -> None:
-        while len(pending) > limit:
-            for stage, seconds in pending.pop(0).result().items():
-                log.seconds[stage] = log.seconds.get(stage, 0.0) + seconds
-
+    missing = [n for n in range(config.frames) if not writer.has_frame(n, layers_of(config, n))]
+    done = config.frames - len(missing)
+    since = time.perf_counter()
     with (
-        ThreadPoolExecutor(WORKERS, thread_name_prefix="sense") as pool,
-        progress(config.frames, "Recording", "frame", config.frames - len(missing)) as bar,
+        progress(config.frames, "Recording", "frame", done) as bar,
+        closing(_made(maker, missing, writer)) as made,  # after an error no thread goes on writing
     ):
-        for number in missing:
-            with log.stage("render"):
-                frame = maker.render(number)
-            pending.append(pool.submit(_finish, maker, frame, writer))
-            # The first frame runs alone: it compiles kernels, which two threads should not do at once.
-            settle(0 if number == missing[0] else QUEUE)
-            if record is not None and number % SAVE_EVERY == 0:
+        for count, seconds in enumerate(made, start=1):
+            now = time.perf_counter()
+            passing = (now - since) / sum(seconds.values())
+            since = now
+            for stage, spent in seconds.items():
+                log.seconds[stage] = log.seconds.get(stage, 0.0) + spent * passing
+            if record is not None and count % SAVE_EVERY == 0:
                 log.save(record)
             bar.update()
-        settle(0)
+    views = _object_views(maker, log)
     for number, moment in enumerate(maker.session.moments):
         gain = maker.plan.color_gain(moment, config.strength)
-        writer.add_pose(number, maker.session.walk.pose(moment), moment, color_gain=gain)
+        pose = maker.session.walk.pose(moment)
+        writer.add_pose(number, pose, moment, color_gain=gain, objects=views[number])
 
 
-def _finish(
-    maker: FrameMaker, frame: RenderedFrame, writer: CaptureWriter | MemoryWriter
+def _object_views(maker: FrameMaker, log: RunLog) -> list[tuple[ObjectView, ...]]:
+    """Return how the objects appear in each frame; nothing where their numbers are not recorded."""
+    config = maker.session.config
+    if "instances" not in labels_of(config):
+        return [()] * config.frames
+    with log.stage("objects"):
+        views = ObjectViews.of(maker)
+        return [views.in_frame(number) for number in range(config.frames)]
+
+
+def _made(
+    maker: FrameMaker, numbers: list[int], writer: CaptureWriter | MemoryWriter
+) -> Generator[dict[str, float]]:
+    """Make frames; yield the seconds of the stages of each, in order."""
+    if not numbers:
+        return
+    # The first frame runs alone: it compiles kernels, which two threads should not do at once.
+    yield _make(maker, numbers[0], writer)
+    at_once = frames_at_once()
+    if maker.session.config.renderer == "gl":
+        at_once = 1  # OpenGL draws in one thread only
+    if at_once == 1:
+        yield from (_make(maker, number, writer) for number in numbers[1:])
+        return
+    each = default_threads() // at_once
+    pending: deque[Future[dict[str, float]]] = deque()
+    with ThreadPoolExecutor(at_once, thread_name_prefix="frame") as pool:
+        try:
+            for number in numbers[1:]:
+                pending.append(pool.submit(_make_within, each, maker, number, writer))
+                # Enough that no thread is without work while the first one is waited for.
+                if len(pending) > 2 * at_once:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _make_within(
+    threads: int, maker: FrameMaker, number: int, writer: CaptureWriter | MemoryWriter
 ) -> dict[str, float]:
-    """Sense and write a frame; return the seconds of each stage."""
+    with limited_threads(threads):
+        return _make(maker, number, writer)
+
+
+def _make(maker: FrameMaker, number: int, writer: CaptureWriter | MemoryWriter) -> dict[str, float]:
+    """Render, sense and write a frame; return the seconds of each stage."""
     seconds: dict[str, float] = {}
+    with timed(seconds, "render"):
+        frame = maker.render(number)
     images = maker.finish(frame, seconds)
     with timed(seconds, "write"):
-        writer.write_frame(frame.truth.number, images)
+        writer.write_frame(number, images)
     return seconds
 
 
 def _about(session: Session, plan: SensorPlan) -> About:
     """Return the facts about the recording for its index."""
     config = session.config
-    placement = session.scene.placement
+    objects = session.scene.objects
+    is_one_file = len(objects) == 1 and objects[0].mesh is not None
     about = About(
         tier=config.tier,
         seed=config.seed,
-        object_radius=session.scene.radius,
-        world_from_mesh=None if placement is None else matrix_rows(placement.world_from_mesh),
+        object_radius=session.scene.object_radius,
+        world_from_mesh=matrix_rows(objects[0].world_from_mesh) if is_one_file else None,
+        objects=tuple(map(_placed, objects)),
         surround_radius=session.environment.radius,
         exposure=session.renderer.exposure,
         sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
@@ -205,6 +265,12 @@ def _about(session: Session, plan: SensorPlan) -> About:
     )
 
 
+def _placed(each: SceneObject) -> PlacedObject:
+    mesh = None if each.mesh is None else str(each.mesh)
+    width, depth, height = (float(side) for side in each.size)
+    return PlacedObject(each.name, mesh, (width, depth, height), matrix_rows(each.world_from_mesh))
+
+
 def _rig_record(rig: StereoRig) -> Rig:
     """Return where the eyes are beside the camera that takes the images, as a capture holds it."""
     if not rig.has_color_camera:
@@ -214,9 +280,15 @@ def _rig_record(rig: StereoRig) -> Rig:
 
 
 def _object_record(scene: Scene) -> dict[str, Any]:
-    """Return the size of the object [m] along x, y and z, and what was assumed about its file."""
-    placement = scene.placement
-    assumed = {} if placement is None else {"up": placement.up, "scale": placement.scale.origin}
+    """Return the size of all objects [m] along x, y and z; of one, also what was assumed about its file."""
+    placement = scene.objects[0].placement if len(scene.objects) == 1 else None
+    assumed = {}
+    if placement is not None:
+        assumed = {
+            "up": placement.up,
+            "scale": placement.scale.origin,
+            "turned_deg": placement.turned,
+        }
     return {"size": scene.size.tolist(), **assumed}
 
 

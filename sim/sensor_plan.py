@@ -142,7 +142,9 @@ def make_plan(session: Session) -> SensorPlan:
     count = min(LOOKS, config.frames)
     numbers = np.linspace(0, config.frames - 1, count).round().astype(int).tolist()
     small = session.small()
-    facts = measure_facts([small.truth(number, Shutter())[0] for number in numbers], session.rig)
+    # The facts are those of the left eye.
+    looks = [small.truth(number, Shutter(), both_eyes=False)[0] for number in numbers]
+    facts = measure_facts(looks, session.rig)
     return with_adaptation(plan_for_facts(facts, session.rig, config), session)
 
 

@@ -9,9 +9,14 @@ import numpy as np
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.distractors import add_distractors
 from digs_warp.sim.environment import Environment, load_environment, procedural_environment
+from digs_warp.sim.ground import set_up
+from digs_warp.sim.object_turn import turn_objects
 from digs_warp.sim.profiles import Profile, load_profile
 from digs_warp.sim.reach import check_reach, orbit_distance
+from digs_warp.sim.refinish import refinished, with_table_top
+from digs_warp.sim.relight import relit
 from digs_warp.sim.render.protocol import Renderer
 from digs_warp.sim.rig import DEFAULT_FOV_DEG, StereoRig
 from digs_warp.sim.scene import Scene
@@ -26,9 +31,6 @@ from digs_warp.sim.trajectory import Walk
 DEFAULT_PROFILE = "zed2-720"
 DEFAULT_WIDTH = 640
 DEFAULT_ASPECT = 16 / 9
-
-# The walls are at least this many orbit distances away.
-SURROUND_MARGIN = 2.0
 
 # [Hz] The usual mode of the cameras that the profiles describe.
 FRAME_RATE = 30.0
@@ -51,12 +53,25 @@ def number_before(number: int, frames: int) -> int:
 
 
 @dataclass(frozen=True, eq=False)
+class ObjectPixels:
+    """Where an image shows the objects.
+
+    Attributes:
+        mask: share of each pixel that they cover, 0 to 255, (height, width), uint8.
+        object_ids: number of the object at the pixel center, (height, width), int32; 0: none.
+    """
+
+    mask: np.ndarray
+    object_ids: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Session:
     """A scene, and a camera that is about to be carried around it.
 
     Attributes:
         config: what to record.
-        scene: the object.
+        scene: the objects.
         environment: the surround, large enough for the walk.
         profile: the camera model.
         rig: the camera at the image size in use.
@@ -96,7 +111,8 @@ class Session:
         shutter: Shutter,
         drift: Drift = NO_DRIFT,
         projects: bool = True,
-    ) -> tuple[FrameTruth, np.ndarray]:
+        both_eyes: bool = True,
+    ) -> tuple[FrameTruth, ObjectPixels]:
         """Render the two eyes of a frame; frames do not depend on each other.
 
         Args:
@@ -104,18 +120,19 @@ class Session:
             shutter: through which both eyes look.
             drift: of the right eye.
             projects: whether the projector is on, if the camera has one.
+            both_eyes: whether to render the right image; else, the left one stands in for it.
 
         Returns:
-            The truth of the frame, and the mask of the object in the left eye, (height, width), uint8.
+            The truth of the frame, and where the left eye sees the objects.
         """
         moment, samples, rig = self.moment(number), self.config.samples_per_pixel, self.rig
-        left_shift, k = -rig.color_offset, rig.intrinsics
-        turn, right_k = drift.believed_from_turned, drift.right_intrinsics(k)
-        left = self._eye(moment, shutter, k, left_shift)
-        right = self._eye(moment, shutter, right_k, left_shift + rig.baseline, turn)
+        left_shift = -rig.color_offset
+        left, right = self.eyes(number, shutter, drift)
         image, mask = left.image(samples, self._eye_seed(number, LEFT_EYE))
-        right_image, _ = right.image(samples, self._eye_seed(number, RIGHT_EYE))
-        depth, normals, materials = left.geometry()
+        right_image, right_mask = image, None
+        if both_eyes:
+            right_image, right_mask = right.image(samples, self._eye_seed(number, RIGHT_EYE))
+        seen = left.geometry()
         dots_show = None
         if rig.has_color_camera:
             image, right_image = infrared_image(image), infrared_image(right_image)
@@ -123,7 +140,8 @@ class Session:
         if gain > 0 and projects:
             place = left_shift + rig.projector_offset
             projector_at = partial(self._pose, moment, place, UNTURNED)
-            dots, beside = (eye.project_dots(projector_at) for eye in (left, right))
+            dots = left.project_dots(projector_at)
+            beside = right.project_dots(projector_at) if both_eyes else dots
             dots_show = stands_out(image, gain * dots.peak, rig)
             image = with_dots(image, gain * dots.light)
             right_image = with_dots(right_image, gain * beside.light)
@@ -134,23 +152,36 @@ class Session:
             rig=rig,
             image=image,
             right=right_image,
-            depth=depth,
-            normals_world=normals,
-            material_ids=materials,
+            right_mask=right_mask,
+            depth=seen.depth,
+            normals_world=seen.normals_world,
+            material_ids=seen.material_ids,
             materials=self.scene.materials,
             motion=Motion(_triple(velocity), _triple(angular_velocity)),
             rays=left.rays(rig.baseline),
             drift=drift,
             dots_show=dots_show,
         )
-        return truth, mask
+        return truth, ObjectPixels(mask, seen.object_ids)
 
     def color_view(self, number: int, shutter: Shutter) -> ColorView:
         """Render what the color camera of a rig with an infrared pair sees; see `truth`."""
-        moment, k = self.moment(number), self.rig.image_intrinsics
-        eye, pose = self._eye(moment, shutter, k, 0.0), self.walk.pose(moment)
+        eye, pose = self.image_eye(number, shutter), self.walk.pose(self.moment(number))
         samples, seed = self.config.samples_per_pixel, self._eye_seed(number, COLOR_CAMERA)
-        return ColorView(Camera(k, pose), *eye.image(samples, seed), *eye.geometry())
+        return ColorView(Camera(eye.intrinsics, pose), *eye.image(samples, seed), *eye.geometry())
+
+    def eyes(
+        self, number: int, shutter: Shutter, drift: Drift = NO_DRIFT
+    ) -> tuple[ShutteredEye, ShutteredEye]:
+        """Return the left and the right eye, from which depth is measured; see `truth`."""
+        moment, rig, place = self.moment(number), self.rig, -self.rig.color_offset
+        turn, right_k = drift.believed_from_turned, drift.right_intrinsics(rig.intrinsics)
+        left = self._eye(moment, shutter, rig.intrinsics, place)
+        return left, self._eye(moment, shutter, right_k, place + rig.baseline, turn)
+
+    def image_eye(self, number: int, shutter: Shutter) -> ShutteredEye:
+        """Return the camera that takes the images: the left eye, or the one beside an infrared pair."""
+        return self._eye(self.moment(number), shutter, self.rig.image_intrinsics, 0.0)
 
     def _eye(
         self,
@@ -201,20 +232,28 @@ def load_inputs(config: SimulateConfig) -> Inputs:
         check_opengl()
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = rig_of(config)
-    scene = _load_object(config)
+    scene = turn_objects(_load_object(config), config.object_turn)
     check_reach(scene, rig)
     if config.environment is None:
         environment = procedural_environment()
     else:
         environment = load_environment(config.environment)
-    return Inputs(scene, environment, profile, rig)
+    environment = relit(environment, config.look, environment.is_room)
+    return Inputs(refinished(scene, config.look), environment, profile, rig)
 
 
 def _load_object(config: SimulateConfig) -> Scene:
-    if config.mesh is not None:
+    size, up, unit = config.object_size, config.up, config.unit
+    falls = config.arrange == "drop"
+    if config.mesh is not None and not falls:
         from digs_warp.sim.load import load_scene
 
-        return load_scene(config.mesh, config.object_size, config.up, config.unit)
+        return load_scene(config.mesh, size, up, unit)
+    files = (config.mesh,) if config.mesh is not None else config.scene
+    if files:
+        from digs_warp.sim.several import load_objects
+
+        return load_objects(files, config.seed, size, up, unit, falls)
     if config.object_size is not None or (config.up, config.unit) != ("auto", "auto"):
         raise DigsError(
             "--object-size, --unit and --up tell how to read a mesh file; the built-in object has none. "
@@ -226,14 +265,16 @@ def _load_object(config: SimulateConfig) -> Scene:
 
 
 def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
-    """Place the camera at a distance where it sees the object, and the surround beyond its path."""
-    scene, environment, rig = inputs.scene, inputs.environment, inputs.rig
-    distance = orbit_distance(scene, rig)
-    radius = max(environment.radius, SURROUND_MARGIN * distance)
-    surround = Environment(environment.radiance, radius)
+    """Place the camera where it sees the object, the object on its ground, and the surround far enough."""
+    distance = orbit_distance(inputs.scene, inputs.rig)
+    beside = (config.distractors, config.distractor_meshes)
+    things = add_distractors(inputs.scene, *beside, config.seed, distance)
     walk = Walk.around(distance, config.seed)
+    setting = set_up(things, inputs.environment, config.chosen_ground, distance)
+    scene = with_table_top(setting.scene, config.look, config.seed)
+    surround = setting.environment
     renderer = _make_renderer(config, scene, surround)
-    return Session(config, scene, surround, inputs.profile, rig, walk, renderer)
+    return Session(config, scene, surround, inputs.profile, inputs.rig, walk, renderer)
 
 
 def rig_of(config: SimulateConfig) -> StereoRig:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.sim.render.protocol import CameraTrack, Projected, Renderer
+from digs_warp.sim.render.protocol import CameraTrack, Geometry, Projected, Renderer
 from digs_warp.sim.sensor.frame import FrameRays
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
@@ -74,11 +74,17 @@ class ShutteredEye:
         ]
         return CameraTrack(self.intrinsics, np.array(poses))
 
-    def geometry(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return depth, world normals and material ids at the middle of each row's exposure."""
-        layers = [self.renderer.render_geometry(camera) for camera in self._cameras()]
-        depth, normals, materials = zip(*layers, strict=True)
-        return np.concatenate(depth), np.concatenate(normals), np.concatenate(materials)
+    @property
+    def middle_track(self) -> CameraTrack:
+        """The pose for each band in the middle of its exposure."""
+        return CameraTrack(
+            self.intrinsics, np.array([[self.pose_at(middle)] for middle in self._middles])
+        )
+
+    def geometry(self) -> Geometry:
+        """Return what is at the pixel centers at the middle of each row's exposure."""
+        layers = [self.renderer.render_geometry(camera) for camera in self.cameras()]
+        return Geometry(*(np.concatenate(bands) for bands in zip(*layers, strict=True)))
 
     def project_dots(self, projector_at: PoseAt) -> Projected:
         """Return the light of a projector at the middle of each row's exposure.
@@ -87,14 +93,14 @@ class ShutteredEye:
         """
         parts = [
             self.renderer.project_dots(camera, projector_at(middle))
-            for camera, middle in zip(self._cameras(), self._middles, strict=True)
+            for camera, middle in zip(self.cameras(), self._middles, strict=True)
         ]
         peaks, lights = ([part.peak for part in parts], [part.light for part in parts])
         return Projected(np.concatenate(peaks), np.concatenate(lights))
 
     def rays(self, baseline: float) -> FrameRays:
         """Return the rays for the sensor's effects; they are cast on request."""
-        cameras = list(self._cameras())
+        cameras = list(self.cameras())
         rays = [self.renderer.frame_rays(camera, baseline) for camera in cameras]
         heights = tuple(camera.intrinsics.height for camera in cameras)
         return rays[0] if len(rays) == 1 else BandedRays(tuple(rays), heights)
@@ -104,10 +110,9 @@ class ShutteredEye:
         """The middle of each band's exposure [s]."""
         return [float(self.shutter.moments(band).mean()) for band in range(self.shutter.bands)]
 
-    def _cameras(self) -> Iterator[Camera]:
+    def cameras(self) -> Iterator[Camera]:
         """Yield the camera of each band in the middle of its exposure."""
-        poses = np.array([[self.pose_at(middle)] for middle in self._middles])
-        for (camera,) in CameraTrack(self.intrinsics, poses).bands():
+        for (camera,) in self.middle_track.bands():
             yield camera
 
 

@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 
 @dataclass(frozen=True, kw_only=True)
 class ManyScenes:
-    """Record every mesh in every environment on several camera paths, all into one folder."""
+    """Record many scenes into one folder: every mesh in every environment, or scenes drawn at random."""
 
     meshes: str | None = None
     """Pattern for mesh files, in quotes, for example 'meshes/**/*.glb'."""
@@ -21,8 +21,25 @@ class ManyScenes:
     trajectories: int = 1
     """Camera paths per object and environment, each with its own seed."""
 
+    scenes: int | None = None
+    """Number of scenes drawn at random: of --meshes and --environments one for each scene, the rest as
+    --randomize says. Scene i depends on --seed and i alone."""
+
+    randomize: str | None = None
+    """What is drawn for --scenes, and from which distributions: indoor, tabletop, wild, or a YAML file
+    (docs/randomization.md has all keys). A flag that differs from its default stays as given. Default:
+    indoor."""
+
     def __post_init__(self) -> None:
         check_flag("--trajectories", self.trajectories)
+        check_flag("--scenes", self.scenes)
+        if self.randomize is not None and self.scenes is None:
+            raise DigsError(f"--randomize {self.randomize}: how many scenes? Give --scenes, too")
+        if self.scenes is not None and self.trajectories != 1:
+            raise DigsError(
+                "--scenes and --trajectories contradict each other: every scene has a path of its own; give "
+                "one of them"
+            )
 
     @property
     def asked_for(self) -> bool:

@@ -19,6 +19,7 @@ from digs_warp.words import counted
 
 if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
+    from digs_warp.pipeline.reconstruction import Reconstruction
 
 logger = logging.getLogger(__name__)
 
@@ -80,16 +81,18 @@ class Mesh(Command):
             f"{counted(found.removed_triangles, 'triangle')}",
         ]
         if result.capture is not None:
-            lines += _comparison(found.mesh, result.capture, 2 * found.voxel)
+            lines += _comparison(found.mesh, result, result.capture, 2 * found.voxel)
         return "\n".join(lines)
 
 
-def _comparison(mesh: "TriangleMesh", capture: Path, threshold: float) -> list[str]:
+def _comparison(
+    mesh: "TriangleMesh", result: "Reconstruction", capture: Path, threshold: float
+) -> list[str]:
     """Return a line on the distance to the recorded mesh; none for recordings of real objects."""
     from digs_warp.measure.surface_metrics import surface_score
 
     try:
-        truth = read_true_surface(capture)
+        truth = read_true_surface(capture, result.instance)
     except DigsError as error:
         logger.warning("%s; the mesh is compared with nothing", error)
         return []

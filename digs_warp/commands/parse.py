@@ -21,6 +21,9 @@ HELP = ("-h", "--help")
 COMMON_FLAGS = tuple(each.name for each in fields(CommonFlags))
 CONFIG = (tyro.conf.DisallowNone,)
 
+# Flags of earlier versions, and what does the same today.
+MOVED_FLAGS = {"--normals": "--labels normals", "--no-normals": "--labels none"}
+
 
 def read_command(words: Sequence[str], common: CommonFlags) -> Command:
     """Return the command that ``words`` describe, without running it.
@@ -102,6 +105,8 @@ def _check_flags(kind: type[Command], words: Sequence[str], program: str) -> Non
     known = {*HELP, *flags, *(flag.replace("--", "--no-", 1) for flag in flags)}
     for word in words[: words.index("--") if "--" in words else None]:
         flag = word.partition("=")[0].replace("_", "-")
+        if flag in MOVED_FLAGS:
+            raise DigsError(f"'{program}' has no flag '{flag}' any more; use {MOVED_FLAGS[flag]}")
         if flag.startswith("--") and flag not in known:
             raise DigsError(f"'{program}' has no flag '{word}'{did_you_mean(flag, flags)}")
 

@@ -54,7 +54,7 @@ class Plan(SettingsCommand):
         from digs_warp.sim.session import load_inputs, prepare_session
 
         if self.json is not None:
-            inputs = [self.recording.mesh, self.recording.environment]
+            inputs = self.recording.input_files
             check_output_file(self.json, self.overwrite, inputs, flag="--json")
         check_effects(self.recording)
         session = prepare_session(self.recording, load_inputs(self.recording))

@@ -66,7 +66,7 @@ class Run(ReconstructionOptions, SettingsCommand):
         check_machine(config)  # now, not after the recording
         check_source(config.segment)
         log = RunLog("run", {"recording": self.recording, "reconstruction": config})
-        inputs = [self.recording.mesh, self.recording.environment]
+        inputs = self.recording.input_files
         with self.output.opened(inputs, run_files()) as folder:
             what = self._run_stages(folder, config, log)
         return _summary(self.output.out, log, what)

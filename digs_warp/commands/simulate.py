@@ -1,10 +1,10 @@
 """`digs-warp simulate`: mesh and environment -> a capture folder, or many of them -> a data set."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import tyro
 
@@ -19,6 +19,9 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.words import counted
+
+if TYPE_CHECKING:
+    from digs_warp.sim.data_set import SceneJob
 
 # Flags of a recording that the help of `run` and `simulate` shows.
 RECORDING_FLAGS = ("mesh", "environment", "frames", "width", "profile", "tier", "seed")
@@ -37,7 +40,7 @@ class Simulate(SettingsCommand):
     """Record an object with a simulated handheld stereo depth camera.
 
     Writes a capture folder: left and right images, depth, masks and poses. nerfstudio reads it, too.
-    With --meshes, --environments or --trajectories it writes a folder of captures and a summary.
+    With --meshes, --environments, --trajectories or --scenes it writes a folder of captures and a summary.
     """
 
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
@@ -51,11 +54,13 @@ class Simulate(SettingsCommand):
     main_flags: ClassVar[tuple[str, ...]] = (
         *OUTPUT_FLAGS,
         *RECORDING_FLAGS,
-        *("effects", "strength", "meshes", "environments", "trajectories"),
+        *("scene", "meshes"),
+        *("scenes", "randomize"),
     )
 
     def __post_init__(self) -> None:
-        for one, several in (("mesh", "meshes"), ("environment", "environments")):
+        one_of_many = (("mesh", "meshes"), ("scene", "meshes"), ("environment", "environments"))
+        for one, several in one_of_many:
             if getattr(self.recording, one) and getattr(self.many, several):
                 raise DigsError(f"--{one} and --{several} contradict each other; give one of them")
 
@@ -75,7 +80,7 @@ class Simulate(SettingsCommand):
         from digs_warp.sim.record import simulate
 
         start = time.perf_counter()
-        inputs = [self.recording.mesh, self.recording.environment]
+        inputs = self.recording.input_files
         with self.output.opened(inputs, capture_files()) as folder:
             capture = simulate(self.recording, folder, resume=self.output.resume)
         k = capture.frames[0].camera.intrinsics
@@ -87,13 +92,13 @@ class Simulate(SettingsCommand):
         )
 
     def _record_many(self) -> str:
-        from digs_warp.sim.data_set import plan_jobs, simulate_many
+        from digs_warp.sim.data_set import simulate_many
         from digs_warp.sim.sensor_plan import check_effects
 
         check_effects(self.recording)
         meshes, environments = self.many.find()
-        jobs = plan_jobs(self.recording, meshes, environments, self.many.trajectories)
-        one: list[Path | None] = [self.recording.mesh, self.recording.environment]
+        jobs = self._jobs(meshes, environments)
+        one = self.recording.input_files
         names = (*capture_files(), RUN_RECORD, MANIFEST)
         writes = [DATA_SET, *(f"{job.name}/{name}" for job in jobs for name in names)]
         log = RunLog("simulate", {"recording": self.recording, "scenes": self.many})
@@ -115,3 +120,12 @@ class Simulate(SettingsCommand):
             f"{lines}\n\nAlso in {self.output.out / DATA_SET}. {counted(len(results), 'scene')} in "
             f"{log.seconds['simulate']:.0f} s"
         )
+
+    def _jobs(self, meshes: Sequence[Path], environments: Sequence[Path]) -> "tuple[SceneJob, ...]":
+        from digs_warp.sim.data_set import draw_jobs, plan_jobs
+        from digs_warp.sim.randomize.file import DEFAULT_BASE, load_randomization
+
+        if self.many.scenes is None:
+            return plan_jobs(self.recording, meshes, environments, self.many.trajectories)
+        randomization = load_randomization(self.many.randomize or DEFAULT_BASE)
+        return draw_jobs(randomization, self.recording, self.many.scenes, meshes, environments)

@@ -1,8 +1,10 @@
 """The number of threads, and NumPy work spread over them."""
 
 import os
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import TypeVar
 
 from digs_warp.checks import DigsError
@@ -14,8 +16,34 @@ _T = TypeVar("_T")
 CHUNK = 32768
 
 
+# The limit of `limited_threads`, of each thread by itself.
+_own = threading.local()
+
+
+@contextmanager
+def limited_threads(count: int) -> Iterator[None]:
+    """Let what the calling thread does in the block use at most ``count`` threads, >= 1.
+
+    For work that is shared out in large pieces, one per thread: what is inside a piece has no cores left.
+    """
+    before = getattr(_own, "limit", None)
+    _own.limit = count
+    try:
+        yield
+    finally:
+        _own.limit = before
+
+
 def default_threads() -> int:
-    """Return the number of cores this process may use; DIGS_WARP_THREADS overrides it."""
+    """Return the number of cores that the calling thread may use.
+
+    It is that of the process; DIGS_WARP_THREADS overrides it, and `limited_threads` limits it.
+    """
+    limit = getattr(_own, "limit", None)
+    return _cores() if limit is None else min(limit, _cores())
+
+
+def _cores() -> int:
     override = os.environ.get("DIGS_WARP_THREADS", "")
     if override:
         if not override.isdecimal() or int(override) == 0:

@@ -112,9 +112,20 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
         raise DigsError(
             f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
         )
+    _check_instance(capture, config.segment.instance)
     training = _split(capture, config.test_every).training
-    if config.segment.masks != "capture":
+    if config.segment.source != "capture":
         check_inputs(training, config.segment)
+
+
+def _check_instance(capture: Capture, instance: int | None) -> None:
+    objects = capture.about.objects
+    if instance is None or objects is None or capture.about.instance(instance):
+        return
+    names = ", ".join(f"{number} {each.name}" for number, each in enumerate(objects, start=1))
+    raise DigsError(
+        f"--instance {instance}: {capture} has no such object; choose one of these: {names}"
+    )
 
 
 def front_end(
@@ -138,7 +149,7 @@ def front_end(
     if config.needs_sfm:
         with log.stage("structure from motion"):
             sparse = _structure_from_motion(capture, config.sfm, folder / SFM)
-    if config.segment.masks != "capture":
+    if config.segment.source != "capture":
         with log.stage("masks"):
             frames = _masked(frames, config.segment, folder / MASKS)
     model: _Model | None = None
@@ -177,7 +188,7 @@ def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> No
 def _doubts(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
     """Look at what the capture contributes, and warn of what does not fit together."""
     found = check_capture(
-        capture, poses=config.sfm.poses != "sfm", masks=config.segment.masks == "capture"
+        capture, poses=config.sfm.poses != "sfm", masks=config.segment.source == "capture"
     )
     for doubt in found.doubts:
         logger.warning("%s: %s", capture, doubt)
@@ -204,10 +215,13 @@ def _structure_from_motion(capture: Capture, config: SfmConfig, workspace: Path)
 
 
 def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
-    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks."""
+    """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
+
+    The masks of one of several objects are those of the recording.
+    """
     training = with_masks(frames.training, segment(frames.training, config, folder))
     held_out = list(frames.held_out)
-    if any(not frame.has(Layer.MASK) for frame in held_out):
+    if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
         held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
     return replace(frames, training=tuple(training), held_out=tuple(held_out))
 

@@ -103,6 +103,12 @@ class Reconstruction:
         return self._setting("segment", "masks")
 
     @property
+    def instance(self) -> int | None:
+        """The number of the one object that was reconstructed, of several; None: all of them."""
+        segment = Fields(self.settings, "settings").section("segment", optional=True)
+        return segment.whole("instance", default=None)
+
+    @property
     def results(self) -> Results:
         """The counts and figures in run.json."""
         last = self.course[-1] if self.course else None

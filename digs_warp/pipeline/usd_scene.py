@@ -57,10 +57,10 @@ def write_capture_package(
     scene = CaptureScene(
         variants=tuple(map(_variant, results, variant_labels(results))),
         cameras=_camera_path(capture, posed),
-        source_mesh=_source_mesh(capture),
+        source_mesh=_source_mesh(capture, shown.instance),
         surface=extract_mesh(replace(shown, frames=posed)).mesh if surface else None,
         course=shown.load_snapshots(),
-        metadata=scene_metadata(shown) | _origin(capture),
+        metadata=scene_metadata(shown) | _origin(capture, shown.instance),
     )
     write_capture_scene(path, scene, options)
 
@@ -86,10 +86,13 @@ def scene_metadata(result: Reconstruction) -> dict[str, Any]:
     return metadata
 
 
-def _origin(capture: Capture) -> dict[str, Any]:
-    """Return the hash of the recording and the pose of its mesh file in the world."""
+def _origin(capture: Capture, instance: int | None) -> dict[str, Any]:
+    """Return the hash of the recording and the pose of the mesh file in the world."""
     capture_hash = recorded_hash(capture.stored_in) if capture.stored_in else None
     world_from_mesh = capture.about.world_from_mesh
+    if instance is not None:
+        placed = capture.about.instance(instance)
+        world_from_mesh = placed.world_from_mesh if placed and placed.mesh else None
     origin: dict[str, Any] = {"capture_sha256": capture_hash} if capture_hash else {}
     if world_from_mesh is not None:
         # Flat: USD dictionaries hold no nested lists.
@@ -139,11 +142,11 @@ def _camera_path(capture: Capture, posed: PosedFrames) -> "CameraPath | None":
         return None
 
 
-def _source_mesh(capture: Capture) -> "TriangleMesh | None":
+def _source_mesh(capture: Capture, instance: int | None) -> "TriangleMesh | None":
     from digs_warp.surface.true_surface import read_true_surface
 
     try:
-        return read_true_surface(capture.stored_in) if capture.stored_in else None
+        return read_true_surface(capture.stored_in, instance) if capture.stored_in else None
     except DigsError as error:
         logger.warning("the scene gets no source mesh: %s", error)
         return None

@@ -17,7 +17,8 @@ def settings_from_json(kind: type[T], values: Any, name: str = "settings") -> T:
     """Return the dataclass that `to_json` wrote; missing fields keep their defaults.
 
     Args:
-        kind: a dataclass of numbers, texts, paths, choices, tuples and dataclasses.
+        kind: a dataclass of numbers, texts, paths, choices, tuples and dataclasses. Its static method
+            ``of_today``, if it has one, gives settings of earlier versions the names of today.
         values: the JSON object.
         name: of the object, for messages.
 
@@ -26,6 +27,7 @@ def settings_from_json(kind: type[T], values: Any, name: str = "settings") -> T:
     """
     if not isinstance(values, Mapping):
         raise DigsError(f"{name}: expected names with values, found {shown(values)}")
+    values = getattr(kind, "of_today", dict)(values)
     hints = get_type_hints(kind)
     known = [field.name for field in fields(kind)]  # pyright: ignore[reportArgumentType]
     if unknown := [key for key in values if key not in known]:

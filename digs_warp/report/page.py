@@ -62,6 +62,8 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
 def _subject(capture: Capture, records: RunRecords) -> str:
     """Return what was captured: the mesh if the capture names it, else the folder's name."""
     settings = records.capture.settings if records.capture else {}
+    if settings.get("scene"):
+        return ", ".join(Path(name).stem for name in settings["scene"])
     if "mesh" in settings:
         return Path(settings["mesh"]).stem if settings["mesh"] else "Built-in object"
     return capture.folder.resolve().name

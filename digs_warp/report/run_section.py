@@ -56,9 +56,7 @@ def times_section(records: RunRecords) -> str:
         return section("Times", "No stage times were recorded.")
     longest = max(bars, key=lambda bar: bar.value)
     alt = f"Seconds per stage; the longest is {longest.label} with {longest.value:.1f} s"
-    caption = (
-        "Stages that run side by side, such as writing frames while others are rendered, overlap."
-    )
+    caption = "Frames are recorded side by side: their stages share the time that passes."
     rows = [(bar.label, f"{bar.value:.2f}") for bar in bars]
     rows += [
         (f"whole run: {stage}", f"{seconds:.2f}")

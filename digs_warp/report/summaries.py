@@ -81,6 +81,7 @@ def of_capture(folder: Path) -> Facts:
     return (
         facts
         | _of_object(folder)
+        | _of_objects(capture)
         | _of_frame(first)
         | _of_plausibility(capture)
         | _of_record(folder)
@@ -91,6 +92,15 @@ def _of_object(folder: Path) -> Facts:
     """The size of a simulated object."""
     words = recorded_object(folder)
     return {"object size": words} if words else {}
+
+
+def _of_objects(capture: Capture) -> Facts:
+    """The objects of a recording of several, by their numbers."""
+    objects = capture.about.objects or ()
+    if len(objects) < 2:
+        return {}
+    named = (f"{i + 1} {each.name} ({_sides(each.size)})" for i, each in enumerate(objects))
+    return {"objects": ", ".join(named)}
 
 
 def recorded_object(folder: Path) -> str | None:
@@ -235,7 +245,11 @@ def of_mesh(path: Path) -> Facts:
     from digs_warp.sim.load import load_scene
 
     scene = load_scene(path)
-    assert scene.placement is not None
+    placement = scene.objects[0].placement
+    assert placement is not None
+    turned = (
+        f", turned by {placement.turned:.1f} degrees, so that it rests" if placement.turned else ""
+    )
     textured = sum(material.texture is not None for material in scene.materials)
     return {
         "kind": "mesh",
@@ -243,8 +257,8 @@ def of_mesh(path: Path) -> Facts:
         "vertices": f"{len(scene.vertices):,}",
         "materials": f"{len(scene.materials)}, {textured} with a texture",
         "size": f"{_sides(scene.size)} in a capture, z up",
-        "unit": scene.placement.scale.origin,
-        "up axis": f"{scene.placement.up} of the file",
+        "unit": placement.scale.origin,
+        "up axis": f"{placement.up} of the file{turned}",
         "file size": _megabytes(path),
     }
 

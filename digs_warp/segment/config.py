@@ -17,6 +17,10 @@ class SegmentConfig:
     isnet-general-use; depth: the foreground of the depth maps, without a network; degraded: those of the
     recording with errors, to measure what they cost."""
 
+    instance: int | None = None
+    """For capture: the number of one object of a recording of several ('digs-warp info' lists them). Default:
+    all of them."""
+
     mask_folder: Path | None = None
     """For folder: PNG files named like the frames (0000.png); 255 on the object, or cut-outs with alpha."""
 
@@ -35,7 +39,15 @@ class SegmentConfig:
             raise DigsError(
                 "--masks folder and --mask-folder PATH belong together; give both or none"
             )
+        check_flag("--instance", self.instance)
+        if self.instance is not None and self.masks != "capture":
+            raise DigsError(f"--instance {self.instance}: needs --masks capture")
         if self.mask_model is not None and self.masks != "isnet":
             raise DigsError("--mask-model needs --masks isnet")
         check_flag("--mask-error", self.mask_error)
         check_flag("--seed", self.mask_seed)
+
+    @property
+    def source(self) -> str:
+        """What masks are made of: ``masks``, or "instance" for one of several objects."""
+        return self.masks if self.instance is None else "instance"

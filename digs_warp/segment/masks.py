@@ -33,6 +33,7 @@ ALMOST_EMPTY, ALMOST_FULL = 0.001, 0.98
 # What each source reads of a frame.
 _INPUTS = {
     "capture": (Layer.MASK,),
+    "instance": (Layer.MASK, Layer.INSTANCES),
     "folder": (Layer.IMAGE,),
     "isnet": (Layer.IMAGE,),
     "depth": (Layer.IMAGE, Layer.DEPTH),
@@ -58,7 +59,7 @@ def segment(frames: Sequence[Frame], config: SegmentConfig, folder: Path) -> lis
             or 16 bits, or the network is missing or cannot be loaded.
     """
     check_inputs(frames, config)
-    if config.masks == "capture":
+    if config.source == "capture":
         return [frame.path(Layer.MASK) for frame in frames]
     paths = [folder / f"{frame.name}.png" for frame in frames]
     _forget_other_masks(paths, _key(frames, config), folder)
@@ -103,6 +104,8 @@ def _make(
 
 
 def _mask_maker(config: SegmentConfig) -> MaskOf:
+    if config.instance is not None:
+        return partial(_mask_of_instance, config.instance)
     if config.masks == "isnet":
         network = MaskNetwork(config.mask_model or default_model_path(), default_threads())
         return lambda _, frame: network.mask(frame.load_image())
@@ -119,6 +122,11 @@ def _mask_maker(config: SegmentConfig) -> MaskOf:
 def _workers(config: SegmentConfig) -> int:
     # onnxruntime spreads one image over all cores.
     return 1 if config.masks == "isnet" else default_threads()
+
+
+def _mask_of_instance(instance: int, _: int, frame: Frame) -> np.ndarray:
+    """Return the mask where the pixel's center shows one object; 0 elsewhere."""
+    return np.where(frame.load_instances() == instance, frame.load_mask(), np.uint8(0))
 
 
 def _mask_from_folder(folder: Path, _: int, frame: Frame) -> np.ndarray:
@@ -150,7 +158,7 @@ def check_source(config: SegmentConfig) -> None:
 def check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
     """Raise a `DigsError` when something that `segment` reads is missing."""
     check_source(config)
-    for layer in _INPUTS[config.masks]:
+    for layer in _INPUTS[config.source]:
         lacking = [frame.name for frame in frames if not frame.has(layer)]
         if lacking:
             raise DigsError(
@@ -168,7 +176,7 @@ def check_inputs(frames: Sequence[Frame], config: SegmentConfig) -> None:
 
 def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     """A hash of the settings and of the state of every file that a mask depends on."""
-    sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.masks]]
+    sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
     if config.mask_folder is not None:
         sources += [config.mask_folder / f"{frame.name}.png" for frame in frames]
     if config.masks == "isnet":

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.profiles import zed2_like
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.law import sense_depth
+from reference.zed2 import zed2_like
 
 RIG = zed2_like(320, 200)
 FOCAL_BASELINE = RIG.intrinsics.fx * RIG.baseline

@@ -8,10 +8,11 @@ import pytest
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry import look_at
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.join import join_scenes
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.render.rays import SurfaceRays
 from digs_warp.sim.scene import Material, Scene
-from reference.plates import join_scenes, plate
+from reference.plates import plate
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(160, 90, 60.0)
@@ -108,7 +109,7 @@ def test_opacity_textures_cut_holes_into_geometry() -> None:
     texture = np.repeat(np.where(np.arange(64) < 32, 0, 255)[None], 64, axis=0).astype(np.uint8)
     leaf = wall(0.0, 0.2, opacity_texture=texture, alpha_cutoff=0.5, opacity=0.5)
     renderer = RaycastRenderer(join_scenes(leaf, wall(-0.5, 3.0)), SKY)
-    depth, _, materials = renderer.render_geometry(CAMERA)
+    depth, _, materials, _ = renderer.render_geometry(CAMERA)
     row = depth[45]
     assert set(np.round(row, 4)) == {1.0, 1.5}
     (u, _), _ = CAMERA.project(np.array([0, 0, 0.0]))

@@ -13,7 +13,7 @@ from digs_warp.sim.record import simulate, simulate_in_memory
 from digs_warp.sim.stream import stream
 
 CONFIGS = (
-    SimulateConfig(frames=2, width=64, normals=True),
+    SimulateConfig(frames=2, width=64, labels="all"),
     SimulateConfig(frames=2, width=64, tier="truth"),
 )
 LOADERS = {
@@ -25,6 +25,15 @@ LOADERS = {
     Layer.CAUSE: Frame.load_cause,
     Layer.CONFIDENCE: Frame.load_confidence,
     Layer.NORMALS: Frame.load_normals,
+    Layer.INSTANCES: Frame.load_instances,
+    Layer.DEPTH_RIGHT: Frame.load_depth_right,
+    Layer.MASK_RIGHT: Frame.load_mask_right,
+    Layer.DISPARITY: Frame.load_disparity,
+    Layer.DISPARITY_RIGHT: Frame.load_disparity_right,
+    Layer.OCCLUSION: Frame.load_occlusion,
+    Layer.OCCLUSION_RIGHT: Frame.load_occlusion_right,
+    Layer.FLOW: Frame.load_flow,
+    Layer.FLOW_OCCLUSION: Frame.load_flow_occlusion,
 }
 
 

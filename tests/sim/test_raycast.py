@@ -8,12 +8,13 @@ import pytest
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.geometry import look_at
-from digs_warp.sim.environment import Environment
+from digs_warp.sim.environment import DEFAULT_RADIUS, Environment
+from digs_warp.sim.join import join_scenes
 from digs_warp.sim.panorama import panorama_directions
 from digs_warp.sim.render.openness import openness_nodes
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene import Material, Scene
-from reference.plates import join_scenes, plate
+from reference.plates import plate
 
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(161, 91, 60.0)
@@ -21,9 +22,9 @@ CAMERA = Camera(INTRINSICS, look_at(np.array([1.1, -0.5, 0.4]), np.zeros(3), UP)
 GREY = Material("grey", np.full(3, 0.5, np.float32))
 
 
-def sky(seed: int = 0, **settings: float) -> Environment:
+def sky(seed: int = 0, radius: float = DEFAULT_RADIUS) -> Environment:
     noise = np.random.default_rng(seed).uniform(0.2, 1.8, (32, 64, 3)).astype(np.float32)
-    return Environment(noise, **settings)
+    return Environment(noise, radius)
 
 
 def grey_sky() -> Environment:
@@ -115,7 +116,9 @@ def test_depth_of_a_slanted_plane_is_the_closed_form() -> None:
 
 def test_depth_and_normals_of_a_sphere() -> None:
     radius = 0.3
-    depth, normals, materials = RaycastRenderer(sphere(radius, 128), sky()).render_geometry(CAMERA)
+    depth, normals, materials, _ = RaycastRenderer(sphere(radius, 128), sky()).render_geometry(
+        CAMERA
+    )
     expected = sphere_depth(CAMERA, radius)
     k = INTRINSICS
     points = CAMERA.unproject(pixel_centers(k.width, k.height), expected)
@@ -144,7 +147,7 @@ def test_the_surround_shows_the_panorama_where_it_lies() -> None:
     directions = panorama_directions(256, 128)
     renderer = RaycastRenderer(FAR_AWAY, Environment((directions + 1).astype(np.float32) / 2))
     camera = Camera(INTRINSICS, CAMERA.world_from_cam)
-    depth, _, _ = renderer.render_geometry(camera)
+    depth = renderer.render_geometry(camera).depth
     outward = camera.unproject(pixel_centers(161, 91), depth) / 4.0
     image, _ = renderer.render_image(camera, samples_per_pixel=64)
     linear = np.where(image <= 10, image / 255 / 12.92, ((image / 255 + 0.055) / 1.055) ** 2.4)
@@ -170,7 +173,7 @@ def test_mask_is_the_covered_share_of_the_image() -> None:
 def test_both_eyes_see_the_same_points_at_the_disparity_of_their_depth() -> None:
     renderer = RaycastRenderer(sphere(0.3, 128), sky())
     right = CAMERA.shifted_right(0.12)
-    depth, normals, _ = renderer.render_geometry(CAMERA)
+    depth, normals = renderer.render_geometry(CAMERA)[:2]
     points = CAMERA.unproject(pixel_centers(161, 91), depth)
     px_right, _ = right.project(points)
     disparity = pixel_centers(161, 91)[..., 0] - px_right[..., 0]
@@ -181,7 +184,7 @@ def test_both_eyes_see_the_same_points_at_the_disparity_of_their_depth() -> None
     assert both.sum() > 500
     u, row = px_right[both][:, 0] - 0.5, np.round(px_right[both][:, 1] - 0.5).astype(int)
     column = np.floor(u).astype(int)
-    seen, _, _ = renderer.render_geometry(right)
+    seen = renderer.render_geometry(right).depth
     between = seen[row, column] * (column + 1 - u) + seen[row, column + 1] * (u - column)
     np.testing.assert_allclose(between, depth[both], atol=2e-4)
 
@@ -222,7 +225,7 @@ def test_white_furnace_returns_the_colour_of_a_matte_surface() -> None:
     scene = replace(sphere(0.3), materials=(replace(GREY, base_color=np.array([0.8, 0.4, 0.1])),))
     renderer = RaycastRenderer(scene, grey_sky())
     image, mask = renderer.render_image(CAMERA, samples_per_pixel=16)
-    _, normals, _ = renderer.render_geometry(CAMERA)
+    normals = renderer.render_geometry(CAMERA).normals_world
     rays = rays_world(CAMERA)
     facing = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True) * normals).sum(-1) > 0.7
     shown = image[(mask == 255) & facing].mean(axis=0) / 255
@@ -246,7 +249,7 @@ def test_both_sides_of_a_sheet_are_lit_alike() -> None:
     for x in (1.0, -1.0):
         camera = Camera(INTRINSICS, look_at(np.array([x, 0, 0]), np.zeros(3), UP))
         images.append(renderer.render_image(camera)[0][45, 80])
-        normals.append(renderer.render_geometry(camera)[1][45, 80])
+        normals.append(renderer.render_geometry(camera).normals_world[45, 80])
     np.testing.assert_array_equal(images[0], images[1])
     np.testing.assert_allclose(normals, [[1, 0, 0], [-1, 0, 0]], atol=1e-6)
 

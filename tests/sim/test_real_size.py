@@ -25,7 +25,13 @@ from reference.mesh_files import lopsided, save
 
 def recorded(path: Path, folder: Path, unit: Unit = "auto") -> Capture:
     config = SimulateConfig(
-        mesh=path, frames=3, width=160, samples_per_pixel=1, tier="law", unit=unit
+        mesh=path,
+        frames=3,
+        width=160,
+        samples_per_pixel=1,
+        tier="law",
+        unit=unit,
+        ground="none",
     )
     return simulate(config, folder)
 

@@ -50,6 +50,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> SimulateConfig:
         object_size=0.4,
         up="z",
         tier="law",
+        ground="none",
     )
 
 

@@ -114,7 +114,7 @@ def test_a_resumed_recording_has_the_same_bytes(recording: Path, tmp_path: Path)
 def test_perfect_depth_is_the_color_cameras_own() -> None:
     config = replace(CONFIG, tier="truth", frames=1)
     (frame,) = simulate_in_memory(config).frames
-    assert set(layers_of(config)) == set(frame.layers)
+    assert set(layers_of(config, 0)) == set(frame.layers)
     np.testing.assert_array_equal(frame.load_depth(), frame.load_depth_true())
 
 

@@ -23,7 +23,7 @@ from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
 from digs_warp.sim.session import Session, load_inputs, prepare_session
 from reference.file_hashes import file_hashes, listed_hashes
 
-CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, normals=True, seed=5)
+CONFIG = SimulateConfig(frames=3, width=80, samples_per_pixel=1, labels="normals", seed=5)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def layers(capture: Capture) -> list[np.ndarray]:
 def test_at_strength_zero_every_tier_is_perfect(
     tier: Literal["guided", "matcher"], tmp_path: Path
 ) -> None:
-    small = replace(CONFIG, frames=1, normals=False)
+    small = replace(CONFIG, frames=1, labels="none")
     perfect = simulate(replace(small, tier="truth"), tmp_path / "truth")
     weakest = simulate(replace(small, tier=tier, strength=0.0), tmp_path / tier)
     for a, b in zip(layers(perfect), layers(weakest), strict=True):

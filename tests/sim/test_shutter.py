@@ -74,7 +74,7 @@ def test_a_still_camera_sees_the_same_through_any_shutter(renderer: Renderer) ->
 
 
 def test_a_rolling_shutter_leans_what_stands_upright(renderer: Renderer) -> None:
-    depth, _, materials = eye(renderer, Shutter(60, 1, READOUT)).geometry()
+    depth, _, materials, _ = eye(renderer, Shutter(60, 1, READOUT)).geometry()
     assert depth.shape == (K.height, K.width)
     first = np.argmax(materials == 0, axis=1).astype(float)
     moments = (np.arange(K.height) + 0.5) / K.height * READOUT - READOUT / 2
@@ -165,8 +165,8 @@ def test_both_eyes_read_a_row_at_the_same_time(renderer: Renderer) -> None:
     shutter = Shutter(60, 1, READOUT)
     left = eye(renderer, shutter).geometry()
     right = ShutteredEye(renderer, shutter, K, right_pose).geometry()
-    edges = [np.argmax(materials == 0, axis=1) for _, _, materials in (left, right)]
-    depth_at_edge = left[0][np.arange(K.height), edges[0]]
+    edges = [np.argmax(eye.material_ids == 0, axis=1) for eye in (left, right)]
+    depth_at_edge = left.depth[np.arange(K.height), edges[0]]
     np.testing.assert_allclose(edges[0] - edges[1], K.fx * 0.1 / depth_at_edge, atol=1.01)
 
 

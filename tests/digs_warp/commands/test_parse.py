@@ -141,6 +141,7 @@ def test_every_benchmark_and_study_is_a_command() -> None:
         (["--quite", "run", "--out", "x"], "did you mean '--quiet'?"),
         (["recommend", "--budget", "1s"], "no flag '--budget'; did you mean '--time-budget'?"),
         (["usd", "info", "--jsn"], "no flag '--jsn'; did you mean '--json'?"),
+        (["run", "--out", "x", "--normals"], "no flag '--normals' any more; use --labels normals"),
     ],
 )
 def test_a_close_miss_is_suggested_in_a_few_lines(

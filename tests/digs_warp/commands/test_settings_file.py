@@ -16,7 +16,10 @@ from digs_warp.commands.run import Run
 from digs_warp.commands.simulate import Simulate
 from digs_warp.record.run_log import RunLog
 
-RECORDING = ["--frames", "7", "--mesh", "a b.glb", "--strength", "0.1", "--seed", "3", "--normals"]
+RECORDING = [
+    *("--frames", "7", "--mesh", "a b.glb", "--strength", "0.1", "--seed", "3"),
+    *("--labels", "normals"),
+]
 RECONSTRUCTION = [
     *("--poses", "sfm", "--strategy", "fusion", "--voxel-size", "0.0037", "--no-edge-filter"),
     *("--iterations", "12", "--time-budget", "3min", "--density", "mcmc", "--means-rate", "1e-5"),
@@ -90,6 +93,16 @@ def test_yaml_with_a_few_settings_is_enough(tmp_path: Path) -> None:
     assert isinstance(command, Run)
     assert (command.recording.frames, command.init.voxel_size) == (7, 1e-3)
     assert command.recording.tier == "guided"
+
+
+@pytest.mark.parametrize(("normals", "labels"), [(True, "normals"), (False, "none")])
+def test_records_with_a_switch_for_normals_are_read(
+    tmp_path: Path, normals: bool, labels: str
+) -> None:
+    record = save(tmp_path / "run.json", "simulate", {"frames": 7, "normals": normals})
+    command = cli.parse(["simulate", "--config", str(record), "--out", "x"])
+    assert isinstance(command, Simulate)
+    assert (command.recording.frames, command.recording.labels) == (7, labels)
 
 
 def test_a_plan_takes_the_settings_of_a_recording(tmp_path: Path) -> None:

@@ -1,11 +1,12 @@
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.device.threads import over_rows
+from digs_warp.device.threads import default_threads, limited_threads, over_rows
 
 
 @pytest.mark.parametrize("threads", ["1", "3"])
@@ -41,3 +42,16 @@ def test_an_error_is_handed_on_and_ends_the_work(monkeypatch):
     with pytest.raises(DigsError, match="row 0"):
         over_rows(5000, work, chunk=1)
     assert len(done) < 4999
+
+
+def test_a_limit_holds_in_its_block_and_its_thread_only(monkeypatch):
+    monkeypatch.setenv("DIGS_WARP_THREADS", "6")
+    with limited_threads(4):
+        with limited_threads(1):
+            assert default_threads() == 1
+        assert default_threads() == 4
+        with ThreadPoolExecutor(1) as other:
+            assert other.submit(default_threads).result() == 6
+    with limited_threads(9):
+        assert default_threads() == 6
+    assert default_threads() == 6

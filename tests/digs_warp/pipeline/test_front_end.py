@@ -63,7 +63,8 @@ def test_the_points_lie_on_the_object(
     points = found[0].start.points
     distances, _ = KDTree(expected.points_world).query(points.points_world)
     assert np.median(distances) < 0.005
-    assert len(points) == pytest.approx(len(expected), rel=0.1)
+    # Poses that are off by a few millimetres thicken a surface of voxels of a centimetre.
+    assert 0.9 < len(points) / len(expected) < 1.3
 
 
 def test_finished_stages_are_taken_over(capture: Capture, found: tuple[Prepared, Path]) -> None:

@@ -1,0 +1,111 @@
+"""`reconstruct --instance 2`: the second of two objects, and everything after it is held against that one."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import KDTree
+
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
+from digs_warp.data.capture import read_capture
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
+from digs_warp.surface.true_surface import read_true_surface
+from reference.mesh_files import save
+from reference.optional import open3d_or_skip
+
+MM = 1e-3
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("two")
+    boxes = (
+        save(folder / "box.ply", trimesh.creation.box((0.2, 0.15, 0.12))),
+        save(folder / "post.ply", trimesh.creation.box((0.08, 0.08, 0.2))),
+    )
+    config = SimulateConfig(
+        scene=boxes, frames=16, width=128, tier="truth", unit="m", samples_per_pixel=1
+    )
+    simulate(config, folder / "capture")
+    return folder / "capture"
+
+
+@pytest.fixture(scope="module")
+def second(capture: Path) -> Path:
+    folder = capture.parent / "second"
+    flags = ["--instance", "2", "--iterations", "60", "--sh-degree", "0", "--quiet"]
+    assert main(["reconstruct", str(capture), *flags, "--out", str(folder)]) == EXIT_OK
+    return folder
+
+
+def corners(capture: Path, instance: int) -> np.ndarray:
+    surface = read_true_surface(capture, instance)
+    assert surface is not None
+    return np.stack([surface.points_world.min(axis=0), surface.points_world.max(axis=0)])
+
+
+def test_start_and_gaussians_lie_on_the_second_object_alone(capture: Path, second: Path) -> None:
+    result = Reconstruction.load(second)
+    assert result.instance == 2
+    assert result.start is not None
+    low, high = corners(capture, 2)
+    for points in (result.start.points.points_world, result.gaussians.means):
+        beside = (points < low - 8 * MM) | (points > high + 8 * MM)
+        assert np.mean(beside.any(axis=1)) < 0.02
+        np.testing.assert_allclose(points.max(axis=0), high, atol=15 * MM)
+
+
+def test_views_are_compared_inside_its_mask(capture: Path, second: Path) -> None:
+    result = Reconstruction.load(second)
+    assert result.frames is not None
+    recorded = {frame.name: frame for frame in read_capture(capture).frames}
+    for frame in (*result.frames.training, *result.frames.held_out):
+        there = recorded[frame.name]
+        alone = there.load_instances() == 2
+        np.testing.assert_array_equal(frame.load_mask() > 0, alone & (there.load_mask() > 0))
+    assert result.frames.held_out
+    # White paint before white: a reconstruction of both objects misses by the whole other one.
+    assert result.scores.mean.psnr > 20
+
+
+def test_its_mesh_is_held_against_its_own_surface(
+    capture: Path, second: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    open3d_or_skip()
+    out = second.parent / "second.ply"
+    assert main(["mesh", str(second), "--out", str(out), "--voxel-size", "0.01"]) == EXIT_OK
+    found = re.search(r"mesh to truth (\S+) mm, truth to mesh (\S+) mm", capsys.readouterr().out)
+    assert found
+    assert float(found[1]) < 15
+    assert float(found[2]) < 25  # of both objects together: 60 and more
+
+
+def test_the_scene_has_its_source_mesh(capture: Path, second: Path) -> None:
+    from pxr import Usd, UsdGeom
+
+    out = second.parent / "second.usdz"
+    flags = ["--capture", str(capture), "--out", str(out)]
+    assert main(["export-usd", str(second), *flags]) == EXIT_OK
+    stage = Usd.Stage.Open(str(out))
+    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert len(meshes) == 1
+    points = np.array(meshes[0].GetPointsAttr().Get())
+    world = np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)  # Y up to z up
+    surface = read_true_surface(capture, 2)
+    assert surface is not None
+    assert KDTree(world).query(surface.points_world)[0].max() < 1e-5
+    assert KDTree(surface.points_world).query(world)[0].max() < 1e-5
+
+
+def test_an_object_that_is_not_there_is_named(
+    capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = ["--instance", "3", "--out", str(tmp_path / "third")]
+    assert main(["reconstruct", str(capture), *flags]) == EXIT_BAD_INPUT
+    assert "--instance 3" in (text := capsys.readouterr().err)
+    assert "1 box, 2 post" in text
+    assert not (tmp_path / "third").exists()

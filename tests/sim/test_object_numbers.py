@@ -1,0 +1,89 @@
+"""Masks and object numbers of scenes with several objects and furniture."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.device.libraries import MissingLibraryError
+from digs_warp.geometry import look_at
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.join import join_scenes
+from digs_warp.sim.render.protocol import Renderer
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene import Material, Scene
+from reference.plates import plate
+
+SKY = Environment(np.ones((16, 32, 3), np.float32))
+GREY = Material("grey", np.full(3, 0.5, np.float32))
+# Looks along -x at the plane x = 0 from 1 m: 100 px per metre, the origin in the middle.
+CAMERA = Camera(
+    Intrinsics(80, 60, 100.0, 100.0, 40.0, 30.0),
+    look_at(np.array([1.0, 0, 0]), np.zeros(3), np.array([0, 0, 1.0])),
+)
+
+
+def upright(x: float, y: float, half: float, material: Material = GREY) -> Scene:
+    """A square that faces the camera, ``half`` a side, at height 0."""
+    return plate((x, y, 0), (0, half, 0), (0, 0, half), material)
+
+
+def furniture(scene: Scene) -> Scene:
+    """The same triangles, as no object."""
+    return replace(scene, face_objects=np.zeros(len(scene.faces), np.int32), objects=())
+
+
+def gl(scene: Scene, environment: Environment) -> Renderer:
+    from digs_warp.sim.render.gl import GlRenderer
+
+    try:
+        return GlRenderer(scene, environment)
+    except MissingLibraryError as error:
+        pytest.skip(str(error))
+
+
+def flat(columns: slice, number: int, into: np.ndarray) -> None:
+    into[20:40, columns] = number
+
+
+# Two squares of 20 px, 10 px left and right of the middle, before furniture of twice the height.
+SCENE = join_scenes(
+    upright(0.0, -0.2, 0.1), furniture(upright(-1e-3, 0.0, 0.2003)), upright(0.0, 0.2, 0.1)
+)
+
+
+@pytest.mark.parametrize("make", [RaycastRenderer, gl])
+def test_masks_and_numbers_tell_objects_from_furniture(
+    make: Callable[[Scene, Environment], Renderer],
+) -> None:
+    view = make(SCENE, SKY).render(CAMERA, 4)
+    numbers = np.zeros((60, 80), np.int32)
+    flat(slice(10, 30), 1, numbers)
+    flat(slice(50, 70), 2, numbers)
+    np.testing.assert_array_equal(view.object_ids, numbers)
+    np.testing.assert_array_equal(view.mask, np.where(numbers > 0, 255, 0))
+    assert (view.material_ids >= 0).sum() == 40 * 40 + 2 * 20 * 10  # furniture is there, too
+    np.testing.assert_array_equal(view.depth[view.material_ids < 0] > 2, True)
+
+
+def test_furniture_before_an_object_hides_it_unless_it_is_glass() -> None:
+    behind = upright(0.0, 0.0, 0.1)
+    glass = Material("glass", np.ones(3, np.float32), transmission=1.0, roughness=0.0)
+    for material, seen in ((GREY, 0), (glass, 255)):
+        front = furniture(upright(0.01, 0.0, 0.15, material))
+        view = RaycastRenderer(join_scenes(behind, front), SKY).render(CAMERA, 4)
+        assert (view.mask[21:39, 31:49] == seen).all()
+        assert (view.mask == 255).sum() == (400 if seen else 0)
+        assert not view.object_ids.any()  # depth, too, is that of the glass
+
+
+def test_joined_scenes_keep_their_objects_in_order() -> None:
+    assert SCENE.face_objects.tolist() == [1, 1, 0, 0, 2, 2]
+    assert SCENE.has_furniture
+    assert SCENE.object_radius == pytest.approx(np.hypot(0.3, 0.1))
+    np.testing.assert_allclose(SCENE.size, (0.0, 0.6, 0.2), atol=1e-7)
+    twice = join_scenes(SCENE, SCENE)
+    assert twice.face_objects.tolist() == [1, 1, 0, 0, 2, 2, 3, 3, 0, 0, 4, 4]
+    np.testing.assert_array_equal(twice.faces[6:], SCENE.faces + 12)
