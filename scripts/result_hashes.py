@@ -29,7 +29,7 @@ RUNS: dict[str, str] = {
         "--density absgrad --iterations 120 --depth-weight 0.01 --coverage-weight 0.1 --sh-degree 2"
     ),
     "sparse": (
-        "--frames 12 --width 320 --tier matcher --effects all --normals --strategy default "
+        "--frames 12 --width 320 --tier matcher --effects all --labels all --strategy default "
         "--density mcmc --max-splats 4000 --iterations 120 --background white"
     ),
 }

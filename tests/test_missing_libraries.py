@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 
+from reference.mesh_files import save
 from reference.noise_capture import write_capture
 from reference.tiny_capture import ball
 
@@ -103,3 +105,12 @@ def test_without_a_library_the_job_that_needs_it_names_it(
     assert codes == [0, 0, 0, 1], errors
     assert len(errors.splitlines()) == 1
     assert f"pip install {remedy}" in errors
+
+
+def test_without_mujoco_a_pile_is_refused_before_any_work(tmp_path: Path) -> None:
+    box = save(tmp_path / "box.glb", trimesh.creation.box((0.1, 0.1, 0.1)))
+    flags = ["--scene", str(box), str(box), "--arrange", "drop", "--out", str(tmp_path / "out")]
+    codes, errors = without("mujoco", ["simulate", *flags])
+    assert codes == [1]
+    assert "pip install 'digs-warp[drop]'" in errors
+    assert not (tmp_path / "out").exists()

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.record.progress import progress
-from digs_warp.sim.record import WORKERS
+from digs_warp.sim.record import frames_at_once
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Sensed
 from digs_warp.sim.sensor.matcher import match, search_range
@@ -179,7 +179,7 @@ def _time_results(scenes: Sequence[Scene]) -> Iterator[Result]:
     for scene in scenes:
         megapixels = scene.mask.size / 1e6
         for name, measure in _timed_sensors(scene).items():
-            wall, cpu = ms_side_by_side(measure, WORKERS, ROUNDS)
+            wall, cpu = ms_side_by_side(measure, frames_at_once(), ROUNDS)
             times.setdefault(name, []).append((wall / megapixels, cpu / megapixels))
     means = {name: np.mean(rows, axis=0) for name, rows in times.items()}
     for name, (wall, cpu) in means.items():

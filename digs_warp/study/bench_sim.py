@@ -16,7 +16,7 @@ import numpy as np
 
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig, Tier
-from digs_warp.sim.record import WORKERS
+from digs_warp.sim.record import frames_at_once
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.color.recorded import recorded_images
@@ -282,4 +282,4 @@ def _rounded(values: Sequence[float]) -> float:
 
 def _timed(function: Callable[[], object]) -> tuple[float, float]:
     """Return wall and CPU time per call of as many at once as a recording makes [ms]: users wait for that."""
-    return ms_side_by_side(function, WORKERS, ROUNDS)
+    return ms_side_by_side(function, frames_at_once(), ROUNDS)

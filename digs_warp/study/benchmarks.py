@@ -189,4 +189,10 @@ BENCHMARKS = (
         "bench_sensor_fit:bench_sensor_fit",
         "sensor-fit.md",
     ),
+    Benchmark(
+        "transfer",
+        "what is learned from simulated scenes, with and without ground, tried on real frames",
+        "bench_transfer:bench_transfer",
+        "scenes.md",
+    ),
 )

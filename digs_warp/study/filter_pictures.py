@@ -78,9 +78,9 @@ class FilterFigure:
 def filter_figures(folder: Path) -> dict[str, FilterFigure]:
     """Draw the strips of SHOWN into ``folder``, and return the figures by the name of what acts.
 
-    The frame is one of a recording with the default settings, at half a turn; the camera is at rest.
+    The frame is one of a recording without ground, at half a turn; the camera is at rest.
     """
-    config = SimulateConfig(frames=FRAMES)
+    config = SimulateConfig(frames=FRAMES, ground="none")
     session = prepare_session(config, load_inputs(config))
     truth, _ = session.truth(FRAMES // 2, Shutter())
     shots = [_shot(replace(truth, number=number)) for number in range(1 + EARLIER_FRAMES)]

@@ -80,7 +80,7 @@ class Place:
             tier="guided",
         )
         session = prepare_session(config, load_inputs(config))
-        truth, mask = session.truth(NUMBER, Shutter())
+        truth, objects = session.truth(NUMBER, Shutter())
         plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
         name = self.mesh.stem if self.mesh else BUILT_IN
 
@@ -88,7 +88,7 @@ class Place:
             rays = session.renderer.frame_rays(truth.camera, truth.rig.baseline)
             return replace(truth, rays=rays)
 
-        return Scene(name, self.tuned, truth, mask > 127, plan.pixel_effects, fresh)
+        return Scene(name, self.tuned, truth, objects.mask > 127, plan.pixel_effects, fresh)
 
 
 def places(data: Path) -> list[Place]:

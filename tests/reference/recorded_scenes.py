@@ -62,11 +62,12 @@ def record_scene(
         width=WIDTH,
         frames=FRAMES,
         tier="guided",
+        ground="none",  # what the figures of the tests were set for
     )
     session = prepare_session(config, load_inputs(config))
-    truth, mask = session.truth(NUMBER, Shutter())
+    truth, objects = session.truth(NUMBER, Shutter())
     plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
     if drifts:
-        truth, mask = session.truth(NUMBER, Shutter(), plan.drift(session.rig, seed=3))
+        truth, objects = session.truth(NUMBER, Shutter(), plan.drift(session.rig, seed=3))
         assert truth.drift.moves_right_image
-    return RecordedScene(truth, mask > 127, plan.pixel_effects)
+    return RecordedScene(truth, objects.mask > 127, plan.pixel_effects)

@@ -66,5 +66,7 @@ def _renderer(intrinsics: Intrinsics) -> "Renderer":
     from digs_warp.sim.config import SimulateConfig
     from digs_warp.sim.session import load_inputs, prepare_session
 
-    config = SimulateConfig(frames=3, width=intrinsics.width, height=intrinsics.height)
+    # The thresholds of the tests are for a wall all around, 4 m away.
+    width, height = intrinsics.width, intrinsics.height
+    config = SimulateConfig(frames=3, width=width, height=height, ground="none")
     return prepare_session(config, load_inputs(config)).renderer

@@ -122,7 +122,7 @@ def total_seconds(record: Record) -> float:
     reconstruction = sum(
         s for name, s in stages if name not in ("compile kernels", "measure course")
     )
-    # Sensing runs in threads beside the rendering, so only the rendering takes time.
+    # When the published cases were recorded, sensing and writing took no time: they ran beside the rendering.
     waited = ("load", "prepare", "plan", "render")
     return reconstruction + sum(record["recording_seconds"].get(name, 0.0) for name in waited)
 

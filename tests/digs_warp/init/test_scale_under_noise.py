@@ -61,15 +61,17 @@ class Recording:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     # At 640 px a disparity is about 70 px: 0.07 px is a thousandth.
-    config = SimulateConfig(frames=FRAMES, width=640, samples_per_pixel=1)
+    config = SimulateConfig(frames=FRAMES, width=640, samples_per_pixel=1, ground="none")
     session = prepare_session(config, load_inputs(config))
     k = session.rig.intrinsics
     writer = CaptureWriter(tmp_path_factory.mktemp("truth"), k, Rig(session.rig.baseline))
     truths = []
     for number in range(FRAMES):
-        truth, mask = session.truth(number, Shutter())
+        truth, objects = session.truth(number, Shutter())
         image = to_uint8(truth.image)
-        writer.write_frame(number, FrameImages(image, truth.depth, mask, depth_true=truth.depth))
+        writer.write_frame(
+            number, FrameImages(image, truth.depth, objects.mask, depth_true=truth.depth)
+        )
         writer.add_pose(number, truth.camera.world_from_cam, float(number))
         truths.append(truth)
     frames = writer.finish().frames

@@ -41,7 +41,7 @@ def sensed(rendered: list[RenderedFrame], tier: Tier, strength: float = 1.0) -> 
     for number, frame in enumerate(rendered):
         truth = frame.truth
         depth = depth_of(sense(truth, tier, EVERY_EFFECT, strength=strength), truth)
-        layers = {Layer.IMAGE: truth.image, Layer.DEPTH: depth, Layer.MASK: frame.mask}
+        layers = {Layer.IMAGE: truth.image, Layer.DEPTH: depth, Layer.MASK: frame.objects.mask}
         frames.append(Frame(f"{number:04d}", truth.camera, float(number), layers))
     return Capture(None, tuple(frames), None)
 

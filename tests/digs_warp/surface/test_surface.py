@@ -225,7 +225,11 @@ def test_other_readers_take_our_files(tmp_path: Path, mesh: TriangleMesh) -> Non
 
     for name in ("a.glb", "a.ply"):
         write_mesh(tmp_path / name, mesh)
-        scene = load_scene(tmp_path / name, size=float(np.ptp(mesh.points_world, axis=0).max()))
+        size, up = (
+            float(np.ptp(mesh.points_world, axis=0).max()),
+            {"a.glb": "y", "a.ply": "z"}[name],
+        )
+        scene = load_scene(tmp_path / name, size=size, up=up)
         np.testing.assert_allclose(
             np.ptp(scene.vertices, 0), np.ptp(mesh.points_world, 0), rtol=1e-4
         )

@@ -1,0 +1,1 @@
+"""What is learned from simulated recordings, tried on real frames."""
