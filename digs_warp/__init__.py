@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from digs_warp.camera import Intrinsics as Intrinsics
     from digs_warp.checks import DigsError as DigsError
     from digs_warp.data.capture import Capture as Capture
-    from digs_warp.data.capture import Frame as Frame
     from digs_warp.data.capture_writer import CaptureWriter as CaptureWriter
     from digs_warp.data.capture_writer import FrameImages as FrameImages
+    from digs_warp.data.frame import Frame as Frame
     from digs_warp.data.gaussians import Gaussians as Gaussians
     from digs_warp.data.layers import Layer as Layer
     from digs_warp.geometry import look_at as look_at
@@ -50,7 +50,7 @@ _HOMES = {
     "CaptureWriter": "digs_warp.data.capture_writer",
     "Cause": "digs_warp.sim.sensor.cause",
     "DigsError": "digs_warp.checks",
-    "Frame": "digs_warp.data.capture",
+    "Frame": "digs_warp.data.frame",
     "FrameImages": "digs_warp.data.capture_writer",
     "Gaussians": "digs_warp.data.gaussians",
     "Intrinsics": "digs_warp.camera",

@@ -22,8 +22,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from digs_warp.camera import Camera
-from digs_warp.data.capture import Capture, Frame, read_capture
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import FrameImages
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.measure.surface_metrics import surface_score

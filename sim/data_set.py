@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET

@@ -13,10 +13,12 @@ from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About
-from digs_warp.data.capture import INDEX_NAME, Capture, InfraredPair, Rig, read_capture
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.object_view import ObjectView
 from digs_warp.data.placed_object import PlacedObject, matrix_rows
+from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.device.threads import default_threads, limited_threads
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN

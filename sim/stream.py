@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.sim.config import SimulateConfig
 

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import INDEX_NAME, Capture, read_capture
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.scene_files import read_scene
 

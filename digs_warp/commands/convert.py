@@ -11,7 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.output import NewFolder
-from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
 from digs_warp.words import counted

@@ -11,7 +11,7 @@ from pathlib import Path
 import tyro
 
 from digs_warp.checks import DigsError, kind_of
-from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.record.files import read_json
 from digs_warp.record.layout import LOCK, MANIFEST, REPLACING, RUN_RECORD, UNFINISHED
 from digs_warp.record.leftovers import remove_leftovers_of

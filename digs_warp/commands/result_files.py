@@ -1,6 +1,6 @@
 """The names of the files that commands write: patterns with ``*``, relative to the folder of the result."""
 
-from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record import layout
 

@@ -10,7 +10,7 @@ from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError, require_folder
 from digs_warp.commands.command import Command, Group
 from digs_warp.commands.output import NewFolder, check_output_file
-from digs_warp.data.capture import INDEX_NAME
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.other_folders import what_it_is
 from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import RUN_RECORD
@@ -143,8 +143,8 @@ class RecordWall(Command):
 
     def execute(self) -> str:
         """Record, and say where the capture is."""
-        from digs_warp.data.capture import Rig
         from digs_warp.data.capture_writer import CaptureWriter
+        from digs_warp.data.rig import Rig
         from digs_warp.sim.fit.textured_wall import record_wall
         from digs_warp.sim.profiles import load_profile
         from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift

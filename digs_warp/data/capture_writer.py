@@ -11,11 +11,13 @@ import numpy as np
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
-from digs_warp.data.capture import INDEX_NAME, Capture, Frame, Rig, read_capture
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
-from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION
+from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION, INDEX_NAME
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.object_view import ObjectView
+from digs_warp.data.rig import Rig
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept

@@ -16,6 +16,7 @@ from digs_warp.record.fields import is_number, shown
 
 logger = logging.getLogger(__name__)
 
+INDEX_NAME = "transforms.json"
 FORMAT_VERSION = 1
 DEPTH_UNIT = "metre"
 UNDISTORT = "'digs-warp convert FOLDER --from nerfstudio --out CAPTURE'"

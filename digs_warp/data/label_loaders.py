@@ -21,7 +21,7 @@ class HasLayers(Protocol):
 
 
 class LabelLoaders:
-    """The part of `digs_warp.data.capture.Frame` that loads labels; docs/labels.md defines them.
+    """The part of `digs_warp.data.frame.Frame` that loads labels; docs/labels.md defines them.
 
     Images have shape (height, width). What is said of left and right holds for the infrared pair where the
     frame has one.

@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.geometry import mask_box
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig

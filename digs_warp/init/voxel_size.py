@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import FINE_PIXELS
 from digs_warp.init.voxel import VoxelSums

@@ -12,9 +12,10 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import INDEX_NAME, Capture, read_capture
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image, to_uint8, write_image
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate

@@ -6,7 +6,8 @@ from html import escape
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.report.causes import describe_causes, paint_causes
 from digs_warp.report.markup import legend, picture, picture_grid, section, swatches

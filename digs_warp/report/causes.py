@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 
 # Nearly white where the depth is right: only what went wrong has a color.

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import INDEX_NAME, Capture, Frame, read_capture
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.data.recorded_object import RecordedObject
 from digs_warp.pipeline.reconstruction import Reconstruction

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame, PixelSource
+from digs_warp.data.frame import Frame, PixelSource
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads

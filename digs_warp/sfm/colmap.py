@@ -14,7 +14,7 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.record.disk import check_room

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 from digs_warp.geometry import invert_rigid, rigid

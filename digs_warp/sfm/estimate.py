@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.device.parallel import default_threads

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.checks import DigsError, check_shape
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.geometry import invert_rigid
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.record.disk import check_room

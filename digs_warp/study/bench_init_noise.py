@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.posed_frames import with_cameras
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
 from digs_warp.init.config import InitConfig

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame, Rig
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
+from digs_warp.data.rig import Rig
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.measure.surface_metrics import SurfaceScore, surface_score
 from digs_warp.record.progress import progress

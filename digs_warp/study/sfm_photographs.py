@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.data.capture import INDEX_NAME, Frame, read_capture
+from digs_warp.data.capture import read_capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import Observations, SfmModel
 

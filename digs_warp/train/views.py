@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.losses.depth import DepthTarget, depth_weights

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWriter
+from digs_warp.data.rig import Rig
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.known_frame import known_frame

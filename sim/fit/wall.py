@@ -7,7 +7,8 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.record.progress import progress
 from digs_warp.sim.fit.plane import Plane, fit_plane

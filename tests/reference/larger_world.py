@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import rigid
 

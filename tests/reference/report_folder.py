@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image, write_image
+from digs_warp.data.rig import Rig
 from digs_warp.geometry import look_at
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import to_json

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import look_at

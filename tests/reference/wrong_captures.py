@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.camera import Intrinsics, pixel_centers
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL, invert_rigid
 

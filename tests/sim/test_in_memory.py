@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate, simulate_in_memory

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.capture import InfraredPair, Rig, read_capture
+from digs_warp.data.capture import read_capture
 from digs_warp.data.layers import INFRARED_LAYERS, Layer
+from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.record.files import read_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, layers_of

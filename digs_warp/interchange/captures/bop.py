@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from digs_warp.checks import CaptureError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.object_view import Box
 from digs_warp.geometry import rigid

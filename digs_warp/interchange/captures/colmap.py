@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import quat_xyzw_from_matrix

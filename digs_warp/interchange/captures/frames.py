@@ -11,7 +11,8 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.record.files import copy_file

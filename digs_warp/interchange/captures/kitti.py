@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.occlusion import Occlusion
 from digs_warp.interchange.captures.frames import LARGEST_UINT16, for_each_frame

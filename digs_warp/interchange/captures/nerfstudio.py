@@ -11,9 +11,9 @@ from typing import Any
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
-from digs_warp.data.capture import INDEX_NAME
 from digs_warp.data.images import image_size
 from digs_warp.data.index_rules import (
+    INDEX_NAME,
     METRES_PER_FLOAT,
     check_depth_unit,
     check_section,

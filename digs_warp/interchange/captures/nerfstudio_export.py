@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from digs_warp.camera import Intrinsics
-from digs_warp.data.capture import INDEX_NAME, Capture, Frame
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import camera_keys
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8, write_image
+from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.data.ply_table import write_vertices
 from digs_warp.data.point_cloud import PointCloud

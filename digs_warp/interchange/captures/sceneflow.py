@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.captures.frames import for_each_frame
 from digs_warp.interchange.captures.pfm import write_pfm

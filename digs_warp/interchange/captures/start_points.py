@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig

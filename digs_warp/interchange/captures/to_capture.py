@@ -10,9 +10,10 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
-from digs_warp.data.capture import Capture, Rig
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.images import read_image
+from digs_warp.data.rig import Rig
 from digs_warp.geometry import rigid
 from digs_warp.interchange.captures.frames import for_each_frame
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording

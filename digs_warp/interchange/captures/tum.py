@@ -13,7 +13,8 @@ import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import image_size
 from digs_warp.geometry import matrix_from_quat_xyzw, quat_xyzw_from_matrix, rigid
 from digs_warp.interchange.captures.frames import (

@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.study.timing import Stopwatch

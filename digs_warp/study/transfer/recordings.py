@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.randomize.draws import draw_scenes
 from digs_warp.sim.randomize.file import load_randomization

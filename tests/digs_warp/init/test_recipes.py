@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.init.recipes import InitConfig, initial_points
 from reference.ball_capture import RADIUS, View, ball_views, write_capture

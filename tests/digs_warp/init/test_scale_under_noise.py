@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import to_uint8, write_image
 from digs_warp.data.layers import Layer
+from digs_warp.data.rig import Rig
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import MIN_MASKED, depth_at, local_scales

@@ -10,7 +10,8 @@ import pytest
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel

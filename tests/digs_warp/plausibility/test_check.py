@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
 from digs_warp.interchange.captures.to_capture import nearly_rigid

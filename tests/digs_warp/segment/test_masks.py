@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.segment.config import SegmentConfig

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About, read_about
-from digs_warp.data.capture import Capture, Frame
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import invert_rigid
 from digs_warp.sfm.colmap import ImageSet, quiet_pycolmap

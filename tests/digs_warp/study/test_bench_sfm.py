@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Camera
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.study.bench_sfm import CHOICES, DEFAULT, run_case, sensors

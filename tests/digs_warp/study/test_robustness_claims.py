@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Frame, Rig
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.images import to_uint8, write_image
 from digs_warp.data.layers import Layer
+from digs_warp.data.rig import Rig
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.init.seed_gaussians import seed_gaussians

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.data.capture import Frame
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.geometry import look_at
 from digs_warp.train.config import Density, DensityStrategy, Rates, Stop, TrainConfig

@@ -7,7 +7,8 @@ import pytest
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.capture import Capture, Frame, read_capture
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import mask_box
 from digs_warp.train.config import TrainConfig

@@ -11,10 +11,12 @@ from scipy.ndimage import map_coordinates
 
 from digs_warp.camera import pixel_centers
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.capture import Capture, Frame, Rig, read_capture
+from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.frame import Frame
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.data.layers import Layer
 from digs_warp.data.occlusion import Occlusion
+from digs_warp.data.rig import Rig
 from digs_warp.interchange.captures.formats import export_capture
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker

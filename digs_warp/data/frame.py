@@ -1,0 +1,159 @@
+"""One moment of a recording, which loads its pixels on demand."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.checks import CaptureError
+from digs_warp.data.images import read_image
+from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.data.label_loaders import LabelLoaders
+from digs_warp.data.layers import Layer
+from digs_warp.data.object_view import ObjectView
+
+# Where a layer's pixels are: in a file, or in an array with the values that the file would have.
+PixelSource = Path | np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Frame(LabelLoaders):
+    """One moment of a recording: the left camera, the time [s], and where its pixels are.
+
+    ``layers`` has a file or an array for each layer of the frame; only `Layer.IMAGE` is always there. An
+    array holds what the file would hold (8 bits of sRGB, 8 bits of mask, float32 metres of depth, ...), so
+    both are decoded by the same code. ``color_gain``: factors of automatic exposure and white balance on red,
+    green and blue in linear light, against the common exposure of the recording; None: unknown. ``objects``:
+    how each object of `About.objects` appears; empty if the recorder does not tell.
+    """
+
+    name: str
+    camera: Camera
+    time: float
+    layers: Mapping[Layer, PixelSource]
+    color_gain: tuple[float, float, float] | None = None
+    objects: tuple[ObjectView, ...] = ()
+
+    def load_image(self) -> np.ndarray:
+        """Return the left image, sRGB, shape (height, width, 3), uint8."""
+        return self._load_rgb(Layer.IMAGE)
+
+    def load_right_image(self) -> np.ndarray:
+        """Return the right image, sRGB, shape (height, width, 3), uint8.
+
+        Its camera sits `digs_warp.data.capture.Capture.right_offset` metres along the x axis of the left one.
+        """
+        return self._load_rgb(Layer.RIGHT)
+
+    def load_infrared(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the left and the right infrared image, each (height, width), uint8."""
+        return self._load_grey(Layer.INFRARED_LEFT), self._load_grey(Layer.INFRARED_RIGHT)
+
+    def load_depth(self) -> np.ndarray:
+        """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
+        return self._load_depth(Layer.DEPTH)
+
+    def load_depth_true(self) -> np.ndarray:
+        """Return the true planar depth [m], shape (height, width), float32, NaN where unknown."""
+        return self._load_depth(Layer.DEPTH_TRUE)
+
+    def load_mask(self) -> np.ndarray:
+        """Return the object mask, 0..255, shape (height, width), uint8."""
+        return self._load_grey(Layer.MASK)
+
+    def load_cause(self) -> np.ndarray:
+        """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0 if it is fine.
+
+        `About.cause_labels` of the capture names the values.
+        """
+        return self._load_grey(Layer.CAUSE)
+
+    def load_confidence(self) -> np.ndarray:
+        """Return the sensor's confidence in its depth, 0 to 1, shape (height, width), float32."""
+        return self._load_grey(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
+
+    def load_instances(self) -> np.ndarray:
+        """Return the number of the object at each pixel center, (height, width), uint8; 0: no object.
+
+        `About.objects` of the capture names them, starting with number 1.
+        """
+        return self._load_grey(Layer.INSTANCES)
+
+    def has(self, layer: Layer) -> bool:
+        """Whether the frame has this layer."""
+        return layer in self.layers
+
+    def path(self, layer: Layer) -> Path:
+        """Return the file of a layer.
+
+        Raises:
+            CaptureError: the frame lacks the layer, or holds it in memory.
+        """
+        source = self._source(layer)
+        if isinstance(source, Path):
+            return source
+        raise CaptureError(
+            f"{self._where(layer)}: in memory, expected a file; simulate with out=FOLDER"
+        )
+
+    def with_layer(self, layer: Layer, source: PixelSource) -> "Frame":
+        """Return the frame with another source of a layer."""
+        return replace(self, layers={**self.layers, layer: source})
+
+    def _load_rgb(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
+        if pixels.dtype != np.uint8 or pixels.shape[2] < 3:
+            raise CaptureError(
+                f"{self._where(layer)}: {pixels.shape[2]} channels of {pixels.dtype}, expected 3 of "
+                "uint8; convert it to an 8-bit RGB PNG"
+            )
+        return np.ascontiguousarray(pixels[..., :3])
+
+    def _load_grey(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
+        if pixels.dtype != np.uint8:
+            raise CaptureError(f"{self._where(layer)}: expected 8 bits per pixel")
+        return pixels[..., 0]
+
+    def _load_depth(self, layer: Layer) -> np.ndarray:
+        pixels = self._load(layer)
+        if pixels.dtype == np.uint16:  # 16-bit PNG: millimetres, 0 where unknown
+            depth = pixels[..., 0].astype(np.float32) / np.float32(1000)
+        elif pixels.dtype == np.float32:
+            depth = pixels[..., 0].copy()
+        else:
+            raise CaptureError(
+                f"{self._where(layer)}: {pixels.dtype}, expected a float EXR in metres or a 16-bit PNG "
+                "in millimetres"
+            )
+        # Sensors mark missing depth as 0, negative, NaN or infinity; in memory it is NaN.
+        depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+        return depth
+
+    def _load(self, layer: Layer) -> np.ndarray:
+        """Return the pixels as stored, shape (height, width, channels); the caller may change them."""
+        source = self._source(layer)
+        if isinstance(source, Path):
+            pixels = read_image(source, what=layer.label)
+        else:
+            pixels = source.reshape(*source.shape[:2], -1).copy()
+        k = self.camera.intrinsics
+        if pixels.shape[:2] != (k.height, k.width):
+            raise CaptureError(
+                f"{self._where(layer)}: {pixels.shape[1]}x{pixels.shape[0]} pixels, expected "
+                f"{k.width}x{k.height} as {INDEX_NAME} says; export the file again or correct w and h"
+            )
+        return pixels
+
+    def _source(self, layer: Layer) -> PixelSource:
+        if layer not in self.layers:
+            raise CaptureError(f"frame '{self.name}': the capture has no '{layer.value}'")
+        return self.layers[layer]
+
+    def _where(self, layer: Layer) -> str:
+        """Name a layer in a message."""
+        source = self.layers[layer]
+        of_file = f"{layer.label} '{source}'"
+        return of_file if isinstance(source, Path) else f"frame '{self.name}', {layer.label}"
