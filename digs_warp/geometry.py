@@ -71,6 +71,12 @@ def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
     return rigid(np.stack([right, down, forward], axis=1), np.asarray(eye, dtype=np.float64))
 
 
+def rotation_in_plane(angle: float) -> np.ndarray:
+    """Return the rotation by an angle [rad] from x toward y, shape (2, 2): in space, about the z axis."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
 def matrix_from_quat_xyzw(quats: np.ndarray) -> np.ndarray:
     """Return rotation matrices, shape (..., 3, 3), of quaternions xyzw, shape (..., 4).
 

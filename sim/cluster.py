@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from digs_warp.geometry import rotation_in_plane
+
 # Distance between neighbors, as a share of the median length of the plans; drawn for each object.
 GAPS = (0.03, 0.15)
 
@@ -30,7 +32,7 @@ class Spot:
     def world_from_own(self) -> np.ndarray:
         """The motion from where the object stands alone, shape (4, 4)."""
         motion = np.eye(4)
-        motion[:2, :2] = rotation(self.yaw)
+        motion[:2, :2] = rotation_in_plane(self.yaw)
         motion[:2, 3] = self.position
         return motion
 
@@ -47,7 +49,7 @@ def arrange(plans: Sequence[np.ndarray], rng: np.random.Generator) -> list[Spot]
         [np.ptp(plan, axis=0).max() for plan in plans]
     )
     first_directions = rng.uniform(0.0, FULL_TURN, len(plans))
-    turned = [plan @ rotation(yaw).T for plan, yaw in zip(plans, yaws, strict=True)]
+    turned = [plan @ rotation_in_plane(yaw).T for plan, yaw in zip(plans, yaws, strict=True)]
     order = sorted(range(len(plans)), key=lambda i: -_area(plans[i]))
     positions = {order[0]: np.zeros(2)}
     for i in order[1:]:
@@ -65,11 +67,6 @@ def plan_of(vertices: np.ndarray) -> np.ndarray:
 
     flat = vertices[:, :2]
     return flat[ConvexHull(flat, qhull_options="QJ Pp").vertices]
-
-
-def rotation(angle: float) -> np.ndarray:
-    """Return the rotation by an angle [rad], shape (2, 2)."""
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def _area(plan: np.ndarray) -> float:

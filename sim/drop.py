@@ -1,8 +1,9 @@
 """A pile: objects that fall onto the ground and come to rest, by MuJoCo (an optional package).
 
 Each object is the convex hull of its vertices, with the same density everywhere. They start above each other,
-turned at random, and fall through drag, so that those from high up do not hit like bullets. Lengths are
-scaled so that the steps and limits below fit toys and wardrobes alike: a pile has no size of its own.
+turned at random, and fall through drag, so that those from high up do not hit like bullets. The simulation
+scales all objects so that the longest one is `LONGEST`: the steps and limits below then fit both toys and
+wardrobes.
 """
 
 import logging

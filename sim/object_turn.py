@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from digs_warp.geometry import rotation_in_plane
 from digs_warp.sim.scene import Scene, SceneObject
 
 
@@ -11,9 +12,8 @@ def turn_objects(scene: Scene, degrees: float) -> Scene:
     """Return a scene without furniture turned about the z axis, counterclockwise from above."""
     if degrees % 360 == 0:
         return scene
-    angle = np.deg2rad(degrees)
     turn = np.eye(4)
-    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    turn[:2, :2] = rotation_in_plane(np.deg2rad(degrees))
     rotation = turn[:3, :3]
     vertices = (scene.vertices.astype(np.float64) @ rotation.T).astype(np.float32)
     return replace(

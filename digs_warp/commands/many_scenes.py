@@ -37,8 +37,8 @@ class ManyScenes:
             raise DigsError(f"--randomize {self.randomize}: how many scenes? Give --scenes, too")
         if self.scenes is not None and self.trajectories != 1:
             raise DigsError(
-                "--scenes and --trajectories contradict each other: every scene has a path of its own; give "
-                "one of them"
+                "--scenes and --trajectories contradict each other; give one of them. Every scene already "
+                "has another camera path"
             )
 
     @property

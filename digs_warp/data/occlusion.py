@@ -4,8 +4,10 @@ from enum import IntEnum
 
 
 class Occlusion(IntEnum):
-    """What became of the point at a pixel center in another image: the other eye's, or the next frame's."""
+    """Whether another image, the other eye's or the next frame's, shows the point at a pixel center."""
 
     SEEN = 0
-    OUTSIDE = 128  # it lies outside of that image, whether or not something hides it
-    HIDDEN = 255  # something stands in front of it, or it is the other side of a thin sheet
+    OUTSIDE = (
+        128  # the point projects outside of that image; whether something hides it was not checked
+    )
+    HIDDEN = 255  # something is in front of the point, or that camera sees the back of the same thin sheet

@@ -4,6 +4,7 @@ import colorsys
 
 import numpy as np
 
+from digs_warp.geometry import rotation_in_plane
 from digs_warp.sim.builtin.noise import mix, periodic_noise
 from digs_warp.sim.builtin.shapes import Patch, join_patches, revolve
 from digs_warp.sim.scene import FURNITURE, Material, Scene
@@ -57,8 +58,7 @@ def _form(shape: str, rng: np.random.Generator, radius: float) -> Patch:
 def _box(half: np.ndarray, height: float, yaw: float) -> Patch:
     """Return a box of half sides ``half``, (2,), on the ground, with sharp edges."""
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    low = np.column_stack([corners @ turn.T, np.zeros(4)])
+    low = np.column_stack([corners @ rotation_in_plane(yaw).T, np.zeros(4)])
     high = low + (0, 0, height)
     sides = [np.array([low[i], low[i - 3], high[i - 3], high[i]]) for i in range(4)]
     return join_patches([_quad(each) for each in (*sides, high, low[::-1])])

@@ -3,8 +3,6 @@
 # Warp's type hints take the dtype of an array for a value, and structs for functions.
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 
@@ -14,9 +12,10 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.ground_light import measure_plane
-from digs_warp.sim.render.kernels import color_kernel, geometry_kernel
+from digs_warp.sim.render.kernels import color_kernel
 from digs_warp.sim.render.lighting import prepare_light
 from digs_warp.sim.render.openness import measure_openness
+from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
 from digs_warp.sim.render.planes import planes_of
 from digs_warp.sim.render.projector import project_dots
 from digs_warp.sim.render.protocol import (
@@ -92,25 +91,14 @@ class RaycastRenderer:
         mask = wp.empty(k.height * k.width, dtype=wp.uint8, device="cpu")
         scalars = [surround_level, surround_step, samples, _int32(seed)]
         inputs = [view, way, self._surface, self._light.struct, *scalars, image, mask]
-        self._launch(color_kernel, k.height * k.width, inputs)
+        count = k.height * k.width
+        launch_parallel(color_kernel, count, inputs, threads=self._threads(count))
         return image.numpy().reshape(k.height, k.width, 3), mask.numpy().reshape(k.height, k.width)
 
     def render_geometry(self, camera: Camera) -> Geometry:
         """Return what is at the pixel centers."""
-        view = make_view(camera, self.surround)
-        height, width = camera.intrinsics.height, camera.intrinsics.width
-        depth = wp.empty(height * width, dtype=float, device="cpu")
-        normals = wp.empty(height * width, dtype=wp.vec3, device="cpu")
-        materials = wp.empty(height * width, dtype=int, device="cpu")
-        objects = wp.empty(height * width, dtype=int, device="cpu")
-        inputs = [view, self._surface, depth, normals, materials, objects]
-        self._launch(geometry_kernel, height * width, inputs)
-        return Geometry(
-            depth.numpy().reshape(height, width),
-            normals.numpy().reshape(height, width, 3),
-            materials.numpy().reshape(height, width),
-            objects.numpy().reshape(height, width),
-        )
+        threads = self._threads(camera.intrinsics.height * camera.intrinsics.width)
+        return geometry_at_pixel_centers(self._surface, camera, self.surround, threads)
 
     def project_dots(self, camera: Camera, world_from_projector: np.ndarray) -> Projected:
         """Return the light of a dot projector of that pose, (4, 4), in the camera."""
@@ -139,8 +127,8 @@ class RaycastRenderer:
         self._surface.shadows = empty_store(light.keys.count)
         self._has_openness = True
 
-    def _launch(self, kernel: Any, dim: int, inputs: list[Any]) -> None:
-        launch_parallel(kernel, dim, inputs, threads=1 if dim <= TINY else self.threads)
+    def _threads(self, pixels: int) -> int:
+        return 1 if pixels <= TINY else self.threads
 
 
 def _int32(seed: int) -> int:

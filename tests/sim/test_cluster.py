@@ -9,7 +9,8 @@ import trimesh
 from scipy.spatial import KDTree
 
 from digs_warp.checks import DigsError
-from digs_warp.sim.cluster import GAPS, arrange, plan_of, rotation
+from digs_warp.geometry import rotation_in_plane
+from digs_warp.sim.cluster import GAPS, arrange, plan_of
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.several import load_objects
 from reference.mesh_files import save
@@ -44,7 +45,8 @@ def test_plans_are_apart_but_close(seed: int) -> None:
     ]
     spots = arrange(plans, np.random.default_rng(seed))
     placed = [
-        plan @ rotation(spot.yaw).T + spot.position for plan, spot in zip(plans, spots, strict=True)
+        plan @ rotation_in_plane(spot.yaw).T + spot.position
+        for plan, spot in zip(plans, spots, strict=True)
     ]
     least = GAPS[0] * np.median([np.ptp(plan, axis=0).max() for plan in plans])
     gaps = np.array([separation(a, b) for a, b in combinations(placed, 2)])
@@ -66,7 +68,7 @@ def test_an_object_touches_its_neighbor_up_to_the_gap() -> None:
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
     for seed in range(10):
         one, two = arrange([square, square], np.random.default_rng(seed))
-        a, b = (square @ rotation(spot.yaw).T + spot.position for spot in (one, two))
+        a, b = (square @ rotation_in_plane(spot.yaw).T + spot.position for spot in (one, two))
         assert 2 * GAPS[0] - 1e-9 <= separation(a, b) <= 2 * np.sqrt(2) * GAPS[1] + 1e-9
 
 
