@@ -10,6 +10,7 @@ import numpy as np
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.object_view import Box, ObjectView
 from digs_warp.data.placed_object import matrix_rows
+from digs_warp.data.run_lengths import text_of_mask
 from digs_warp.sim.frame_maker import FrameMaker
 from digs_warp.sim.join import only_object
 from digs_warp.sim.render.silhouette import Silhouette
@@ -47,13 +48,13 @@ class ObjectViews:
         bands = list(eye.cameras())
         views = []
         for i, each in enumerate(session.scene.objects):
-            whole = np.concatenate([self.alone[i].cast(band) for band in bands])
+            visible = seen == i + 1
+            whole = np.concatenate([self.alone[i].cast(band) for band in bands]) | visible
             pixels, box = int(whole.sum()), box_of(whole)
             canvas = wider_canvas(camera, self.corners[i])
             if canvas is not None:
                 outside, box = self._beyond_the_border(i, camera, canvas, box)
                 pixels += outside
-            visible = seen == i + 1
             views.append(
                 ObjectView(
                     number=i + 1,
@@ -62,6 +63,7 @@ class ObjectViews:
                     pixels_visible=int(visible.sum()),
                     box=box,
                     box_visible=box_of(visible),
+                    silhouette=text_of_mask(whole) if (whole > visible).any() else None,
                 )
             )
         return tuple(views)

@@ -13,6 +13,7 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.label_loaders import LabelLoaders
 from digs_warp.data.layers import Layer
 from digs_warp.data.object_view import ObjectView
+from digs_warp.data.run_lengths import mask_of_text
 
 # Where a layer's pixels are: in a file, or in an array with the values that the file would have.
 PixelSource = Path | np.ndarray
@@ -26,7 +27,8 @@ class Frame(LabelLoaders):
     array holds what the file would hold (8 bits of sRGB, 8 bits of mask, float32 metres of depth, ...), so
     both are decoded by the same code. ``color_gain``: factors of automatic exposure and white balance on red,
     green and blue in linear light, against the common exposure of the recording; None: unknown. ``objects``:
-    how each object of `About.objects` appears; empty if the recorder does not tell.
+    how each object of `About.objects` appears; empty if the recorder does not tell. ``instance``: number of
+    the one object that the mask shows; None: the mask shows everything that is wanted.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Frame(LabelLoaders):
     layers: Mapping[Layer, PixelSource]
     color_gain: tuple[float, float, float] | None = None
     objects: tuple[ObjectView, ...] = ()
+    instance: int | None = None
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""
@@ -80,6 +83,33 @@ class Frame(LabelLoaders):
         `About.objects` of the capture names them, starting with number 1.
         """
         return self._load_grey(Layer.INSTANCES)
+
+    def load_unknown(self) -> np.ndarray | None:
+        """Return where the mask tells nothing, because another object may hide this one.
+
+        Shape (height, width), bool; None: the mask is right everywhere.
+        """
+        if self.instance is None:
+            return None
+        numbers = self.load_instances()
+        return (numbers != 0) & (numbers != self.instance)
+
+    def load_silhouette(self, view: ObjectView) -> np.ndarray:
+        """Return the pixels of one of ``objects`` if nothing hid it, (height, width), bool.
+
+        Raises:
+            CaptureError: the index does not hold them in the form of `digs_warp.data.run_lengths`.
+        """
+        if view.silhouette is None:
+            return self.load_instances() == view.number
+        k = self.camera.intrinsics
+        try:
+            return mask_of_text(view.silhouette, k.height, k.width)
+        except ValueError as error:
+            raise CaptureError(
+                f"frame '{self.name}', object {view.number}: silhouette in {INDEX_NAME}: {error}; record "
+                "it again"
+            ) from error
 
     def has(self, layer: Layer) -> bool:
         """Whether the frame has this layer."""

@@ -23,6 +23,8 @@ class ObjectView:
         pixels_visible: that show it.
         box: around all of ``pixels``; may reach beyond the image. None: it has none.
         box_visible: around those that show it; None: there are none.
+        silhouette: the pixels of the image that it would have if nothing hid it, as
+            `digs_warp.data.run_lengths` writes them; None: they are those that show it.
     """
 
     number: int
@@ -31,6 +33,7 @@ class ObjectView:
     pixels_visible: int
     box: Box | None
     box_visible: Box | None
+    silhouette: str | None = None
 
     @property
     def visible_share(self) -> float:
@@ -47,6 +50,7 @@ class ObjectView:
             "pixels_visible": self.pixels_visible,
             "visible_share": self.visible_share,
             **{name: list(box) for name, box in boxes.items() if box is not None},
+            **({} if self.silhouette is None else {"silhouette": self.silhouette}),
         }
 
 
@@ -66,6 +70,7 @@ def read_object_view(own: Fields) -> ObjectView:
         pixels_visible=own.whole("pixels_visible", 0),
         box=_read_box(own, "box"),
         box_visible=_read_box(own, "box_visible"),
+        silhouette=own.text("silhouette", None),
     )
 
 

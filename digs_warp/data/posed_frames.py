@@ -125,6 +125,8 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
         "held_out": held_out,
         "world_from_cam": frame.camera.world_from_cam.tolist(),
     }
+    if frame.instance is not None:
+        entry["instance"] = frame.instance
     # The recording's masks stay where they are; only masks that we made are in the reconstruction's folder.
     mask = frame.layers.get(Layer.MASK)
     if isinstance(mask, np.ndarray):  # not stored anywhere else
@@ -138,7 +140,11 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
 def _posed(frame: Frame, entry: Fields, folder: Path) -> Frame:
     try:
         pose = entry.array("world_from_cam", (4, 4))
-        posed = replace(frame, camera=replace(frame.camera, world_from_cam=pose))
+        posed = replace(
+            frame,
+            camera=replace(frame.camera, world_from_cam=pose),
+            instance=entry.whole("instance", 1, default=None),
+        )
     except DigsError as error:
         raise DigsError(f"{entry.where}: {error}; reconstruct again") from error
     mask = entry.text("mask", None)

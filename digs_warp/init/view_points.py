@@ -71,7 +71,7 @@ def view_points(
     """
     laps = _Laps()
     depth, image = frame.load_depth(), frame.load_image()
-    mask = frame.load_mask()
+    mask, unknown = frame.load_mask(), frame.load_unknown()
     confidence = frame.load_confidence() if config.weight_by_confidence else None
     laps.lap("read")
     in_mask = mask > config.mask_level
@@ -85,7 +85,8 @@ def view_points(
     pixels[FILTERS[2]] = int(np.count_nonzero(keep))
     laps.lap("edge filter")
     if config.foreground_filter:
-        keep &= foreground_range(depth, in_mask, config.background_weight).contains(near)
+        votes = depth if unknown is None else np.where(unknown, np.float32(np.nan), depth)
+        keep &= foreground_range(votes, in_mask, config.background_weight).contains(near)
     pixels[FILTERS[3]] = int(np.count_nonzero(keep))
     laps.lap("foreground")
     weights = keep.astype(np.float32)

@@ -217,12 +217,17 @@ def _structure_from_motion(capture: Capture, config: SfmConfig, workspace: Path)
 def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
     """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
 
-    The masks of one of several objects are those of the recording.
+    The masks of one of several objects are those of the recording; the frames know that others may hide it.
     """
     training = with_masks(frames.training, segment(frames.training, config, folder))
     held_out = list(frames.held_out)
     if config.source == "instance" or any(not frame.has(Layer.MASK) for frame in held_out):
         held_out = with_masks(held_out, segment(held_out, config, folder / HELD_OUT))
+    if config.instance is not None:
+        training, held_out = (
+            [replace(frame, instance=config.instance) for frame in group]
+            for group in (training, held_out)
+        )
     return replace(frames, training=tuple(training), held_out=tuple(held_out))
 
 

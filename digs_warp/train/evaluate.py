@@ -20,12 +20,27 @@ MASK_THRESHOLD = 20
 
 @dataclass(frozen=True, eq=False)
 class TestView:
-    """A held-out photograph, composited over white (values in 0..1), and its object pixels."""
+    """A held-out photograph, composited over white (values in 0..1), and its object pixels.
+
+    ``unknown``: pixels at which something may hide the object, (height, width), bool; None: nothing does.
+    """
 
     name: str
     camera: Camera
     target: np.ndarray
     object_pixels: np.ndarray
+    unknown: np.ndarray | None = None
+
+    def target_for(self, image: np.ndarray) -> np.ndarray:
+        """Return the target of a rendered image: the image itself where the photograph tells nothing."""
+        if self.unknown is None:
+            return self.target
+        return np.where(self.unknown[..., None], image, self.target)
+
+    @property
+    def known(self) -> np.ndarray | None:
+        """The pixels to compare, (height, width), bool; None: all."""
+        return None if self.unknown is None else ~self.unknown
 
 
 def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
@@ -38,7 +53,9 @@ def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
             mask = frame.load_mask()
         share = mask[..., None].astype(np.float32) / 255.0
         target = image * share + (1.0 - share)
-        views.append(TestView(frame.name, frame.camera, target, mask > MASK_THRESHOLD))
+        views.append(
+            TestView(frame.name, frame.camera, target, mask > MASK_THRESHOLD, frame.load_unknown())
+        )
     return views
 
 
@@ -58,13 +75,15 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
 
 def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list[ViewScore]:
     """Compare rendered images with photographs on white; without an object, the masked metrics are NaN."""
-    return [
-        ViewScore(
-            name=view.name,
-            psnr=psnr(image, view.target),
-            ssim=ssim(image, view.target),
-            psnr_masked=psnr(image, view.target, view.object_pixels),
-            ssim_masked=ssim(image, view.target, view.object_pixels),
-        )
-        for image, view in zip(images, views, strict=True)
-    ]
+    return [_score(image, view) for image, view in zip(images, views, strict=True)]
+
+
+def _score(image: np.ndarray, view: TestView) -> ViewScore:
+    target, known = view.target_for(image), view.known
+    return ViewScore(
+        name=view.name,
+        psnr=psnr(image, target, known),
+        ssim=ssim(image, target, known),
+        psnr_masked=psnr(image, target, view.object_pixels),
+        ssim_masked=ssim(image, target, view.object_pixels),
+    )

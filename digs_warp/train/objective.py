@@ -13,6 +13,7 @@ from digs_warp.losses.photometric import PhotometricLoss
 from digs_warp.losses.regions import loss_blocks, read_region
 from digs_warp.losses.regularizers import RegularizerLoss
 from digs_warp.losses.target import Target
+from digs_warp.losses.unknown import LeftOut
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.views import View
@@ -38,6 +39,11 @@ class Objective:
         self._photometric = PhotometricLoss(
             r.image, self._target.image, self._target.mask, r.adj_image, config.dssim_weight
         )
+        self._left_out = None
+        if not self._keeps_color:  # else the mask weights the pixels, and it is 0 there
+            self._left_out = LeftOut(
+                r.image, r.transmittance, self._target.image, self._target.mask, r.adj_image
+            )
         self._coverage = self._depth = None
         if config.coverage_weight > 0:
             self._coverage = CoverageLoss(
@@ -76,11 +82,16 @@ class Objective:
         self._target.compose(
             view.pixels, view.box, background, region, view.size, self._keeps_color
         )
+        left_out = self._left_out
+        if left_out and view.unknown:
+            left_out.accept(view.unknown)
         self._photometric.run(view.size, blocks, weighted=self._keeps_color)
         if self._coverage is not None:
             self._coverage.run(view.size, view.box, binner.drawn_box())
         if self._depth is not None and view.depth is not None:
             self._depth.run(view.depth, view.box, binner.drawn_box())
+        if left_out and view.unknown:
+            left_out.erase(view.unknown)
 
     def pull_back(self) -> None:
         """Backpropagate the pixel gradients to the Gaussians, and add the terms on the parameters."""

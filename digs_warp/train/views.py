@@ -13,6 +13,7 @@ from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
+from digs_warp.losses.unknown import UnknownPixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class View:
         tiles: which tiles of 16x16 px have foreground, shape (tile rows, tile columns), bool.
         depth: what the depth camera measured inside ``box``; None if not requested.
         half: the same view at half the size; None if not requested.
+        unknown: pixels at which something may hide the object; None: there are none.
     """
 
     name: str
@@ -36,6 +38,7 @@ class View:
     tiles: np.ndarray
     depth: DepthTarget | None = None
     half: "View | None" = None
+    unknown: UnknownPixels | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -49,6 +52,8 @@ class View:
         held = self.pixels.size
         if self.depth is not None:
             held += 5 * self.depth.depth.size
+        if self.unknown is not None:
+            held += self.unknown.bytes
         return held + (self.half.bytes if self.half is not None else 0)
 
 
@@ -69,7 +74,8 @@ def load_view(
     image = frame.load_image()
     has_mask = frame.has(Layer.MASK)
     mask = frame.load_mask() if has_mask else np.full(image.shape[:2], 255, np.uint8)
-    view = packed_view(frame.name, frame.camera, image, mask, device)
+    unknown = frame.load_unknown()
+    view = packed_view(frame.name, frame.camera, image, mask, device, unknown)
     if with_depth:
         confidence = frame.load_confidence() if frame.has(Layer.CONFIDENCE) else None
         depth = frame.load_depth()
@@ -79,20 +85,30 @@ def load_view(
         k = frame.camera.intrinsics
         if k.width > 1 and k.height > 1:
             camera = Camera(halved(k), frame.camera.world_from_cam)
-            view = replace(
-                view, half=packed_view(frame.name, camera, *half_size(image, mask), device)
-            )
+            smaller = half_size(image, mask)
+            small_unknown = None if unknown is None else any_of_four(unknown)
+            half = packed_view(frame.name, camera, *smaller, device, small_unknown)
+            view = replace(view, half=half)
     return view
 
 
 def packed_view(
-    name: str, camera: Camera, image: np.ndarray, mask: np.ndarray, device: str = "cpu"
+    name: str,
+    camera: Camera,
+    image: np.ndarray,
+    mask: np.ndarray,
+    device: str = "cpu",
+    unknown: np.ndarray | None = None,
 ) -> View:
-    """Return a view of ``image`` (height, width, 3) and ``mask`` (height, width), both uint8."""
+    """Return a view of ``image`` (height, width, 3) and ``mask`` (height, width), both uint8.
+
+    ``unknown``: where the mask tells nothing, (height, width), bool; None: nowhere.
+    """
     box = mask_box(mask)
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
-    return View(name, camera, pixels, box, tiles_of(mask))
+    hidden = UnknownPixels.of(unknown, device)
+    return View(name, camera, pixels, box, tiles_of(mask), unknown=hidden)
 
 
 def halved(k: Intrinsics) -> Intrinsics:
@@ -112,6 +128,13 @@ def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarr
     total = block_sums(share)
     mixed = np.where(total > 0, block_sums(color * share) / np.maximum(total, 1e-6), 0.0)
     return np.rint(mixed).astype(np.uint8), np.rint(total[..., 0] / 4.0).astype(np.uint8)
+
+
+def any_of_four(pixels: np.ndarray) -> np.ndarray:
+    """Return a mask at half the size, true where one of 2x2 pixels is; an odd last row is dropped."""
+    height, width = pixels.shape[0] // 2, pixels.shape[1] // 2
+    blocks = pixels[: 2 * height, : 2 * width].reshape(height, 2, width, 2)
+    return np.any(blocks, axis=(1, 3))
 
 
 def scene_extent(cameras: Sequence[Camera]) -> float:

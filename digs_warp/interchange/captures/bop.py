@@ -10,8 +10,8 @@
 What we write: the model's frame is that of the mesh file that was recorded, in millimetres, else the world's.
 `digs_warp.interchange.captures.bop_models` writes the models. Nothing hides a single object, so its
 silhouette is the mask; cut by the image border, it counts as complete. Of several objects, the capture's
-object numbers give mask_visib, and its `Frame.objects` boxes and counts; there is no mask/, since a capture
-does not hold what is hidden. A mesh that is there twice is two instances of one model. What we read may hold
+object numbers give mask_visib, and its `Frame.objects` boxes, counts and mask: the whole silhouette, as if
+nothing hid it. A mesh that is there twice is two instances of one model. What we read may hold
 several objects; where an image has no pose of the camera in the world, the frame of the first object is the
 world. See
 https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md.
@@ -125,8 +125,8 @@ def write_bop(capture: Capture, folder: Path) -> None:
         encoded, lost = encode_depth(depth, MM_PER_METRE / scale)
         copy_image(frame, folder / SCENE / f"rgb/{number:06d}.png")
         write_image(folder / SCENE / f"depth/{number:06d}.png", encoded)
-        for i, mask in enumerate(masks):
-            for kind in ("mask", "mask_visib") if len(ids) == 1 else ("mask_visib",):
+        for kind, silhouettes in (("mask", whole_masks(frame, masks)), ("mask_visib", masks)):
+            for i, mask in enumerate(silhouettes):
                 path = folder / SCENE / kind / f"{number:06d}_{i:06d}.png"
                 write_image(path, np.where(mask, 255, 0).astype(np.uint8))
         return _camera(frame, scale), _object_infos(frame, masks, encoded > 0), lost
@@ -163,6 +163,22 @@ def visible_masks(frame: Frame, count: int) -> list[np.ndarray]:
         return [object_mask(frame)]
     numbers = frame.load_instances()
     return [numbers == i + 1 for i in range(count)]
+
+
+def whole_masks(frame: Frame, visible: list[np.ndarray]) -> list[np.ndarray]:
+    """Return the silhouettes that the objects would have if nothing hid them, each (height, width), bool.
+
+    Raises:
+        CaptureError: the capture does not tell how each of several objects appears.
+    """
+    if len(visible) == 1:
+        return visible
+    if len(frame.objects) != len(visible):
+        raise CaptureError(
+            f"frame '{frame.name}': views of {len(frame.objects)} objects, expected {len(visible)}; record "
+            "it again with digs-warp simulate --scene"
+        )
+    return [frame.load_silhouette(view) for view in frame.objects]
 
 
 def model_placement(capture: Capture, index: int = 0) -> np.ndarray:
@@ -212,11 +228,6 @@ def _object_infos(frame: Frame, masks: list[np.ndarray], known: np.ndarray) -> l
     infos = [_object_info(mask, known) for mask in masks]
     if len(masks) == 1:
         return infos
-    if len(frame.objects) != len(masks):
-        raise CaptureError(
-            f"frame '{frame.name}': views of {len(frame.objects)} objects, expected {len(masks)}; record it "
-            "again with digs-warp simulate --scene"
-        )
     return [
         info
         | {

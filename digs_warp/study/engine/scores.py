@@ -49,7 +49,7 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
         from digs_warp.measure.flip import flip
 
         pairs = zip(images, views, strict=True)
-        score["flip"] = fmean(flip(image, view.target) for image, view in pairs)
+        score["flip"] = fmean(flip(image, view.target_for(image)) for image, view in pairs)
     return score | depth_error(gaussians, frames)
 
 

@@ -13,6 +13,8 @@ from digs_warp.data.capture import read_capture
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.surface.true_surface import read_true_surface
 from reference.mesh_files import save
 from reference.optional import open3d_or_skip
@@ -70,6 +72,29 @@ def test_views_are_compared_inside_its_mask(capture: Path, second: Path) -> None
     assert result.frames.held_out
     # White paint before white: a reconstruction of both objects misses by the whole other one.
     assert result.scores.mean.psnr > 20
+
+
+def test_what_the_other_object_hides_is_not_taken_for_empty(capture: Path, second: Path) -> None:
+    result = Reconstruction.load(second)
+    assert result.frames is not None
+    frames = [frame for frame, _ in result.frames.by_time]
+    recorded = {frame.name: frame for frame in read_capture(capture).frames}
+    splats = DeviceGaussians.from_numpy(result.gaussians)
+    k = frames[0].camera.intrinsics
+    renderer = SplatRenderer(splats, k.width, k.height)
+    covered = []
+    for frame in frames:
+        numbers, unknown = recorded[frame.name].load_instances(), frame.load_unknown()
+        assert unknown is not None
+        np.testing.assert_array_equal(unknown, numbers == 1)
+        hidden = recorded[frame.name].load_silhouette(recorded[frame.name].objects[1])
+        hidden &= numbers == 1
+        renderer.forward(frame.camera, near=0.05)
+        covered.append(1.0 - renderer.transmittance.to_numpy()[hidden])
+    covered = np.concatenate(covered)
+    assert len(covered) > 100  # the recording tests it
+    # 77 % if training takes the pixels of the other object for empty space
+    assert np.mean(covered > 0.5) > 0.85
 
 
 def test_its_mesh_is_held_against_its_own_surface(

@@ -22,6 +22,17 @@ CAMERA = Camera(Intrinsics.from_fov(64, 48, 60.0), POSE)
 MCMC = TrainConfig(density=Density(strategy="mcmc"))
 
 
+def compared(unknown: np.ndarray | None, image: np.ndarray, mask: np.ndarray) -> Objective:
+    """Return the objective after a comparison with coverage, and its gradients."""
+    view = packed_view("0", CAMERA, image, mask, unknown=unknown)
+    splats = DeviceGaussians.from_numpy(random_gaussians(40, seed=1))
+    renderer = SplatRenderer(splats, 64, 48, options=RasterOptions())
+    objective = Objective(renderer, replace(MCMC, coverage_weight=0.5), EXTENT)
+    renderer.forward(CAMERA, near=0.01, background=np.ones(3))
+    objective.compare(view, np.ones(3))
+    return objective
+
+
 def loss_and_slope(gaussians: Gaussians, config: TrainConfig) -> tuple[float, np.ndarray]:
     """Return the logged loss, and dL/d(opacity logit), shape (n,)."""
     image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
@@ -62,3 +73,37 @@ def test_it_goes_on_with_other_gaussians() -> None:
     renderer.set_gaussians(DeviceGaussians.from_numpy(random_gaussians(20, seed=2)))
     objective.rebind()
     assert [len(sums) for sums in objective.sums[1:]] == [20]
+
+
+def test_unknown_pixels_are_not_judged() -> None:
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    mask = np.where(np.arange(64) < 40, 255, 0).astype(np.uint8) * np.ones((48, 1), np.uint8)
+    unknown = np.zeros((48, 64), bool)
+    unknown[10:40, 30:60] = True  # inside and outside of the mask
+    other_image, other_mask = image.copy(), mask.copy()
+    other_image[unknown] = rng.integers(0, 256, (unknown.sum(), 3))
+    other_mask[unknown] = 255 - other_mask[unknown]
+
+    one = compared(unknown, image, mask)
+    two = compared(unknown, other_image, other_mask)
+    assert one.value() == two.value()
+    for name in ("adj_image", "adj_transmittance"):
+        here, there = (getattr(each._renderer, name).to_numpy() for each in (one, two))
+        np.testing.assert_array_equal(here, there)
+        assert not here[unknown].any()
+        assert here[~unknown].any()
+
+    # Known pixels are judged as if the photograph showed there what was rendered.
+    plain = compared(None, image, mask)
+    known = ~unknown
+    far = known.copy()
+    far[:, 19:] = False  # beyond the windows of SSIM
+    np.testing.assert_array_equal(
+        one._renderer.adj_image.to_numpy()[far], plain._renderer.adj_image.to_numpy()[far]
+    )
+    np.testing.assert_array_equal(
+        one._renderer.adj_transmittance.to_numpy()[known],
+        plain._renderer.adj_transmittance.to_numpy()[known],
+    )
+    assert one.value() < plain.value()
