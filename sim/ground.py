@@ -28,10 +28,11 @@ TABLE_SPREAD = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Objects with what they stand on, and what is around them."""
+    """Objects with what they stand on, and what is around them; ``ground`` is never "auto"."""
 
     scene: Scene
     environment: Environment
+    ground: Ground
 
 
 def set_up(scene: Scene, environment: Environment, ground: Ground, distance: float) -> Setting:
@@ -46,7 +47,8 @@ def set_up(scene: Scene, environment: Environment, ground: Ground, distance: flo
     """
     beyond = SURROUND_MARGIN * distance
     if ground == "none":
-        return Setting(scene, replace(environment, radius=max(environment.radius, beyond)))
+        wide = replace(environment, radius=max(environment.radius, beyond))
+        return Setting(scene, wide, ground)
     if ground == "auto":
         ground = "table" if _fit_a_table(scene) and not environment.is_room else "floor"
     least = ROOM_HALF_WIDTH if environment.is_room else DOME_RADIUS
@@ -57,7 +59,7 @@ def set_up(scene: Scene, environment: Environment, ground: Ground, distance: flo
 
         floor = top - TABLE_HEIGHT
         scene = join_scenes(scene, table_scene(top, floor, things.astype(np.float64)))
-    return Setting(scene, replace(environment, radius=max(least, beyond), floor=floor))
+    return Setting(scene, replace(environment, radius=max(least, beyond), floor=floor), ground)
 
 
 def _fit_a_table(scene: Scene) -> bool:

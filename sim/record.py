@@ -250,6 +250,7 @@ def _about(session: Session, plan: SensorPlan) -> About:
         world_from_mesh=matrix_rows(objects[0].world_from_mesh) if is_one_file else None,
         objects=tuple(map(_placed, objects)),
         surround_radius=session.environment.radius,
+        ground=session.ground,
         exposure=session.renderer.exposure,
         sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
     )

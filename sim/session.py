@@ -11,8 +11,9 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.distractors import add_distractors
 from digs_warp.sim.environment import Environment, load_environment, procedural_environment
-from digs_warp.sim.ground import set_up
+from digs_warp.sim.ground import Ground, set_up
 from digs_warp.sim.object_turn import turn_objects
+from digs_warp.sim.panorama_sharpness import warn_if_soft
 from digs_warp.sim.profiles import Profile, load_profile
 from digs_warp.sim.reach import check_reach, orbit_distance
 from digs_warp.sim.refinish import refinished, with_table_top
@@ -77,6 +78,7 @@ class Session:
         rig: the camera at the image size in use.
         walk: where the camera is at any time.
         renderer: what it sees.
+        ground: what the objects stand on; never "auto".
     """
 
     config: SimulateConfig
@@ -86,6 +88,7 @@ class Session:
     rig: StereoRig
     walk: Walk
     renderer: Renderer
+    ground: Ground = "none"
 
     @property
     def moments(self) -> list[float]:
@@ -272,9 +275,12 @@ def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     walk = Walk.around(distance, config.seed)
     setting = set_up(things, inputs.environment, config.chosen_ground, distance)
     scene = with_table_top(setting.scene, config.look, config.seed)
-    surround = setting.environment
+    surround, rig = setting.environment, inputs.rig
+    if config.environment is not None:  # nobody can take a finer picture of the built-in room
+        warn_if_soft(surround, rig, distance)
     renderer = _make_renderer(config, scene, surround)
-    return Session(config, scene, surround, inputs.profile, inputs.rig, walk, renderer)
+    ground = setting.ground
+    return Session(config, scene, surround, inputs.profile, rig, walk, renderer, ground)
 
 
 def rig_of(config: SimulateConfig) -> StereoRig:

@@ -32,6 +32,7 @@ class About:
             several objects.
         objects: of the simulation; the first has number 1 in the images of object numbers.
         surround_radius: radius of its surround [m]; of a room, half its width.
+        ground: what the objects stand on: "floor", "table" or "none".
         exposure: factor from radiance to pixel values in the simulation.
         sensor: parameters of the simulated stereo camera; None for infinite ones.
         readout_time: time from the first row of an image to the last [s]; 0: all rows at once.
@@ -47,6 +48,7 @@ class About:
     world_from_mesh: Matrix | None = None
     objects: tuple[PlacedObject, ...] | None = None
     surround_radius: float | None = None
+    ground: str | None = None
     exposure: float | None = None
     sensor: dict[str, Any] | None = None
     readout_time: float | None = None
@@ -127,6 +129,7 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
         "a list of objects with name, size (3 lengths in metres) and world_from_mesh (4 x 4)",
     ),
     "surround_radius": (_is_positive, "metres"),
+    "ground": (is_text, "a name"),
     "exposure": (_is_positive, "a number, 0 or more"),
     "sensor": (lambda value: isinstance(value, dict), "an object of figures"),
     "readout_time": (_is_positive, "seconds, 0 for a camera that takes all rows at once"),

@@ -169,6 +169,8 @@ def test_auto_puts_small_things_on_a_table_and_large_ones_on_the_floor() -> None
     small, large = ball(0.2), ball(0.4)
     room = replace(GREY_SKY, is_room=True)
     assert set_up(small, GREY_SKY, "auto", 1.0).scene.has_furniture
+    assert set_up(small, GREY_SKY, "auto", 1.0).ground == "table"
+    assert set_up(large, GREY_SKY, "auto", 1.0).ground == "floor"
     assert not set_up(large, GREY_SKY, "auto", 1.0).scene.has_furniture
     assert not set_up(small, room, "auto", 1.0).scene.has_furniture
     table = set_up(small, room, "table", 1.0)

@@ -2,16 +2,21 @@
 
 import logging
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from digs_warp.camera import Camera
+from digs_warp.data.images import write_image
 from digs_warp.geometry import look_at
+from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.ground import Ground
 from digs_warp.sim.panorama_sharpness import SOFT, pixels_per_texel, warn_if_soft
 from digs_warp.sim.procedural import procedural_scene
 from digs_warp.sim.profiles import load_profile
+from digs_warp.sim.record import simulate_in_memory
 from digs_warp.sim.render.raycast import RaycastRenderer
 
 DISTANCE = 1.0
@@ -63,3 +68,20 @@ def test_a_floor_near_by_counts() -> None:
     near = pixels_per_texel(floor, RIG, 0.5)
     assert near > 2 * pixels_per_texel(sphere, RIG, 0.5)
     assert near == pytest.approx(2 * pixels_per_texel(floor, RIG, 1.0), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("texels", "ground", "is_soft"), [(8, "table", True), (512, "none", False)]
+)
+def test_a_recording_warns_of_it_and_knows_its_ground(
+    texels: int, ground: Ground, is_soft: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "sky.png"
+    write_image(path, np.full((texels, 2 * texels, 3), 128, np.uint8))
+    settings = SimulateConfig(
+        environment=path, ground=ground, frames=1, width=32, samples_per_pixel=1, tier="truth"
+    )
+    with caplog.at_level(logging.WARNING):
+        capture = simulate_in_memory(settings)
+    assert ("looks soft" in caplog.text) == is_soft
+    assert capture.about.ground == ground

@@ -48,7 +48,7 @@ def test_facts_about_the_recording_come_back(tmp_path: Path) -> None:
         recorded_as="zed", poses_known=False, tier="guided", seed=3, object_radius=0.2,
         world_from_mesh=((0.0, -2.0, 0.0, 1.0), (2.0, 0.0, 0.0, 0.0), (0.0, 0.0, 2.0, 5.0),
                          (0.0, 0.0, 0.0, 1.0)),
-        surround_radius=4, exposure=1.5, sensor={"baseline": 0.12, "max_depth": None},
+        surround_radius=4, ground="table", exposure=1.5, sensor={"baseline": 0.12, "max_depth": None},
         readout_time=0.01, effects=("blur",), cause_labels={0: "ok", 12: "occluded"},
         objects=(PlacedObject("mug", "a/mug.glb", (0.1, 0.2, 0.3), at_origin),
                  PlacedObject("made by code", None, (1.0, 1.0, 1.0), at_origin)),
