@@ -76,6 +76,10 @@ class ReconstructionOptions:
     train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="training")] = (
         field(default_factory=_TrainOptions)
     )
+    subject: Literal["auto", "object", "scene"] = "auto"
+    """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
+    the recording has masks or --masks makes some, else the scene."""
+
     test_every: int = 8
     """Every n-th view, from the first on, is held out: it trains nothing and measures the result. 2 or more,
     so that some views train."""
@@ -96,6 +100,7 @@ class ReconstructionOptions:
             segment=_plain(self.segment, SegmentConfig, mask_seed=seed),
             init=self.init,
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
+            subject=self.subject,
             test_every=self.test_every,
         )
 

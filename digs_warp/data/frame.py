@@ -132,6 +132,10 @@ class Frame(LabelLoaders):
         """Return the frame with another source of a layer."""
         return replace(self, layers={**self.layers, layer: source})
 
+    def without_layer(self, layer: Layer) -> "Frame":
+        """Return the frame without a layer."""
+        return replace(self, layers={k: v for k, v in self.layers.items() if k != layer})
+
     def _load_rgb(self, layer: Layer) -> np.ndarray:
         pixels = self._load(layer)
         if pixels.dtype != np.uint8 or pixels.shape[2] < 3:

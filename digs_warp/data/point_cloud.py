@@ -1,5 +1,6 @@
 """Colored points, from which the first Gaussians are made."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +54,26 @@ class PointCloud:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The corners (minimum, maximum) of the box around the points [m]; needs a point."""
         return self.points_world.min(axis=0), self.points_world.max(axis=0)
+
+    def select(self, keep: np.ndarray) -> "PointCloud":
+        """Return the points at ``keep``, a bool mask or indices."""
+        axes, deviations = self.axes_world, self.axis_deviations
+        return PointCloud(
+            self.points_world[keep],
+            self.colors[keep],
+            None if axes is None else axes[keep],
+            None if deviations is None else deviations[keep],
+        )
+
+    @staticmethod
+    def joined(clouds: "Sequence[PointCloud]") -> "PointCloud":
+        """Return the points of one or more clouds; all of them have axes, or none."""
+
+        def all_of(name: str) -> np.ndarray:
+            return np.concatenate([getattr(cloud, name) for cloud in clouds])
+
+        fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *OPTIONAL_FIELDS)
+        return PointCloud(**{name: all_of(name) for name in fields})
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""

@@ -132,7 +132,9 @@ def _entry(frame: Frame, folder: Path, held_out: bool) -> dict[str, Any]:
     if isinstance(mask, np.ndarray):  # not stored anywhere else
         mask = Path(folder) / MASKS / f"{frame.name}.png"
         write_image(mask, frame.load_mask())
-    if isinstance(mask, Path) and mask.resolve().is_relative_to(Path(folder).resolve()):
+    if mask is None:
+        entry["mask"] = None  # also where the recording has one
+    elif mask.resolve().is_relative_to(Path(folder).resolve()):
         entry["mask"] = str(mask.resolve().relative_to(Path(folder).resolve()))
     return entry
 
@@ -147,5 +149,9 @@ def _posed(frame: Frame, entry: Fields, folder: Path) -> Frame:
         )
     except DigsError as error:
         raise DigsError(f"{entry.where}: {error}; reconstruct again") from error
+    if "mask" not in entry.values:
+        return posed
     mask = entry.text("mask", None)
-    return posed if mask is None else posed.with_layer(Layer.MASK, folder / mask)
+    if mask is None:
+        return posed.without_layer(Layer.MASK)
+    return posed.with_layer(Layer.MASK, folder / mask)

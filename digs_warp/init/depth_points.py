@@ -2,10 +2,8 @@
 
 import logging
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from functools import partial
-from itertools import chain
 
 import numpy as np
 import warp as wp
@@ -14,27 +12,21 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.device.parallel import default_threads
 from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.dropped import what_was_dropped
+from digs_warp.init.in_order import in_order
+from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
 from digs_warp.init.visibility import not_seen_through
-from digs_warp.init.voxel import VoxelSums, merge_voxel_sums
+from digs_warp.init.voxel import GrowingGrid
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
-from digs_warp.record.progress import progress
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
-
-# New views are collected until together they have this many times the grid's voxels, then merged.
-MERGE_AT = 3.0
-
-# A flat Gaussian's standard deviation along the normal, as a share of the voxel size.
-FLATNESS = 0.2
 
 # A view whose depth puts more than this share of its mask in the background: depth and mask disagree.
 DISAGREEMENT = 0.25
@@ -66,14 +58,14 @@ def depth_points(
         DigsError: no frames, or a frame without depth or mask.
         NoPointsError: not a single point in any view.
     """
-    _require_layers(frames, config)
+    require_layers(frames, config, (Layer.DEPTH, Layer.MASK))
     for module in (edge_kernel, normals, voxel_kernel):
         wp.load_module(module, device="cpu")  # once, before several threads launch
     report = DepthReport(pixels=dict.fromkeys(FILTERS, 0))
     size = first_voxel_size(frames, config, sfm_per_metre)
-    grid = _GrowingGrid()
+    grid = GrowingGrid()
     seen = []
-    for view in _views(
+    for view in in_order(
         frames, partial(view_points, config=config, voxel_size=size, baseline=baseline)
     ):
         _warn_of_odd_masks(view, config)
@@ -106,68 +98,16 @@ def depth_points(
         voxels = voxels.select(in_company(voxels.points_world, report.voxel_size))
     report.voxels["not alone"] = len(voxels)
     if config.max_points is not None and len(voxels) > config.max_points:
-        voxels = voxels.select(_drawn(len(voxels), config.max_points))
+        voxels = voxels.select(drawn(len(voxels), config.max_points))
         report.voxels["drawn"] = len(voxels)
-    return _to_points(voxels, config, report.voxel_size), report
+    return shaped_points(voxels, config, report.voxel_size), report
 
 
-def _views(frames: Sequence[Frame], reduce: partial[ViewPoints]) -> Iterator[ViewPoints]:
-    """Yield all views in order, computing only the next few ahead: each one holds its pixels in memory."""
-    threads = default_threads()
-    with (
-        ThreadPoolExecutor(threads) as pool,
-        progress(len(frames), "Back-projecting", "frame") as bar,
-    ):
-        waiting = [pool.submit(reduce, frame) for frame in frames[: 2 * threads]]
-        for frame in chain(frames[2 * threads :], [None] * len(waiting)):
-            yield waiting.pop(0).result()
-            bar.update()
-            if frame is not None:
-                waiting.append(pool.submit(reduce, frame))
-
-
-class _GrowingGrid:
-    """Voxel sums of many views.
-
-    New views are collected until together they outweigh the grid, then merged. So each voxel is sorted a
-    logarithmic number of times, and memory stays within a few times the grid.
-    """
-
-    def __init__(self) -> None:
-        self._batches: list[VoxelSums] = []
-
-    def add(self, voxels: VoxelSums) -> None:
-        self._batches.append(voxels)
-        if sum(map(len, self._batches[1:])) > MERGE_AT * len(self._batches[0]):
-            self._batches = [self.merged()]
-
-    def merged(self) -> VoxelSums:
-        return merge_voxel_sums(self._batches)
-
-
-def _drawn(count: int, wanted: int) -> np.ndarray:
+def drawn(count: int, wanted: int) -> np.ndarray:
     """Return a mask, shape (count,), of ``wanted`` places chosen at random; always the same ones."""
     keep = np.zeros(count, dtype=bool)
     keep[np.random.default_rng(0).choice(count, size=wanted, replace=False)] = True
     return keep
-
-
-def _to_points(voxels: VoxelSums, config: InitConfig, voxel_size: float) -> PointCloud:
-    """Return one point per voxel, with an axis unless the Gaussians are round."""
-    if config.shape == "round":
-        return PointCloud(voxels.points_world, voxels.colors)
-    axes = voxels.extra[:, :3]
-    lengths = np.linalg.norm(axes, axis=1)
-    known = lengths > 1e-6
-    units = np.where(known[:, None], axes / np.where(known, lengths, 1.0)[:, None], [0.0, 0.0, 1.0])
-    if config.shape == "flat":
-        # Where no pixel had a normal, the point stays as wide as its voxel in all directions.
-        deviations = np.where(known, FLATNESS * voxel_size, voxel_size)
-    else:
-        # Views from all around bound the error from all sides: their rays cancel in the mean.
-        along = voxels.extra[:, 3] * lengths**2
-        deviations = np.sqrt(voxel_size**2 + along)
-    return PointCloud(voxels.points_world, voxels.colors, units, deviations)
 
 
 def _warn_of_odd_masks(view: ViewPoints, config: InitConfig) -> None:
@@ -184,21 +124,22 @@ def _warn_of_odd_masks(view: ViewPoints, config: InitConfig) -> None:
         )
 
 
-def _require_layers(frames: Sequence[Frame], config: InitConfig) -> None:
+def require_layers(frames: Sequence[Frame], config: InitConfig, layers: Sequence[Layer]) -> None:
+    """Raise a `DigsError` unless there are frames, all with ``layers`` and what the weights need."""
     if not frames:
         raise DigsError("initialization: no frames; the capture needs at least one training frame")
     advice = {
         Layer.DEPTH: "depth maps (float EXR in metres or 16-bit PNG in millimetres)",
-        Layer.MASK: "object masks (8-bit PNG, 255 on the object)",
+        Layer.MASK: "object masks (8-bit PNG; --masks makes some, --subject scene needs none)",
+        Layer.CONFIDENCE: "confidence maps (8-bit PNG)",
     }
-    if config.weight_by_confidence:
-        advice[Layer.CONFIDENCE] = "confidence maps (8-bit PNG)"
-    for layer, what in advice.items():
+    wanted = (*layers, Layer.CONFIDENCE) if config.weight_by_confidence else layers
+    for layer in wanted:
         lacking = [frame.name for frame in frames if not frame.has(layer)]
         if lacking:
             raise DigsError(
                 f"initialization: {len(lacking)} of {len(frames)} frames have no '{layer.value}' "
-                f"(the first is '{lacking[0]}'); add {what} to the capture or leave these frames out"
+                f"(the first is '{lacking[0]}'); add {advice[layer]} to the capture or leave these frames out"
             )
 
 

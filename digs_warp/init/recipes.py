@@ -6,18 +6,21 @@ structure from motion are divided by the same factor.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import depth_points
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import random_points
-from digs_warp.init.start import Initialization
+from digs_warp.init.scene_points import scene_points
+from digs_warp.init.start import Initialization, Subject
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
@@ -31,6 +34,7 @@ def initialize(
     sfm: SfmModel | None = None,
     sfm_per_metre: float | None = None,
     baseline: float | None = None,
+    subject: Subject = "object",
 ) -> Initialization:
     """Return the points of the configured strategy.
 
@@ -40,6 +44,7 @@ def initialize(
         sfm: structure from motion in metres (`SfmModel.in_metres`); None: the poses are the capture's.
         sfm_per_metre: the scale that it had; for voxel sizes in its unit.
         baseline: of the stereo rig [m]; for shape 'ray'.
+        subject: what the points from depth cover; for a scene no frame needs a mask.
 
     Raises:
         DigsError: something that the strategy needs is missing, or there are no points.
@@ -53,7 +58,10 @@ def initialize(
         points = random_points([frame.camera for frame in frames], count)
         return Initialization(points, {"random": len(points)})
 
-    from_depth, report = depth_points(frames, config, sfm_per_metre, baseline)
+    if subject == "scene":
+        from_depth, report = scene_points(frames, config, baseline)
+    else:
+        from_depth, report = depth_points(frames, config, sfm_per_metre, baseline)
     if config.strategy in ("depth", "highdepth"):
         return Initialization(from_depth, {"depth": len(from_depth)}, report)
 
@@ -70,7 +78,8 @@ def _unmasked_points_in_box(
 ) -> PointCloud:
     """Return P_BB (section 3.3.2): the sparse points that no mask rejects, in the box of the depth points.
 
-    A point must lie in the mask of every frame that saw it; a point that none of them saw is left out.
+    A point must lie in the mask of every frame that saw it; a point that none of them saw is left out. A
+    frame without a mask rejects nothing.
 
     Args:
         sfm: the model, in the unit of ``box``.
@@ -86,12 +95,14 @@ def _unmasked_points_in_box(
         index = sfm.names.index(frame.name)
         mine = sfm.observations.cameras == index
         points = sfm.observations.points[mine]
+        seen[points] = True
+        if not frame.has(Layer.MASK):
+            continue
         mask = frame.load_mask()
         k = sfm.cameras[index].intrinsics
         height, width = mask.shape
         px = sfm.observations.px[mine] * np.array([width / k.width, height / k.height])
         columns, rows = pixels_at(px, width, height)
-        seen[points] = True
         rejected[points[mask[rows, columns] <= mask_threshold]] = True
     positions = sfm.points.points_world
     in_box = np.all((positions >= box[0]) & (positions <= box[1]), axis=1)
@@ -101,18 +112,11 @@ def _unmasked_points_in_box(
 
 def _union(from_depth: PointCloud, from_sfm: PointCloud, voxel_size: float) -> PointCloud:
     """Merge both clouds; sparse points have no axis and stay round."""
-    points = np.concatenate([from_depth.points_world, from_sfm.points_world])
-    colors = np.concatenate([from_depth.colors, from_sfm.colors])
-    if from_depth.axes_world is None or from_depth.axis_deviations is None:
-        return PointCloud(points, colors)
-    axes = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(from_sfm), 1))
-    deviations = np.full(len(from_sfm), voxel_size, dtype=np.float32)
-    return PointCloud(
-        points,
-        colors,
-        np.concatenate([from_depth.axes_world, axes]),
-        np.concatenate([from_depth.axis_deviations, deviations]),
-    )
+    if from_depth.axes_world is not None:
+        axes = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(from_sfm), 1))
+        deviations = np.full(len(from_sfm), voxel_size, dtype=np.float32)
+        from_sfm = replace(from_sfm, axes_world=axes, axis_deviations=deviations)
+    return PointCloud.joined([from_depth, from_sfm])
 
 
 def _needed(sfm: SfmModel | None, config: InitConfig) -> SfmModel:

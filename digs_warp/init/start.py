@@ -1,12 +1,16 @@
 """What an initialization returns. Imports nothing heavy: reading a result must not load the init code."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from digs_warp.data.point_cloud import PointCloud
 
 if TYPE_CHECKING:
+    from digs_warp.init.scene_view import SceneView
     from digs_warp.init.view_points import ViewPoints
+
+# What is reconstructed: what lies in the masks, or everything in view.
+Subject = Literal["object", "scene"]
 
 
 @dataclass
@@ -25,7 +29,7 @@ class DepthReport:
     voxels: dict[str, int] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
-    def add(self, view: "ViewPoints") -> None:
+    def add(self, view: "ViewPoints | SceneView") -> None:
         """Count a view."""
         for name, count in view.pixels.items():
             self.pixels[name] += count

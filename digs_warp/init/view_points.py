@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.geometry import mask_box
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
 from digs_warp.init.foreground import foreground_range
-from digs_warp.init.normals import REACH, normals_from_depth
-from digs_warp.init.uncertainty import depth_deviation, pixel_rays, stereo_weights
+from digs_warp.init.normals import REACH
+from digs_warp.init.point_shapes import shape_values
+from digs_warp.init.uncertainty import stereo_weights
 from digs_warp.init.voxel import VoxelSums
 
 # The visibility check uses every n-th row and column, so that a map has about this many pixels.
@@ -94,13 +94,18 @@ def view_points(
         weights *= stereo_weights(near)
     if confidence is not None:
         weights *= confidence[box]
-    extra = _shape_values(camera, near, keep, config, baseline)
+    extra = shape_values(camera, near, keep, config, baseline)
     laps.lap("weights")
     voxels = back_project(camera, image[box], near, weights, voxel_size, extra)
     laps.lap("back-project")
+    kept = thinned(depth) if config.visibility_check else None
+    return ViewPoints(frame.name, frame.camera, voxels, pixels, kept, laps.seconds)
+
+
+def thinned(depth: np.ndarray) -> np.ndarray:
+    """Return every n-th row and column of a depth map, so that it has about `KEPT_PIXELS`."""
     stride = int(np.ceil(np.sqrt(depth.size / KEPT_PIXELS)))
-    thinned = depth[::stride, ::stride].copy() if config.visibility_check else None
-    return ViewPoints(frame.name, frame.camera, voxels, pixels, thinned, laps.seconds)
+    return depth[::stride, ::stride].copy()
 
 
 def box_of(in_mask: np.ndarray) -> Box:
@@ -116,28 +121,3 @@ def box_of(in_mask: np.ndarray) -> Box:
         slice(max(0, y0 - REACH), min(height, y1 + REACH)),
         slice(max(0, x0 - REACH), min(width, x1 + REACH)),
     )
-
-
-def _shape_values(
-    camera: Camera,
-    depth: np.ndarray,
-    keep: np.ndarray,
-    config: InitConfig,
-    baseline: float | None,
-) -> np.ndarray | None:
-    """Return the per-pixel values that the Gaussians' shape needs, shape (height, width, k), or None."""
-    if config.shape == "flat":
-        return normals_from_depth(camera, depth, keep)
-    if config.shape == "ray":
-        if baseline is None:
-            raise DigsError(
-                "initialization: shape 'ray' needs the baseline of the stereo camera, which the capture "
-                "does not tell; add it to transforms.json (docs/capture-format.md) or choose 'round'"
-            )
-        rays = pixel_rays(camera)
-        lengths = np.linalg.norm(rays, axis=-1, keepdims=True)
-        focal_baseline = camera.intrinsics.fx * baseline
-        deviation = depth_deviation(depth, config.disparity_noise, focal_baseline)
-        along = np.nan_to_num(deviation)[..., None] * lengths
-        return np.concatenate([rays / lengths, along**2], axis=-1)
-    return None

@@ -13,6 +13,9 @@ import numpy as np
 from digs_warp.checks import DigsError, check_positive
 from digs_warp.init.voxel_kernel import BITS, COLOR, EXTRA, MAX_INDEX, POSITION
 
+# New views are collected until together they have this many times the grid's voxels, then merged.
+MERGE_AT = 3.0
+
 
 @dataclass(frozen=True, eq=False)
 class VoxelSums:
@@ -69,6 +72,27 @@ class VoxelSums:
             DigsError: the voxel size is not positive, or so small that voxel indices overflow.
         """
         return _sum_by_key(voxel_keys(self.points_world, voxel_size), self.counts, self.sums)
+
+
+class GrowingGrid:
+    """Voxel sums of many views.
+
+    New views are collected until together they outweigh the grid, then merged. So each voxel is sorted a
+    logarithmic number of times, and memory stays within a few times the grid.
+    """
+
+    def __init__(self) -> None:
+        self._batches: list[VoxelSums] = []
+
+    def add(self, voxels: VoxelSums) -> None:
+        """Add the sums of one view."""
+        self._batches.append(voxels)
+        if sum(map(len, self._batches[1:])) > MERGE_AT * len(self._batches[0]):
+            self._batches = [self.merged()]
+
+    def merged(self) -> VoxelSums:
+        """Return the sums of all views; needs at least one."""
+        return merge_voxel_sums(self._batches)
 
 
 def merge_voxel_sums(batches: Sequence[VoxelSums]) -> VoxelSums:

@@ -22,9 +22,10 @@ from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import looked_at
 from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
-from digs_warp.init.start import Initialization
+from digs_warp.init.start import Initialization, Subject
 from digs_warp.init.strategies import STRATEGIES
 from digs_warp.pipeline.results import Results
+from digs_warp.pipeline.subject import SubjectChoice, say_subject, subject_of
 from digs_warp.plausibility.check import check_capture
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
@@ -52,6 +53,9 @@ class FrontEndConfig:
     sfm: SfmConfig = field(default_factory=lambda: SfmConfig(poses="capture"))
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     init: InitConfig = field(default_factory=InitConfig)
+    subject: SubjectChoice = "auto"
+    """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
+    the recording has masks or --masks makes some, else the scene."""
     test_every: int = 8
     """Every n-th view, from the first on, is held out for the evaluation."""
 
@@ -71,6 +75,7 @@ class Prepared:
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses; None for given ones.
         doubts: what does not fit together in the capture; see `digs_warp.plausibility`.
+        subject: what is reconstructed; the frames of a scene have no masks.
     """
 
     frames: PosedFrames
@@ -78,6 +83,7 @@ class Prepared:
     sfm: SfmQuality | None = None
     scale: ScaleEstimate | None = None
     doubts: tuple[str, ...] = ()
+    subject: Subject = "object"
 
     @staticmethod
     def load(capture: Capture, folder: Path) -> "Prepared":
@@ -90,7 +96,7 @@ class Prepared:
         results = Results.read(record, folder / RUN_RECORD) if record else Results()
         start = results.start(PointCloud.load(folder / INITIAL_POINTS))
         frames = PosedFrames.load(capture, folder)
-        return Prepared(frames, start, results.sfm, results.scale, results.doubts)
+        return Prepared(frames, start, results.sfm, results.scale, results.doubts, results.subject)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +120,7 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
         )
     _check_instance(capture, config.segment.instance)
     training = _split(capture, config.test_every).training
+    subject_of(capture, config.subject, config.segment)
     if config.segment.source != "capture":
         check_inputs(training, config.segment)
 
@@ -143,6 +150,8 @@ def front_end(
         return Prepared.load(capture, folder)
     check_front_end(capture, config)
     frames = _split(capture, config.test_every)
+    subject = subject_of(capture, config.subject, config.segment)
+    say_subject(capture, config.subject, subject)
     with log.stage("check"):
         doubts = _doubts(capture, config)
     sparse = None
@@ -152,6 +161,8 @@ def front_end(
     if config.segment.source != "capture":
         with log.stage("masks"):
             frames = _masked(frames, config.segment, folder / MASKS)
+    if subject == "scene":
+        frames = _without_masks(frames)
     model: _Model | None = None
     if sparse is not None:
         with log.stage("scale"):
@@ -164,6 +175,7 @@ def front_end(
             sfm=model.sfm if model else None,
             sfm_per_metre=model.sfm_per_metre if model else None,
             baseline=capture.right_offset,
+            subject=subject,
         )
     prepared = Prepared(
         frames,
@@ -171,6 +183,7 @@ def front_end(
         sfm=sparse.quality if sparse else None,
         scale=model.estimate if model else None,
         doubts=doubts,
+        subject=subject,
     )
     _save(prepared, capture, folder, log)
     return prepared
@@ -179,7 +192,8 @@ def front_end(
 def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> None:
     """Save everything to the folder; the points come last, to tell a resumed run that all is there."""
     results = Results.of_start(capture.stored_in, prepared.start, prepared.sfm, prepared.scale)
-    log.results = replace(results, doubts=prepared.doubts).to_json()
+    results = replace(results, doubts=prepared.doubts, subject=prepared.subject)
+    log.results = results.to_json()
     log.save(folder / RUN_RECORD)
     prepared.frames.save(folder)
     prepared.start.points.save(folder / INITIAL_POINTS)
@@ -229,6 +243,14 @@ def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFr
             for group in (training, held_out)
         )
     return replace(frames, training=tuple(training), held_out=tuple(held_out))
+
+
+def _without_masks(frames: PosedFrames) -> PosedFrames:
+    training, held_out = (
+        tuple(frame.without_layer(Layer.MASK) for frame in group)
+        for group in (frames.training, frames.held_out)
+    )
+    return replace(frames, training=training, held_out=held_out)
 
 
 def _in_metres(

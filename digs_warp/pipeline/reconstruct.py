@@ -124,6 +124,7 @@ def _reconstruct(
             folder=folder,
             capture=capture.stored_in,
             doubts=prepared.doubts,
+            subject=prepared.subject,
         )
         log.results = result.results.to_json()
     with log.stage("evaluate"):

@@ -19,7 +19,7 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate
-from digs_warp.init.start import Initialization
+from digs_warp.init.start import Initialization, Subject
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
 from digs_warp.record.fields import Fields
@@ -68,6 +68,7 @@ class Reconstruction:
         folder: where it is stored.
         capture: folder of the recording; None if it is not known, or only in memory.
         doubts: what does not fit together in the recording; empty for a good one.
+        subject: what was reconstructed, the object in the masks or the whole scene.
     """
 
     gaussians: Gaussians
@@ -82,6 +83,7 @@ class Reconstruction:
     folder: Path | None = None
     capture: Path | None = None
     doubts: tuple[str, ...] = ()
+    subject: Subject = "object"
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -116,6 +118,7 @@ class Reconstruction:
         return replace(
             Results.of_start(self.capture, self.start, self.sfm, self.scale),
             doubts=self.doubts,
+            subject=self.subject,
             gaussians=len(self.gaussians),
             iterations=last.iteration if last else None,
             stopped_by=self.stopped_by,
@@ -247,6 +250,7 @@ class Reconstruction:
             folder=folder,
             capture=place,
             doubts=results.doubts,
+            subject=results.subject,
         )
 
     @staticmethod

@@ -6,7 +6,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.scale import ScaleEstimate
-from digs_warp.init.start import DepthReport, Initialization
+from digs_warp.init.start import DepthReport, Initialization, Subject
 from digs_warp.measure.scores import Score
 from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
@@ -22,6 +22,7 @@ class Results:
     Attributes:
         capture: folder of the recording.
         doubts: what does not fit together in the recording.
+        subject: what was reconstructed, the object in the masks or the whole scene.
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses, where there are such.
         sources: number of initial points by where they came from: "depth", "sfm", "random".
@@ -35,6 +36,7 @@ class Results:
 
     capture: Path | None = None
     doubts: tuple[str, ...] = ()
+    subject: Subject = "object"
     sfm: SfmQuality | None = None
     scale: ScaleEstimate | None = None
     sources: dict[str, int] | None = None
@@ -72,6 +74,7 @@ class Results:
         content = {
             "capture": str(self.capture) if self.capture else None,
             "doubts": list(self.doubts) or None,
+            "subject": self.subject,
             "sfm": asdict(self.sfm) if self.sfm else None,
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
@@ -99,6 +102,7 @@ class Results:
         return Results(
             capture=Path(capture) if capture else None,
             doubts=found.texts("doubts"),
+            subject="scene" if found.text("subject", None) == "scene" else "object",
             sfm=_dataclass(SfmQuality, found, "sfm"),
             scale=_dataclass(ScaleEstimate, found, "scale"),
             sources={name: sources.whole(name) for name in sources.values}

@@ -12,13 +12,13 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
+from digs_warp.init.scene_points import scene_points
 from digs_warp.init.visibility import votes
 from digs_warp.interchange.captures.frames import for_each_frame
 
 logger = logging.getLogger(__name__)
 
-# Without masks, the points of everything in view.
-WHOLE_SCENE = InitConfig(mask_filter=False, foreground_filter=False)
+_NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class StartPoints:
 
     Attributes:
         cloud: the points; none if the capture has no depth.
-        voxel_size: edge length of their grid [m].
+        voxel_size: edge length of their grid, the finest one of a scene [m].
         training: the frames that they come from, and that a trainer may see.
     """
 
@@ -42,7 +42,7 @@ class StartPoints:
 def start_points(capture: Capture) -> StartPoints:
     """Return the points that `digs-warp reconstruct` starts from by default, with the recorded poses.
 
-    They are the object's, if the capture has masks. Held-out frames do not contribute.
+    They are the object's if the capture has masks, else the scene's. Held-out frames do not contribute.
 
     Raises:
         DigsError: a file of the capture cannot be read.
@@ -50,24 +50,15 @@ def start_points(capture: Capture) -> StartPoints:
     training = capture.split()[0] or list(capture.frames)
     with_depth = [frame for frame in training if frame.has(Layer.DEPTH)]
     with_mask = [frame for frame in with_depth if frame.has(Layer.MASK)]
-    views, config = with_mask, InitConfig()
-    if not with_mask:
-        views, config = [_all_of(frame) for frame in with_depth], WHOLE_SCENE
+    cloud, report = _NO_POINTS, None
     try:
-        cloud, report = depth_points(views, config) if views else (_NO_POINTS, None)
+        if with_mask:
+            cloud, report = depth_points(with_mask, InitConfig())
+        elif with_depth:
+            cloud, report = scene_points(with_depth, InitConfig())
     except NoPointsError as error:
         logger.warning("%s: exported without points to start from: %s", capture, error)
-        cloud, report = _NO_POINTS, None
     return StartPoints(cloud, report.voxel_size if report else 0.0, training)
-
-
-_NO_POINTS = PointCloud(np.zeros((0, 3)), np.zeros((0, 3)))
-
-
-def _all_of(frame: Frame) -> Frame:
-    """Return the frame with a mask that covers it; no memory holds its pixels."""
-    k = frame.camera.intrinsics
-    return frame.with_layer(Layer.MASK, np.broadcast_to(np.uint8(255), (k.height, k.width)))
 
 
 def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:

@@ -12,8 +12,8 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.geometry import look_at, matrix_from_quat_xyzw
 from digs_warp.init.config import InitConfig
-from digs_warp.init.depth_points import FLATNESS
 from digs_warp.init.normals import REACH, normals_from_depth
+from digs_warp.init.point_shapes import FLATNESS
 from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
 from digs_warp.init.uncertainty import depth_deviation, stereo_weights

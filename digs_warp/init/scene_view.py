@@ -1,0 +1,130 @@
+"""One view of a whole scene -> voxels: measured surfaces, and guesses where nothing was measured."""
+
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.data.frame import Frame
+from digs_warp.init.back_project import back_project
+from digs_warp.init.config import InitConfig
+from digs_warp.init.edges import smooth_depth
+from digs_warp.init.levels import Grid, Levels
+from digs_warp.init.point_shapes import shape_values
+from digs_warp.init.uncertainty import stereo_weights
+from digs_warp.init.view_points import thinned
+from digs_warp.init.voxel import GrowingGrid, VoxelSums
+
+# What remains of the pixels, in this order.
+SCENE_FILTERS = ("in view", "with depth", "away from edges")
+
+# Guessed surfaces get grids coarser by this many levels than measured ones: more detail would be invented.
+GUESS_COARSER = 1
+
+
+@dataclass(frozen=True, eq=False)
+class SceneView:
+    """One view reduced to the grids.
+
+    Attributes:
+        camera: of the frame.
+        measured: sums over pixels with depth, by the number of their grid.
+        guessed: sums over pixels without depth, placed at the depth of the nearest pixel with depth.
+        pixels: how many remained after each of `SCENE_FILTERS`.
+        thinned_depth: every n-th row and column of the depth map, for the visibility check.
+        seconds: CPU time [s].
+    """
+
+    camera: Camera
+    measured: dict[int, VoxelSums]
+    guessed: dict[int, VoxelSums]
+    pixels: dict[str, int]
+    thinned_depth: np.ndarray
+    seconds: dict[str, float]
+
+
+def scene_view(
+    frame: Frame, config: InitConfig, levels: Levels, baseline: float | None = None
+) -> SceneView:
+    """Back-project all pixels of one view and sum them per voxel.
+
+    The edge filter (eq. 9) looks at inverse depth: on a floor that recedes, depth curves, inverse depth does
+    not, and the noise of stereo is the same near and far.
+
+    Args:
+        frame: with image and depth.
+        config: which filters and weights.
+        levels: which grid for which distance.
+        baseline: of the stereo rig [m]; for shape 'ray'.
+    """
+    start = time.thread_time()
+    image, depth = frame.load_image(), frame.load_depth()
+    known = ~np.isnan(depth)
+    keep = known & smooth_depth(1.0 / depth) if config.edge_filter else known
+    weights = keep.astype(np.float32)
+    if config.weight_by_uncertainty:
+        weights *= stereo_weights(depth)
+    if config.weight_by_confidence:
+        weights *= frame.load_confidence()
+    extra = shape_values(frame.camera, depth, keep, config, baseline)
+    measured = _on_levels(frame.camera, image, depth, weights, levels, 0, extra)
+    guess, missing = nearest_known(depth), (~known).astype(np.float32)
+    blank = None if extra is None else np.zeros_like(extra)
+    guessed = _on_levels(frame.camera, image, guess, missing, levels, GUESS_COARSER, blank)
+    counts = (depth.size, int(np.count_nonzero(known)), int(np.count_nonzero(keep)))
+    pixels: dict[str, int] = dict(zip(SCENE_FILTERS, counts, strict=True))
+    seconds = {"views": time.thread_time() - start}
+    return SceneView(frame.camera, measured, guessed, pixels, thinned(depth), seconds)
+
+
+def nearest_known(depth: np.ndarray) -> np.ndarray:
+    """Return the depth with each unknown value, NaN, replaced by that of the nearest known pixel.
+
+    All of it stays NaN where nothing is known.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    unknown = np.isnan(depth)
+    if unknown.all() or not unknown.any():
+        return depth
+    places = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    rows, columns = np.asarray(places)
+    return depth[rows, columns]
+
+
+@dataclass
+class LevelSums:
+    """Sums of many views on each grid."""
+
+    grids: dict[int, GrowingGrid] = field(default_factory=lambda: defaultdict(GrowingGrid))
+
+    def add(self, voxels: dict[int, VoxelSums]) -> None:
+        """Add the voxels of one view."""
+        for level, each in voxels.items():
+            self.grids[level].add(each)
+
+    def merged(self, levels: Levels) -> list[Grid]:
+        """Return the sums of all views, from the finest grid to the coarsest."""
+        return [Grid(levels.edge(n), self.grids[n].merged()) for n in sorted(self.grids)]
+
+
+def _on_levels(
+    camera: Camera,
+    image: np.ndarray,
+    depth: np.ndarray,
+    weights: np.ndarray,
+    levels: Levels,
+    coarser: int,
+    extra: np.ndarray | None,
+) -> dict[int, VoxelSums]:
+    weights = np.where(np.isnan(depth), np.float32(0), weights)
+    level = levels.of_depth(depth, camera.intrinsics.fx) + coarser
+    found = np.flatnonzero(np.bincount(level[weights > 0]))
+    return {
+        int(n): back_project(
+            camera, image, depth, np.where(level == n, weights, 0), levels.edge(int(n)), extra
+        )
+        for n in found
+    }

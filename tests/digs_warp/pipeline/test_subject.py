@@ -1,0 +1,88 @@
+"""An object or the whole scene: what decides, and what a run keeps of it."""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
+from digs_warp.pipeline.subject import SubjectChoice, subject_of
+from digs_warp.record.run_log import RunLog, RunRecord
+from digs_warp.segment.config import SegmentConfig
+from reference.ball_capture import RADIUS, WALL_RADIUS, ball_views, write_capture
+
+CONFIG = FrontEndConfig(init=InitConfig(edge_filter=False), test_every=4)
+
+
+@pytest.fixture(scope="module")
+def masked(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_capture(tmp_path_factory.mktemp("ball"), ball_views())
+
+
+@pytest.fixture(scope="module")
+def unmasked(masked: Capture) -> Capture:
+    return replace(masked, frames=tuple(f.without_layer(Layer.MASK) for f in masked.frames))
+
+
+def prepared(capture: Capture, folder: Path, choice: SubjectChoice = "auto") -> Prepared:
+    config = replace(CONFIG, subject=choice)
+    return front_end(capture, config, folder, RunLog("test", config))
+
+
+def farthest(result: Prepared) -> float:
+    return float(np.linalg.norm(result.start.points.points_world, axis=1).max())
+
+
+def test_masks_decide(masked: Capture, unmasked: Capture) -> None:
+    from_depth = SegmentConfig(masks="depth")
+    assert subject_of(masked, "auto", SegmentConfig()) == "object"
+    assert subject_of(unmasked, "auto", SegmentConfig()) == "scene"
+    assert subject_of(unmasked, "auto", from_depth) == "object"
+    assert subject_of(masked, "scene", SegmentConfig()) == "scene"
+    assert subject_of(unmasked, "object", SegmentConfig()) == "object"
+    with pytest.raises(
+        DigsError, match="--subject scene: no masks are used; leave out --masks depth"
+    ):
+        subject_of(unmasked, "scene", from_depth)
+
+
+def test_without_masks_everything_in_view_is_reconstructed_and_the_log_says_so(
+    unmasked: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO):
+        result = prepared(unmasked, tmp_path)
+    assert result.subject == "scene"
+    assert farthest(result) > 0.9 * WALL_RADIUS
+    assert "no masks, so everything in view is reconstructed (--subject scene)" in caplog.text
+    assert "add --masks depth" in caplog.text
+
+
+def test_a_scene_leaves_the_masks_of_the_recording_alone(masked: Capture, tmp_path: Path) -> None:
+    result = prepared(masked, tmp_path, "scene")
+    assert farthest(result) > 0.9 * WALL_RADIUS
+    every = (*result.frames.training, *result.frames.held_out)
+    assert not any(frame.has(Layer.MASK) for frame in every)
+    record = RunRecord.find(tmp_path)
+    assert record is not None and record.results["subject"] == "scene"
+    # What is read again, for a report or to continue, has no masks either.
+    again = Prepared.load(masked, tmp_path)
+    assert again.subject == "scene"
+    assert not any(frame.has(Layer.MASK) for frame in again.frames.training)
+
+
+def test_an_object_keeps_its_masks(masked: Capture, tmp_path: Path) -> None:
+    result = prepared(masked, tmp_path)
+    assert result.subject == "object" and farthest(result) < 1.1 * RADIUS
+    assert all(frame.has(Layer.MASK) for frame in result.frames.training)
+    assert Prepared.load(masked, tmp_path).frames.training[0].has(Layer.MASK)
+
+
+def test_an_object_without_masks_says_where_to_get_them(unmasked: Capture, tmp_path: Path) -> None:
+    with pytest.raises(DigsError, match=r"6 of 6 frames have no 'mask_path'.*--subject scene"):
+        prepared(unmasked, tmp_path, "object")
