@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.convert_splats import SplatConversion, convert_splats
 from digs_warp.commands.output import NewFolder
+from digs_warp.commands.recording_options import RecordingOptions
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.record.layout import RUN_RECORD, find_gaussians
 from digs_warp.record.run_log import RunLog
@@ -32,7 +33,18 @@ CaptureFormat = Literal[
     "sceneflow",
     "middlebury",
 ]
-RecordingFormat = Literal["nerfstudio", "tum", "scannet", "record3d", "zed", "redwood", "bop"]
+RecordingFormat = Literal[
+    "nerfstudio",
+    "tum",
+    "scannet",
+    "record3d",
+    "zed",
+    "redwood",
+    "bop",
+    "colmap",
+    "7scenes",
+    "euroc",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +78,9 @@ class Convert(Command):
     """For a recording of a real RGB-D camera: the format of its folder (see docs/recordings.md). The result
     is a capture."""
 
+    recording: Annotated[RecordingOptions, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=RecordingOptions
+    )
     gaussians: Annotated[SplatConversion, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SplatConversion
     )
@@ -81,7 +96,9 @@ class Convert(Command):
         if not self.source.exists():
             raise DigsError(f"'{self.source}': no such file or folder. Check the path.")
         if self.recorded_as is not None:
-            return import_recording(self.source, self.recorded_as, self.out, self.overwrite)
+            return import_recording(
+                self.source, self.recorded_as, self.out, self.overwrite, self.recording
+            )
         if self.to is not None:
             return export_capture_folder(self.source, self.to, self.out, self.overwrite)
         if (self.source / INDEX_NAME).is_file():
@@ -128,13 +145,17 @@ def _add_bop_model(capture: "Capture", folder: Path) -> None:
         write_bop_models(capture, surfaces, folder)
 
 
-def import_recording(source: Path, form: RecordingFormat, out: Path, overwrite: bool) -> str:
+def import_recording(
+    source: Path, form: RecordingFormat, out: Path, overwrite: bool, options: RecordingOptions
+) -> str:
     """Write the capture of a recording; the folder is complete or not there."""
     from digs_warp.interchange.captures.formats import read_recording
     from digs_warp.interchange.captures.to_capture import write_capture
 
     recording = read_recording(source, form)
-    log = RunLog("convert", {"recording": source, "from": form})
+    if options.fov_deg is not None:
+        recording = recording.with_field_of_view(options.fov_deg)
+    log = RunLog("convert", {"recording": source, "from": form, **vars(options)})
     with NewFolder(out=out, overwrite=overwrite).opened([source]) as folder:
         with log.stage("convert"):
             capture = write_capture(recording, form, folder)

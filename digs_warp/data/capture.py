@@ -8,15 +8,19 @@ keys. Pixels are loaded on demand. The layout is described in docs/capture-forma
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from digs_warp.bounds import check_flag
 from digs_warp.checks import CaptureError, require_folder
 from digs_warp.data.about import About, read_about
 from digs_warp.data.frame import Frame
-from digs_warp.data.frame_reader import read_frame
-from digs_warp.data.index_rules import INDEX_NAME, check_section
+from digs_warp.data.frame_reader import path_inside, read_frame
+from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
 from digs_warp.data.other_folders import OF_A_CAMERA, what_it_is
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig, read_rig
+from digs_warp.data.sparse_points import read_points
+from digs_warp.record.fields import Fields
 from digs_warp.record.files import read_json
 
 
@@ -24,13 +28,15 @@ from digs_warp.record.files import read_json
 class Capture:
     """A recording: its frames in order of time, the rig (if stereo), and facts about the recording.
 
-    ``stored_in`` is the folder it was read from; None if it was made in memory.
+    ``stored_in`` is the folder it was read from; None if it was made in memory. ``points`` is the file of the
+    sparse points that came with the recording, in its world; None: there are none.
     """
 
     stored_in: Path | None
     frames: tuple[Frame, ...]
     rig: Rig | None
     about: About = field(default_factory=About)
+    points: Path | None = None
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -59,6 +65,14 @@ class Capture:
     def knows_poses(self) -> bool:
         """Whether the poses are valid: a recording without poses has the identity in every frame."""
         return self.about.poses_known is not False
+
+    def load_points(self) -> PointCloud | None:
+        """Return the sparse points that came with the recording, in its world, or None.
+
+        Raises:
+            DigsError: the file cannot be read.
+        """
+        return None if self.points is None else read_points(self.points)
 
     @property
     def readout_time(self) -> float:
@@ -102,7 +116,15 @@ def read_capture(folder: Path) -> Capture:
     about = read_about(ours, where)
     frames = tuple(read_frame(folder, index, entry, i) for i, entry in enumerate(entries))
     _check_names_differ(folder, frames)
-    return Capture(folder, frames, rig, about)
+    return Capture(folder, frames, rig, about, _points_file(folder, index))
+
+
+def _points_file(folder: Path, index: dict[str, Any]) -> Path | None:
+    """Return the file of sparse points; other programs' indices may name one that was not copied."""
+    where = f"capture '{folder}', {INDEX_NAME}"
+    name = Fields(index, where, CaptureError).text(POINTS_KEY, "")
+    path = path_inside(folder, name, f"{where}, {POINTS_KEY}")
+    return path if name and path.is_file() else None
 
 
 def _check_names_differ(folder: Path, frames: Sequence[Frame]) -> None:

@@ -14,13 +14,17 @@ from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
-from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION, INDEX_NAME
+from digs_warp.data.index_rules import DEPTH_UNIT, FORMAT_VERSION, INDEX_NAME, POINTS_KEY
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.object_view import ObjectView
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig
+from digs_warp.data.sparse_points import write_points
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.manifest import Manifest, is_kept
+
+POINTS = "sparse_pc.ply"  # the name that nerfstudio's own programs give it
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +82,12 @@ class CaptureWriter:
         """Whether the files of these layers of frame ``number`` are there, written by a run of ours."""
         return all(is_kept(self.folder / layer.pattern.format(number)) for layer in layers)
 
-    def write_frame(self, number: int, images: FrameImages) -> None:
-        """Write the files of frame ``number``."""
-        shape = (self.intrinsics.height, self.intrinsics.width)
+    def write_frame(
+        self, number: int, images: FrameImages, intrinsics: Intrinsics | None = None
+    ) -> None:
+        """Write the files of frame ``number``; ``intrinsics`` is its camera if not that of the others."""
+        k = intrinsics or self.intrinsics
+        shape = (k.height, k.width)
         for layer, pixels in images.by_layer().items():
             if pixels.shape[:2] != shape:
                 raise CaptureError(
@@ -99,8 +106,8 @@ class CaptureWriter:
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose files have been written.
 
-        ``intrinsics`` is the frame's camera if it differs from the others', at the same image size;
-        ``color_gain`` and ``objects`` see `Frame`.
+        ``intrinsics`` is the frame's camera if it differs from the others'; ``color_gain`` and ``objects``
+        see `Frame`.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
         paths = {layer.value: layer.pattern.format(number) for layer in Layer}
@@ -108,24 +115,33 @@ class CaptureWriter:
             **{key: path for key, path in paths.items() if (self.folder / path).is_file()},
             "transform_matrix": (world_from_cam @ OPENCV_FROM_OPENGL).tolist(),
             "time": time,
-            **({} if intrinsics is None else camera_keys(intrinsics)),
+            **self._own_camera(intrinsics),
             **({} if color_gain is None else {"color_gain": list(color_gain)}),
             **({"objects": [each.as_json() for each in objects]} if objects else {}),
         }
 
-    def finish(self, about: About | None = None) -> Capture:
-        """Write transforms.json and return the capture."""
+    def _own_camera(self, k: Intrinsics | None) -> dict[str, float]:
+        """Return the keys by which a frame's camera differs from that of the others."""
+        if k is None:
+            return {}
+        size = size_keys(k)
+        return (size if size != size_keys(self.intrinsics) else {}) | camera_keys(k)
+
+    def finish(self, about: About | None = None, points: PointCloud | None = None) -> Capture:
+        """Write transforms.json, and the sparse points if there are any, and return the capture."""
         if not self._entries:
             raise DigsError(f"capture '{self.folder}': no frame was added")
+        if points is not None:
+            write_points(self.folder / POINTS, points)
         k = self.intrinsics
         ours: dict[str, Any] = {"format_version": FORMAT_VERSION, "depth_unit": DEPTH_UNIT}
         if self.rig is not None:
             ours["rig"] = self.rig.as_json()
         index = {
             "camera_model": "PINHOLE",
-            "w": k.width,
-            "h": k.height,
+            **size_keys(k),
             **camera_keys(k),
+            **({} if points is None else {POINTS_KEY: POINTS}),
             "digs_warp": ours | (about or About()).as_json(),
             "frames": [self._entries[number] for number in sorted(self._entries)],
         }
@@ -169,6 +185,11 @@ class MemoryWriter:
         """Return the capture."""
         frames = tuple(self._frames[number] for number in sorted(self._frames))
         return Capture(None, frames, self.rig, about or About())
+
+
+def size_keys(k: Intrinsics) -> dict[str, int]:
+    """Return the keys of transforms.json that give the image size [px]."""
+    return {"w": k.width, "h": k.height}
 
 
 def camera_keys(k: Intrinsics) -> dict[str, float]:

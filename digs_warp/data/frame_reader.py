@@ -75,15 +75,26 @@ def _read_camera(own: Fields, index: dict[str, Any]) -> Camera:
 
 def _inside(folder: Path, relative: str, where: str) -> Path:
     """Return the path of a file of the capture; reject one outside the folder."""
+    path = path_inside(folder, relative, where)
+    if not path.is_file():
+        raise CaptureError(f"{where}: '{relative}' does not exist")
+    return path
+
+
+def path_inside(folder: Path, relative: str, where: str) -> Path:
+    """Return a path below ``folder`` that the system allows; there may be no such file.
+
+    Raises:
+        CaptureError: it leaves the folder, or no file can have that name.
+    """
     path = folder / relative
     try:
-        is_inside, exists = path.resolve().is_relative_to(folder.resolve()), path.is_file()
+        is_inside = path.resolve().is_relative_to(folder.resolve())
+        path.is_file()
     except (OSError, RuntimeError) as error:  # a name that is too long; links that form a loop
         raise CaptureError(f"{where}: '{shown(relative)}' cannot be read ({error})") from error
     if not is_inside:
         raise CaptureError(
             f"{where}: '{relative}' leaves the capture folder; paths must stay inside"
         )
-    if not exists:
-        raise CaptureError(f"{where}: '{relative}' does not exist")
     return path

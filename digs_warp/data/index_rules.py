@@ -17,6 +17,10 @@ from digs_warp.record.fields import is_number, shown
 logger = logging.getLogger(__name__)
 
 INDEX_NAME = "transforms.json"
+
+# nerfstudio's key for the sparse points to start from.
+POINTS_KEY = "ply_file_path"
+
 FORMAT_VERSION = 1
 DEPTH_UNIT = "metre"
 UNDISTORT = "'digs-warp convert FOLDER --from nerfstudio --out CAPTURE'"
@@ -26,6 +30,7 @@ CAMERA_MODELS = (
     *("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"),
     *("SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV"),
 )
+FISHEYE_MODEL = "OPENCV_FISHEYE"
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 # The depth of images of integers is in millimetres, that of images of floats in metres.
@@ -40,6 +45,11 @@ class Lens:
     model: str
     coefficients: Mapping[str, float]
 
+    @property
+    def is_fisheye(self) -> bool:
+        """Whether the coefficients k1 to k4 are those of a fisheye lens."""
+        return self.model == FISHEYE_MODEL
+
 
 def read_lens(index: dict[str, Any], entry: dict[str, Any], where: str) -> Lens:
     """Return the lens of a frame, whose keys override those of the index.
@@ -50,33 +60,34 @@ def read_lens(index: dict[str, Any], entry: dict[str, Any], where: str) -> Lens:
         where: prefix of messages, which names the file.
 
     Raises:
-        CaptureError: a fisheye lens, an unknown model, or a coefficient that is no number.
+        CaptureError: an unknown model, or a coefficient that is no number.
     """
     model = _value(index, entry, "camera_model", "PINHOLE")
     fisheye = _value(index, entry, "is_fisheye", False)
     if not isinstance(fisheye, bool):
         raise CaptureError(f"{where}: is_fisheye is {shown(fisheye)}, expected true or false")
-    if fisheye or str(model).upper() not in CAMERA_MODELS:
-        found = "is_fisheye is true" if fisheye else f"camera_model is {shown(model)}"
+    name = FISHEYE_MODEL if fisheye else str(model).upper()
+    if name not in (*CAMERA_MODELS, FISHEYE_MODEL):
         raise CaptureError(
-            f"{where}: {found}, expected one of {', '.join(CAMERA_MODELS)}; make pinhole images first, "
-            "for example with 'colmap image_undistorter'"
+            f"{where}: camera_model is {shown(model)}, expected one of "
+            f"{', '.join((*CAMERA_MODELS, FISHEYE_MODEL))}; make pinhole images first, for example with "
+            "'colmap image_undistorter'"
         )
     coefficients = {key: _value(index, entry, key, 0.0) for key in COEFFICIENTS}
     for key, value in coefficients.items():
         if not is_number(value):
             raise CaptureError(f"{where}: {key} is {shown(value)}, expected a finite number")
-    return Lens(str(model).upper(), {key: float(v) for key, v in coefficients.items() if v})
+    return Lens(name, {key: float(v) for key, v in coefficients.items() if v})
 
 
 def require_pinhole(index: dict[str, Any], entry: dict[str, Any], where: str) -> None:
     """Raise a `CaptureError` unless the frame's images are free of distortion."""
     lens = read_lens(index, entry, where)
-    if lens.coefficients:
+    if lens.coefficients or lens.is_fisheye:
         found = ", ".join(f"{key}={value:g}" for key, value in lens.coefficients.items())
         raise CaptureError(
-            f"{where}: {lens.model} with {found}, expected images without lens distortion; "
-            f"{UNDISTORT} removes it"
+            f"{where}: {lens.model} with {found or 'no coefficients'}, expected images without lens "
+            f"distortion; {UNDISTORT} removes it"
         )
 
 

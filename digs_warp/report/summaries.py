@@ -80,6 +80,8 @@ def of_capture(folder: Path) -> Facts:
         if capture.knows_poses
         else "unknown; reconstruct with --poses sfm",
     }
+    if (points := capture.load_points()) is not None:
+        facts["sparse points"] = f"{len(points):,}"
     return (
         facts
         | _of_object(folder)

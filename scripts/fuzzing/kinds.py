@@ -60,8 +60,9 @@ def _capture(folder: str, damaged: str) -> Input:
     return Input(folder, damaged, lines)
 
 
-def _recording(form: str, *damaged: str) -> tuple[Input, ...]:
-    return tuple(Input(form, name, (f"convert . --from {form} --out OUT",)) for name in damaged)
+def _recording(folder: str, *damaged: str, form: str | None = None) -> tuple[Input, ...]:
+    line = f"convert . --from {form or folder} --out OUT"
+    return tuple(Input(folder, name, (line,)) for name in damaged)
 
 
 def _splats(*names: str) -> tuple[Input, ...]:
@@ -151,6 +152,15 @@ KINDS = (
         *_recording("scannet", "pose/1.txt", "intrinsic/intrinsic_color.txt"),
         *_recording("scannet", "intrinsic/intrinsic_depth.txt"),
         *_recording("zed", "depth000001.npy", "depth000001.exr"),
+    )),
+    Kind("recording: COLMAP, 7-Scenes, EuRoC", (
+        *_recording("colmap", *(f"sparse/0/{name}.bin" for name in ("cameras", "images", "points3D"))),
+        *_recording("colmap_text", *(f"sparse/0/{name}.txt" for name in ("cameras", "images", "points3D")),
+                    form="colmap"),
+        *_recording("7scenes", "frame-000001.pose.txt", "frame-000001.depth.png", "camera-intrinsics.txt"),
+        *_recording("7scenes_info", "info.txt", form="7scenes"),
+        *_recording("euroc", "mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"),
+        *_recording("euroc", "mav0/state_groundtruth_estimate0/data.csv"),
     )),
     Kind("COLMAP model", tuple(
         Input("matched", f"reconstruction/sfm/{name}", (f"{RESUME} --poses sfm --strategy default",),

@@ -18,6 +18,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
 from digs_warp.interchange.splats.files import write_splat_file
 from digs_warp.study.preference.design import design, save_key
+from fuzzing.recordings import write_euroc, write_seven_scenes
 from fuzzing.stereo_pair import write_middlebury, write_pair
 
 PUBLISHED_STUDY = Path(__file__).resolve().parents[2] / "docs/study/tradeoff/results.jsonl"
@@ -163,6 +164,23 @@ class Originals:
 
     def _redwood(self, folder: Path) -> None:
         self._export("redwood", folder)
+
+    def _colmap(self, folder: Path) -> None:
+        self._export("colmap", folder)
+
+    def _colmap_text(self, folder: Path) -> None:
+        self._export("colmap-text", folder)
+
+    def _7scenes(self, folder: Path) -> None:
+        write_seven_scenes(self.make("capture"), folder)
+
+    def _7scenes_info(self, folder: Path) -> None:
+        """Another file for the cameras."""
+        shutil.copytree(self.make("7scenes"), folder)
+        (folder / "camera-intrinsics.txt").unlink()
+
+    def _euroc(self, folder: Path) -> None:
+        write_euroc(self.make("capture"), folder)
 
     def _export(self, form: str, folder: Path) -> None:
         _digs_warp("convert", self.make("capture"), "--to", form, "--out", folder)

@@ -7,6 +7,8 @@ from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.capture import Capture
 from digs_warp.interchange.captures.bop import read_bop, write_bop
 from digs_warp.interchange.captures.colmap import write_colmap_binary, write_colmap_text
+from digs_warp.interchange.captures.colmap_import import read_colmap
+from digs_warp.interchange.captures.euroc import read_euroc
 from digs_warp.interchange.captures.kitti import write_kitti_stereo
 from digs_warp.interchange.captures.middlebury import write_middlebury
 from digs_warp.interchange.captures.nerfstudio import read_nerfstudio
@@ -16,6 +18,7 @@ from digs_warp.interchange.captures.recording import Recording
 from digs_warp.interchange.captures.redwood import read_redwood, write_redwood
 from digs_warp.interchange.captures.scannet import read_scannet
 from digs_warp.interchange.captures.sceneflow import write_sceneflow
+from digs_warp.interchange.captures.seven_scenes import read_seven_scenes
 from digs_warp.interchange.captures.tum import read_tum, write_tum
 from digs_warp.interchange.captures.zed import read_zed
 from digs_warp.words import did_you_mean
@@ -28,6 +31,9 @@ READERS: dict[str, Callable[[Path], Recording]] = {
     "zed": read_zed,
     "redwood": read_redwood,
     "bop": read_bop,
+    "colmap": read_colmap,
+    "7scenes": read_seven_scenes,
+    "euroc": read_euroc,
 }
 
 EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {

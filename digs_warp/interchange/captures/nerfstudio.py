@@ -7,7 +7,8 @@ undone, because depth is in metres. See https://docs.nerf.studio/quickstart/data
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
@@ -15,12 +16,16 @@ from digs_warp.data.images import image_size
 from digs_warp.data.index_rules import (
     INDEX_NAME,
     METRES_PER_FLOAT,
+    POINTS_KEY,
     check_depth_unit,
     check_section,
     metres_per_unit,
     read_lens,
 )
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sparse_points import read_points
 from digs_warp.geometry import OPENCV_FROM_OPENGL
+from digs_warp.interchange.captures.lens import Lens, undistorted
 from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, is_readable
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.record.fields import ABOVE_ZERO, Fields
@@ -28,14 +33,15 @@ from digs_warp.record.files import read_json
 
 METRES_PER_UNIT = "metres per unit: 1 for float images, above 0 for 16-bit images, such as 0.001"
 DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
+FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 
 
 def read_nerfstudio(folder: Path) -> Recording:
     """Read a folder with transforms.json.
 
     Raises:
-        CaptureError: no usable index, a fisheye lens, a missing image, another unit of depth than its images
-            have, or distortion that differs between frames.
+        CaptureError: no usable index, a missing image, another unit of depth than its images have, or a lens
+            that needs more coefficients than we know.
     """
     index = read_json(folder / INDEX_NAME, "nerfstudio index")
     entries = index.get("frames")
@@ -54,43 +60,51 @@ def read_nerfstudio(folder: Path) -> Recording:
         for i, entry in enumerate(entries)
     ]
     frames = tuple(_frame(folder, row, i, scale) for i, row in enumerate(rows))
-    lenses = {_distortion(index, dict(row.values), row.where) for row in rows}
-    if len(lenses) > 1:
-        raise CaptureError(
-            f"recording '{folder}': {len(lenses)} different lens distortions, expected one; undistort "
-            "the images"
-        )
-    lens = lenses.pop()
     rig = shared.section("digs_warp", optional=True).section("rig", optional=True)
     baseline = rig.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
-    return Recording(folder, frames, distortion=lens if any(lens) else (), baseline=baseline)
+    return Recording(folder, frames, baseline=baseline, points=_points(folder, shared, scale))
+
+
+def _points(folder: Path, shared: Fields, scale: float) -> PointCloud | None:
+    """Return the sparse points; an index may name a file that was not copied."""
+    name = shared.text(POINTS_KEY, "")
+    if not name or not is_readable(folder / name):
+        return None
+    cloud = read_points(folder / name)
+    return PointCloud(cloud.points_world / np.float32(scale), cloud.colors)
 
 
 def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFrame:
     image = _image_path(folder, row.text("file_path"), row.where)
     matrix = row.array("transform_matrix", (4, 4))
     matrix[:3, 3] /= scale
+    k = _intrinsics(row, image)
+    view = undistorted(k, _lens(row))
     return RecordedFrame(
         image=image,
-        intrinsics=_intrinsics(row, image),
+        intrinsics=k,
         time=row.number("time", default=row.number("timestamp", default=float(number))),
         world_from_cam=matrix @ OPENCV_FROM_OPENGL,
         depth=_optional(folder, row, "depth_file_path"),
         depth_units_per_metre=_units_per_metre(row),
         mask=_optional(folder, row, "mask_path"),
         right=_optional(folder, row, "right_file_path"),
+        view=view,
+        right_view=view,
     )
 
 
-def _distortion(index: dict[str, Any], entry: dict[str, Any], where: str) -> tuple[float, ...]:
-    """Return the coefficients in the order of DISTORTION_KEYS; refuse lenses that need more."""
-    lens = read_lens(index, entry, where)
-    if more := sorted(lens.coefficients.keys() - set(DISTORTION_KEYS)):
+def _lens(row: Fields) -> Lens | None:
+    """Return what bends the light; refuse lenses with more coefficients than we know."""
+    lens = read_lens(dict(row.shared or {}), dict(row.values), row.where)
+    keys = FISHEYE_KEYS if lens.is_fisheye else DISTORTION_KEYS
+    if more := sorted(lens.coefficients.keys() - set(keys)):
         raise CaptureError(
-            f"{where}: {lens.model} with {', '.join(more)}, expected only {', '.join(DISTORTION_KEYS)}; "
+            f"{row.where}: {lens.model} with {', '.join(more)}, expected only {', '.join(keys)}; "
             "undistort the images first, for example with 'colmap image_undistorter'"
         )
-    return tuple(lens.coefficients.get(key, 0.0) for key in DISTORTION_KEYS)
+    found = tuple(lens.coefficients.get(key, 0.0) for key in keys)
+    return Lens(found, is_fisheye=True) if lens.is_fisheye else Lens.brown(*found)
 
 
 def _units_per_metre(row: Fields) -> float:

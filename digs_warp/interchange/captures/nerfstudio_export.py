@@ -12,17 +12,14 @@ is: there is no ``applied_transform``. See https://docs.nerf.studio/quickstart/d
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from digs_warp.camera import Intrinsics
 from digs_warp.data.capture import Capture
-from digs_warp.data.capture_writer import camera_keys
+from digs_warp.data.capture_writer import POINTS, camera_keys, size_keys
 from digs_warp.data.frame import Frame
-from digs_warp.data.images import to_uint8, write_image
-from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.data.images import write_image
+from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY
 from digs_warp.data.layers import Layer
-from digs_warp.data.ply_table import write_vertices
-from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.sparse_points import write_points
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.captures.frames import (
     copy_image,
@@ -35,7 +32,6 @@ from digs_warp.interchange.captures.recording import MM_PER_METRE
 from digs_warp.interchange.captures.start_points import StartPoints, start_points
 from digs_warp.record.files import to_json, write_atomically
 
-POINTS = "sparse_pc.ply"  # the name that nerfstudio's own programs give it
 DEPTH_PATTERN = "depth/{:04d}.png"
 
 
@@ -62,7 +58,7 @@ def write_nerfstudio(capture: Capture, folder: Path) -> None:
     warn_of_lost_depth(lost, MM_PER_METRE, "nerfstudio")
     start = start_points(capture)
     if len(start):
-        _write_points(folder / POINTS, start.cloud)
+        write_points(folder / POINTS, start.cloud)
     index = _index(capture, layers, start)
     write_atomically(folder / INDEX_NAME, to_json(index).encode())
 
@@ -88,12 +84,12 @@ def _index(capture: Capture, layers: set[Layer], start: StartPoints) -> dict[str
     if len(cameras) == 1:
         index |= _all_camera_keys(cameras.pop())
     if len(start):
-        index["ply_file_path"] = POINTS
+        index[POINTS_KEY] = POINTS
     return index | _split(capture, names, start) | {"frames": frames}
 
 
 def _all_camera_keys(k: Intrinsics) -> dict[str, float]:
-    return {"w": k.width, "h": k.height, **camera_keys(k)}
+    return {**size_keys(k), **camera_keys(k)}
 
 
 def _split(capture: Capture, names: list[str], start: StartPoints) -> dict[str, list[str]]:
@@ -105,10 +101,3 @@ def _split(capture: Capture, names: list[str], start: StartPoints) -> dict[str, 
     if not held_out:
         return {}
     return {"train_filenames": seen, "val_filenames": held_out, "test_filenames": held_out}
-
-
-def _write_points(path: Path, cloud: PointCloud) -> None:
-    kinds = [(axis, "<f4") for axis in "xyz"] + [(c, "u1") for c in ("red", "green", "blue")]
-    blocks = np.empty(len(cloud), dtype=[("position", "<f4", 3), ("color", "u1", 3)])
-    blocks["position"], blocks["color"] = cloud.points_world, to_uint8(cloud.colors)
-    write_vertices(path, blocks.view(kinds))

@@ -1,7 +1,7 @@
 """What the readers of other programs' folders return, and the base of those with numbered files."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,8 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.data.images import image_size
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.interchange.captures.lens import PinholeView
 from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, numbered_files
 
 MM_PER_METRE = 1000.0
@@ -24,13 +26,16 @@ class RecordedFrame:
 
     Attributes:
         image: color image, any 8-bit format.
-        intrinsics: its camera, first pixel center at (0.5, 0.5).
+        intrinsics: camera of the capture's image, first pixel center at (0.5, 0.5).
         time: seconds.
         world_from_cam: pose, (4, 4), OpenCV axes, metres; None if unknown.
         depth: depth image, or None; floats are metres.
         depth_units_per_metre: the value of a pixel one metre away in a depth image of integers.
+        depth_unknown: beside 0, the value of unknown pixels in a depth image of integers.
         mask: 8-bit mask, or None to use the alpha channel of the image, if it has one.
         right: image of the right eye, or None.
+        view: how the image of that camera is made from the file; None: the file holds it.
+        right_view: the same for the right eye.
     """
 
     image: Path
@@ -39,8 +44,37 @@ class RecordedFrame:
     world_from_cam: np.ndarray | None = None
     depth: Path | None = None
     depth_units_per_metre: float = MM_PER_METRE
+    depth_unknown: int = 0
     mask: Path | None = None
     right: Path | None = None
+    view: PinholeView | None = None
+    right_view: PinholeView | None = None
+
+    @property
+    def file_camera(self) -> Intrinsics:
+        """The camera of the image file, without its lens."""
+        return self.intrinsics if self.view is None else self.view.source
+
+    def with_field_of_view(self, degrees: float) -> "RecordedFrame":
+        """Return the frame with another field of view, if its image is made from that of a lens."""
+        if self.view is None:
+            return self
+        view = self.view.with_field_of_view(degrees)
+        right = self.right_view and self.right_view.with_field_of_view(degrees)
+        return replace(self, intrinsics=view.target, view=view, right_view=right)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthCamera:
+    """The camera of depth images that are not registered to the color images.
+
+    Attributes:
+        intrinsics: first pixel center at (0.5, 0.5).
+        color_from_depth: rigid motion [m], (4, 4); None: the two cameras are in the same place.
+    """
+
+    intrinsics: Intrinsics
+    color_from_depth: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +84,30 @@ class Recording:
     Attributes:
         folder: named in messages.
         frames: in order of time.
-        depth_camera: intrinsics of the depth images where they differ from those of the color images;
-            both cameras are assumed to be in the same place.
-        distortion: of the color camera, OpenCV's (k1, k2, p1, p2, k3); empty for none.
-        baseline: distance between the two cameras [m], or None.
+        depth_camera: of the depth images where it is not that of the color images.
+        baseline: distance between the two eyes [m], or None.
+        points: in the world of the poses, from which a reconstruction can start, or None.
     """
 
     folder: Path
     frames: tuple[RecordedFrame, ...]
-    depth_camera: Intrinsics | None = None
-    distortion: tuple[float, ...] = ()
+    depth_camera: DepthCamera | None = None
     baseline: float | None = None
+    points: PointCloud | None = None
+
+    def with_field_of_view(self, degrees: float) -> "Recording":
+        """Return the recording with another horizontal field of view of its undistorted images.
+
+        Raises:
+            CaptureError: no image is undistorted; the field of view of the others is as recorded.
+        """
+        if all(frame.view is None for frame in self.frames):
+            raise CaptureError(
+                f"recording '{self.folder}': its images have no lens distortion, so that --fov-deg has "
+                "nothing to choose; leave it out"
+            )
+        frames = tuple(frame.with_field_of_view(degrees) for frame in self.frames)
+        return replace(self, frames=frames)
 
     @property
     def knows_poses(self) -> bool:
@@ -109,7 +156,7 @@ class NumberedFiles:
         poses: Mapping[int, np.ndarray | None],
         *,
         frame_rate: float = FRAME_RATE,
-        depth_camera: Intrinsics | None = None,
+        depth_camera: DepthCamera | None = None,
         baseline: float | None = None,
         **layers: Mapping[int, Any],
     ) -> Recording:

@@ -18,7 +18,7 @@ from digs_warp.interchange.captures.recorded_files import (
     numbered_files,
     read_numbers,
 )
-from digs_warp.interchange.captures.recording import NumberedFiles, Recording
+from digs_warp.interchange.captures.recording import DepthCamera, NumberedFiles, Recording
 
 
 def read_scannet(folder: Path) -> Recording:
@@ -33,7 +33,7 @@ def read_scannet(folder: Path) -> Recording:
     if files.depths:
         depth_k = read_numbers(folder / "intrinsic/intrinsic_depth.txt", (4, 4), "depth camera")
         size = image_size(next(iter(files.depths.values())))
-        depth_camera = integer_centered_camera(depth_k, size)
+        depth_camera = DepthCamera(integer_centered_camera(depth_k, size))
     poses = numbered_files(folder, "pose/", (".txt",))
     return files.recording(
         integer_centered_camera(color_k, files.image_size),

@@ -17,13 +17,16 @@ from digs_warp.data.rig import Rig
 from digs_warp.geometry import rigid
 from digs_warp.interchange.captures.frames import for_each_frame
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
-from digs_warp.interchange.captures.resample import resample_depth, undistort
+from digs_warp.interchange.captures.resample import register_depth, resample_depth
 from digs_warp.record.arrays import read_array
 
 logger = logging.getLogger(__name__)
 
 # A rotation that was written with few digits is off by at most this much; more is no rotation.
 ROTATION_TOLERANCE = 1e-2
+
+# A pinhole image of which its lens shows less than this is refused; less than nearly all draws a warning.
+LEAST_SEEN, NEARLY_ALL = 0.25, 0.995
 
 
 def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
@@ -34,67 +37,90 @@ def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
     motion has to find them.
 
     Raises:
-        DigsError: no frames, an image that cannot be read, or sizes that do not fit together.
+        DigsError: no frames, an image that cannot be read, or one of another size than its camera.
     """
     frames = _usable_frames(recording)
     known = frames[0].world_from_cam is not None
-    sizes = {(frame.intrinsics.width, frame.intrinsics.height) for frame in frames}
-    if len(sizes) > 1:
-        raise CaptureError(
-            f"recording '{recording.folder}': images of {len(sizes)} sizes ({sorted(sizes)}), expected one; "
-            "leave the others out"
-        )
+    _check_views(recording.folder, frames)
     rig = None if recording.baseline is None else Rig(recording.baseline)
     writer = CaptureWriter(folder, frames[0].intrinsics, rig)
 
     def work(number: int, frame: RecordedFrame) -> None:
-        writer.write_frame(number, load_frame(frame, recording))
+        writer.write_frame(number, load_frame(frame, recording), frame.intrinsics)
 
     for_each_frame(frames, "Converting", work)
     for number, frame in enumerate(frames):
         pose = np.eye(4) if frame.world_from_cam is None else frame.world_from_cam
         own = None if frame.intrinsics == writer.intrinsics else frame.intrinsics
         writer.add_pose(number, pose, frame.time - frames[0].time, own)
-    return writer.finish(About(recorded_as=form, poses_known=known))
+    return writer.finish(About(recorded_as=form, poses_known=known), recording.points)
 
 
 def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
     """Return the pixels of a frame as a capture has them: metres, NaN where unknown, no distortion."""
-    image = read_image(frame.image, "image")
-    k = frame.intrinsics
-    _check_size(frame.image, image, k)
-    if image.dtype != np.uint8:
-        raise CaptureError(f"image '{frame.image}': {image.dtype}, expected 8 bits per channel")
-    mask = None
-    if frame.mask is not None:
-        pixels = read_image(frame.mask, "mask")
-        _check_size(frame.mask, pixels, k)
-        # Some programs write 0 and 1.
-        mask = pixels[..., 0].astype(np.uint8) * (255 if pixels.max() == 1 else 1)
-    elif image.shape[2] == 4:
-        mask = np.ascontiguousarray(image[..., 3])
-    rgb = np.repeat(image[..., :1], 3, axis=2) if image.shape[2] < 3 else image[..., :3]
-    right = None if frame.right is None else read_image(frame.right, "right image")[..., :3]
+    rgb, alpha = load_color(frame.image, "image", frame.file_camera)
+    mask = alpha if frame.mask is None else load_mask(frame.mask, frame.file_camera)
+    right = None
+    if frame.right is not None:
+        right_camera = frame.right_view.source if frame.right_view else frame.file_camera
+        right, _ = load_color(frame.right, "right image", right_camera)
+        right = right if frame.right_view is None else frame.right_view.apply(right)
     depth = None
     if frame.depth is not None:
-        depth = load_depth(frame.depth, frame.depth_units_per_metre)
-        depth = resample_depth(
-            depth, recording.depth_camera or _scaled_to(k, depth, frame.depth), k
+        depth = load_depth(frame.depth, frame.depth_units_per_metre, frame.depth_unknown)
+        depth = _registered(depth, frame, recording)
+    if frame.view is not None:
+        rgb = frame.view.apply(rgb)
+        mask = None if mask is None else frame.view.apply(mask)
+        depth = None if depth is None else frame.view.apply(depth, nearest=True)
+    return FrameImages(image=rgb, depth=depth, mask=mask, right=right)
+
+
+def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return sRGB, (height, width, 3), uint8, and the alpha channel, (height, width), if there is one.
+
+    Raises:
+        CaptureError: more than 8 bits, or another size than that of the camera ``k``.
+    """
+    image = read_image(path, what)
+    _check_size(path, image, k)
+    if image.dtype != np.uint8:
+        raise CaptureError(f"{what} '{path}': {image.dtype}, expected 8 bits per channel")
+    rgb = np.repeat(image[..., :1], 3, axis=2) if image.shape[2] < 3 else image[..., :3]
+    alpha = np.ascontiguousarray(image[..., 3]) if image.shape[2] == 4 else None
+    return np.ascontiguousarray(rgb), alpha
+
+
+def load_mask(path: Path, k: Intrinsics) -> np.ndarray:
+    """Return a mask, 0 to 255, (height, width), uint8."""
+    pixels = read_image(path, "mask")
+    _check_size(path, pixels, k)
+    # Some programs write 0 and 1.
+    return pixels[..., 0].astype(np.uint8) * (255 if pixels.max() == 1 else 1)
+
+
+def _registered(depth: np.ndarray, frame: RecordedFrame, recording: Recording) -> np.ndarray:
+    """Return the depth at the pixels of the image file."""
+    k, camera = frame.file_camera, recording.depth_camera
+    if camera is None:
+        return resample_depth(depth, _scaled_to(k, depth, frame.depth), k)
+    if (found := depth.shape[::-1]) != (
+        size := (camera.intrinsics.width, camera.intrinsics.height)
+    ):
+        raise CaptureError(
+            f"depth '{frame.depth}': {found[0]}x{found[1]} pixels, expected {size[0]}x{size[1]} as that of "
+            "the first frame"
         )
-    if recording.distortion:
-        rgb, depth, mask = undistort(rgb, depth, mask, k, recording.distortion)
-    return FrameImages(
-        image=np.ascontiguousarray(rgb),
-        depth=depth,
-        mask=mask,
-        right=None if right is None else np.ascontiguousarray(right),
-    )
+    if camera.color_from_depth is None:
+        return resample_depth(depth, camera.intrinsics, k)
+    return register_depth(depth, camera.intrinsics, k, camera.color_from_depth)
 
 
-def load_depth(path: Path, units_per_metre: float) -> np.ndarray:
+def load_depth(path: Path, units_per_metre: float, unknown: int = 0) -> np.ndarray:
     """Return planar depth [m], (height, width), float32, NaN where 0, negative, NaN or infinite.
 
-    ``units_per_metre`` is for images of integers; images of floats hold metres.
+    ``units_per_metre`` is for images of integers, and so is ``unknown``, a value that means the same as 0;
+    images of floats hold metres.
     """
     if path.suffix == ".npy":
         pixels = read_array(path, "depth")
@@ -104,6 +130,7 @@ def load_depth(path: Path, units_per_metre: float) -> np.ndarray:
     depth = pixels[..., 0].astype(np.float32)
     if pixels.dtype.kind in "ui":
         depth /= np.float32(units_per_metre)
+        depth[pixels[..., 0] == unknown] = np.nan
     depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
     return depth
 
@@ -128,9 +155,11 @@ def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
 
 
 def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
+    """Return the frames with poses, or all if none has one, in order of time."""
     if not recording.frames:
         raise CaptureError(f"recording '{recording.folder}': no frames found in it")
-    posed = [frame for frame in recording.frames if frame.world_from_cam is not None]
+    frames = sorted(recording.frames, key=lambda frame: frame.time)
+    posed = [frame for frame in frames if frame.world_from_cam is not None]
     if posed and len(posed) < len(recording.frames):
         logger.warning(
             "recording '%s': %d of %d frames have no pose and are left out",
@@ -142,7 +171,25 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
         )
         for frame in posed
         if frame.world_from_cam is not None
-    ] or recording.frames
+    ] or frames
+
+
+def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
+    """Check that the recorded images fill the pinhole images that are made from them."""
+    views = {each for frame in frames for each in (frame.view, frame.right_view) if each}
+    seen = min((view.share_seen() for view in views), default=1.0)
+    if seen < LEAST_SEEN:
+        raise CaptureError(
+            f"recording '{folder}': the recorded images show {seen:.0%} of the pinhole images that are made "
+            f"from them, expected at least {LEAST_SEEN:.0%}; check the coefficients of the lens, or choose a "
+            "smaller --fov-deg"
+        )
+    if seen < NEARLY_ALL:
+        logger.warning(
+            "recording '%s': %.0f%% of the pinhole images lie outside of what the lens shows, and are black; "
+            "a smaller --fov-deg avoids it",
+            *(folder, 100 * (1 - seen)),
+        )
 
 
 def _check_size(path: Path, pixels: np.ndarray, k: Intrinsics) -> None:
@@ -153,12 +200,12 @@ def _check_size(path: Path, pixels: np.ndarray, k: Intrinsics) -> None:
         )
 
 
-def _scaled_to(k: Intrinsics, depth: np.ndarray, path: Path) -> Intrinsics:
+def _scaled_to(k: Intrinsics, depth: np.ndarray, path: Path | None) -> Intrinsics:
     """The color camera at the size of the depth image."""
     height, width = depth.shape
     if abs(width * k.height - height * k.width) > max(k.width, k.height):
         raise CaptureError(
             f"depth '{path}': {width}x{height} pixels, another shape than the image's {k.width}x{k.height}; "
-            "export depth that is registered to the colour image"
+            "export depth that is registered to the color image"
         )
     return k.resized(width, height)

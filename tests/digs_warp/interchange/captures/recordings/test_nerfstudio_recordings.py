@@ -8,10 +8,11 @@ import pytest
 
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.images import encode_jpeg, write_image
+from digs_warp.data.images import encode_jpeg, read_image, write_image
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.captures.formats import read_recording
+from digs_warp.interchange.captures.lens import Lens
 from digs_warp.record.files import to_json
 from reference.recorded import CAMERA, HEIGHT, WIDTH, check_same, converted
 
@@ -85,11 +86,31 @@ def test_synthetic_scenes_have_a_field_of_view_and_no_suffixes(
     np.testing.assert_array_equal(found.frames[0].load_mask(), capture.frames[0].load_mask())
 
 
+def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
+    lens = {"k1": 0.05, "k2": 0.01, "k3": 0.0, "k4": 0.0}
+    write_nerfstudio(capture, tmp_path / "named", camera_model="OPENCV_FISHEYE", **lens)
+    write_nerfstudio(capture, tmp_path / "said", is_fisheye=True, **lens)
+    named, said = (
+        converted("nerfstudio", tmp_path / name, tmp_path / f"{name} capture")
+        for name in ("named", "said")
+    )
+    view = read_recording(tmp_path / "named", "nerfstudio").frames[0].view
+    assert view is not None and view.lens == Lens((0.05, 0.01, 0.0, 0.0), is_fisheye=True)
+    straight = converted("nerfstudio", tmp_path / "named", tmp_path / "again").frames[0]
+    found = named.frames[0].load_image()
+    np.testing.assert_array_equal(found, straight.load_image())
+    np.testing.assert_array_equal(found, said.frames[0].load_image())
+    recorded = read_image(tmp_path / "named/images/frame_00001.jpg")
+    np.testing.assert_array_equal(found, view.apply(recorded))
+    assert (found != recorded).any()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"camera_model": "OPENCV_FISHEYE"}, "OPENCV_FISHEYE"),
-        ({"is_fisheye": True}, "is_fisheye is true"),
+        ({"camera_model": "OPENCV_FISHEYE", "p1": 0.1}, "OPENCV_FISHEYE with p1, expected only k1"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "camera_model is 'EQUIRECTANGULAR', expected one of"),
+        ({"k1": 1e9}, "show 0% of the pinhole images"),
         ({"k1": 0.1, "k4": 0.01}, "OPENCV with k4, expected only k1, k2"),
         ({"k1": "much"}, "frame 0 .*k1 is 'much', expected a finite number"),
         ({"depth_unit_scale_factor": -1}, "depth_unit_scale_factor is -1"),
