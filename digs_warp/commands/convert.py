@@ -44,6 +44,8 @@ RecordingFormat = Literal[
     "colmap",
     "7scenes",
     "euroc",
+    "video",
+    "realsense",
 ]
 
 
@@ -149,14 +151,14 @@ def import_recording(
     source: Path, form: RecordingFormat, out: Path, overwrite: bool, options: RecordingOptions
 ) -> str:
     """Write the capture of a recording; the folder is complete or not there."""
-    from digs_warp.interchange.captures.formats import read_recording
+    from digs_warp.interchange.captures.formats import ImportOptions, opened_recording
     from digs_warp.interchange.captures.to_capture import write_capture
 
-    recording = read_recording(source, form)
-    if options.fov_deg is not None:
-        recording = recording.with_field_of_view(options.fov_deg)
     log = RunLog("convert", {"recording": source, "from": form, **vars(options)})
-    with NewFolder(out=out, overwrite=overwrite).opened([source]) as folder:
+    with (
+        NewFolder(out=out, overwrite=overwrite).opened([source]) as folder,
+        opened_recording(source, form, ImportOptions(**vars(options))) as recording,
+    ):
         with log.stage("convert"):
             capture = write_capture(recording, form, folder)
         log.results = {"frames": len(capture), "poses_known": capture.knows_poses}

@@ -162,6 +162,9 @@ KINDS = (
         *_recording("euroc", "mav0/cam0/sensor.yaml", "mav0/cam1/sensor.yaml"),
         *_recording("euroc", "mav0/state_groundtruth_estimate0/data.csv"),
     )),
+    Kind("recording: film", (
+        Input("film", "walk.mp4", ("convert walk.mp4 --from video --frames 3 --out OUT",)),
+    )),
     Kind("COLMAP model", tuple(
         Input("matched", f"reconstruction/sfm/{name}", (f"{RESUME} --poses sfm --strategy default",),
               ("capture", "reconstruction/sfm", "reconstruction/files.jsonl"),

@@ -16,6 +16,7 @@ from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import write_image
+from digs_warp.film.video import write_video
 from digs_warp.interchange.splats.files import write_splat_file
 from digs_warp.study.preference.design import design, save_key
 from fuzzing.recordings import write_euroc, write_seven_scenes
@@ -181,6 +182,11 @@ class Originals:
 
     def _euroc(self, folder: Path) -> None:
         write_euroc(self.make("capture"), folder)
+
+    def _film(self, folder: Path) -> None:
+        folder.mkdir()
+        frames = (frame.load_image() for frame in read_capture(self.make("capture")).frames)
+        write_video(folder / "walk.mp4", frames, 10)
 
     def _export(self, form: str, folder: Path) -> None:
         _digs_warp("convert", self.make("capture"), "--to", form, "--out", folder)

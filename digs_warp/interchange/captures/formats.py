@@ -1,7 +1,10 @@
 """The formats that recordings are read from and captures are exported to, by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from digs_warp.checks import CaptureError, DigsError, require_folder
 from digs_warp.data.capture import Capture
@@ -13,6 +16,7 @@ from digs_warp.interchange.captures.kitti import write_kitti_stereo
 from digs_warp.interchange.captures.middlebury import write_middlebury
 from digs_warp.interchange.captures.nerfstudio import read_nerfstudio
 from digs_warp.interchange.captures.nerfstudio_export import write_nerfstudio
+from digs_warp.interchange.captures.realsense import read_bag
 from digs_warp.interchange.captures.record3d import read_record3d
 from digs_warp.interchange.captures.recording import Recording
 from digs_warp.interchange.captures.redwood import read_redwood, write_redwood
@@ -20,6 +24,7 @@ from digs_warp.interchange.captures.scannet import read_scannet
 from digs_warp.interchange.captures.sceneflow import write_sceneflow
 from digs_warp.interchange.captures.seven_scenes import read_seven_scenes
 from digs_warp.interchange.captures.tum import read_tum, write_tum
+from digs_warp.interchange.captures.video import read_film
 from digs_warp.interchange.captures.zed import read_zed
 from digs_warp.words import did_you_mean
 
@@ -36,6 +41,19 @@ READERS: dict[str, Callable[[Path], Recording]] = {
     "euroc": read_euroc,
 }
 
+# Those whose recording is one file with many frames; the folder is for the chosen frames.
+FILE_READERS: dict[str, Callable[[Path, Path, "ImportOptions"], Recording]] = {
+    "video": lambda file, scratch, options: read_film(
+        file, scratch, options.frames or MOST_OF_A_FILM, options.fov_deg
+    ),
+    "realsense": lambda file, scratch, options: read_bag(
+        file, scratch, options.frames or MOST_OF_A_FILM
+    ),
+}
+
+# Frames that are taken of a film if nobody says how many.
+MOST_OF_A_FILM = 120
+
 EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {
     "colmap": write_colmap_binary,
     "colmap-text": write_colmap_text,
@@ -49,6 +67,43 @@ EXPORTERS: dict[str, Callable[[Capture, Path], None]] = {
 }
 
 
+@dataclass(frozen=True)
+class ImportOptions:
+    """What is taken of a recording.
+
+    Attributes:
+        frames: the most frames, evenly spread; None: all, of a film `MOST_OF_A_FILM`.
+        fov_deg: horizontal field of view of images from which lens distortion is removed; None: the focal
+            length stays. Of a film, the field of view of its camera.
+    """
+
+    frames: int | None = None
+    fov_deg: float | None = None
+
+
+@contextmanager
+def opened_recording(
+    source: Path, form: str, options: ImportOptions = ImportOptions()
+) -> Iterator[Recording]:
+    """Yield a recording of the format ``form``, one of `READERS` or `FILE_READERS`.
+
+    Frames of a film are in a temporary folder, which the end of the block deletes.
+
+    Raises:
+        DigsError: as of `read_recording`, or a library that the format needs is missing.
+    """
+    if form in FILE_READERS:
+        with TemporaryDirectory(prefix="digs-warp-") as scratch:
+            yield FILE_READERS[form](source, Path(scratch), options)
+        return
+    recording = read_recording(source, form)
+    if options.frames is not None:
+        recording = recording.thinned(options.frames)
+    if options.fov_deg is not None:
+        recording = recording.with_field_of_view(options.fov_deg)
+    yield recording
+
+
 def read_recording(folder: Path, form: str) -> Recording:
     """Read a recording of the format ``form``, one of `READERS`; its pixels are read when it is converted.
 
@@ -56,11 +111,12 @@ def read_recording(folder: Path, form: str) -> Recording:
         DigsError: an unknown format, a missing folder, or files that are missing or broken.
     """
     if form not in READERS:
-        raise CaptureError(f"recording format '{form}': unknown{did_you_mean(form, READERS)}")
+        known = [*READERS, *FILE_READERS]
+        raise CaptureError(f"recording format '{form}': unknown{did_you_mean(form, known)}")
     require_folder(
         folder,
         "recording",
-        "Name the folder with its images and depth maps; a film alone has no depth.",
+        "Name the folder with its images and depth maps; for a film add --from video.",
     )
     return READERS[form](folder)
 

@@ -95,6 +95,11 @@ class Recording:
     baseline: float | None = None
     points: PointCloud | None = None
 
+    def thinned(self, count: int) -> "Recording":
+        """Return the recording with at most ``count`` frames, evenly spread from the first to the last."""
+        kept = np.unique(np.linspace(0, len(self.frames) - 1, count).round().astype(int))
+        return replace(self, frames=tuple(self.frames[number] for number in kept))
+
     def with_field_of_view(self, degrees: float) -> "Recording":
         """Return the recording with another horizontal field of view of its undistorted images.
 

@@ -45,7 +45,7 @@ def test_an_empty_folder_is_no_recording(form: str, tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="no such folder"):
         read_recording(tmp_path / "missing", form)
     (tmp_path / "walk.mp4").write_bytes(b"film")
-    with pytest.raises(CaptureError, match=r"expected a folder, found a file.*has no depth"):
+    with pytest.raises(CaptureError, match=r"expected a folder, found a file.*--from video"):
         read_recording(tmp_path / "walk.mp4", form)
 
 
