@@ -20,6 +20,7 @@ from digs_warp.init.depth_points import depth_points
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import random_points
 from digs_warp.init.scene_points import scene_points
+from digs_warp.init.shell import shell_points
 from digs_warp.init.start import Initialization, Subject
 
 
@@ -44,11 +45,27 @@ def initialize(
         sfm: structure from motion in metres (`SfmModel.in_metres`); None: the poses are the capture's.
         sfm_per_metre: the scale that it had; for voxel sizes in its unit.
         baseline: of the stereo rig [m]; for shape 'ray'.
-        subject: what the points from depth cover; for a scene no frame needs a mask.
+        subject: what the points from depth cover; a scene needs no masks, and gets a far shell.
 
     Raises:
         DigsError: something that the strategy needs is missing, or there are no points.
     """
+    start = _points(frames, config, sfm, sfm_per_metre, baseline, subject)
+    if subject == "object":
+        return start
+    shell = shell_points(start.points, [frame.camera for frame in frames])
+    points = PointCloud.joined([start.points, shell])
+    return replace(start, points=points, sources={**start.sources, "shell": len(shell)})
+
+
+def _points(
+    frames: Sequence[Frame],
+    config: InitConfig,
+    sfm: SfmModel | None,
+    sfm_per_metre: float | None,
+    baseline: float | None,
+    subject: Subject,
+) -> Initialization:
     if config.strategy == "default":
         points = _needed(sfm, config).points
         return Initialization(points, {"sfm": len(points)})

@@ -26,6 +26,7 @@ from digs_warp.init.levels import Grid, Levels, count, finest_of
 from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.scene_view import SCENE_FILTERS, LevelSums, scene_view
 from digs_warp.init.start import DepthReport
+from digs_warp.init.strays import in_company
 from digs_warp.init.visibility import not_seen_through
 from digs_warp.init.voxel_size import MOST_POINTS
 from digs_warp.record.run_log import timed
@@ -85,6 +86,9 @@ def scene_points(
         with timed(report.seconds, "visibility"):
             surfaces, guesses = ([_visible(g, seen) for g in some] for some in (surfaces, guesses))
     report.voxels["not seen through"] = count(surfaces)
+    with timed(report.seconds, "strays"):
+        surfaces = _in_company(surfaces)
+    report.voxels["not alone"] = count(surfaces)
     report.voxels["guessed"] = count(guesses)
     report.voxel_size = factor * levels.finest
     points = PointCloud.joined(
@@ -143,6 +147,14 @@ def _within_budget(grids: Sequence[Grid], config: InitConfig) -> tuple[float, li
 def _visible(grid: Grid, seen: Sequence[tuple]) -> Grid:
     """Return the voxels that no more views see through than confirm."""
     return grid.select(not_seen_through(grid.voxels.points_world, seen, grid.edge))
+
+
+def _in_company(grids: Sequence[Grid]) -> list[Grid]:
+    """Return the voxels that have others around them, on whatever grid."""
+    every = np.concatenate([grid.voxels.points_world for grid in grids])
+    keep = in_company(every, max(grid.edge for grid in grids))
+    ends = np.cumsum([len(grid.voxels) for grid in grids])
+    return [grid.select(some) for grid, some in zip(grids, np.split(keep, ends[:-1]), strict=True)]
 
 
 def _no_points_error(frames: int, pixels: dict[str, int]) -> NoPointsError:

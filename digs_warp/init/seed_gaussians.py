@@ -14,6 +14,9 @@ NEIGHBOURS = 3
 MAX_SCALE_RATIO = 5.0
 MIN_SCALE_RATIO = 0.1
 
+# In a scene, voxels grow with the distance, and the points of the far shell lie metres apart.
+SCENE_SCALE_RATIO = 100.0
+
 # The standard deviation [m] if there is no other point, or none at a different position.
 LONELY_SCALE = 0.01
 
@@ -23,6 +26,7 @@ def seed_gaussians(
     sh_degree: int = 0,
     opacity: float = REFERENCE_OPACITY,
     width: float = REFERENCE_WIDTH,
+    largest: float = MAX_SCALE_RATIO,
 ) -> Gaussians:
     """Return one Gaussian per point, with the same color from all sides.
 
@@ -34,13 +38,14 @@ def seed_gaussians(
         sh_degree: degree of the color's spherical harmonics, 0 to 3; all bands above 0 start at zero.
         opacity: the same for all, above 0 and below 1.
         width: standard deviation as a fraction of the distance to the neighbors, above 0.
+        largest: the distance counts up to this multiple of the median.
     """
     count = len(points)
     if not 0 < opacity < 1:
         raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
     sh = np.zeros((count, coefficient_count(sh_degree), 3))
     sh[:, 0] = sh_from_rgb(points.colors)
-    apart = neighbour_scales(points.points_world)
+    apart = neighbour_scales(points.points_world, largest)
     scales = np.repeat(width * apart[:, None], 3, axis=1)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
     if points.axes_world is not None and points.axis_deviations is not None:
@@ -69,7 +74,7 @@ def quats_from_z_to(axes: np.ndarray) -> np.ndarray:
     return np.where(opposite, [1.0, 0.0, 0.0, 0.0], quats / np.where(opposite, 1.0, lengths))
 
 
-def neighbour_scales(points_world: np.ndarray) -> np.ndarray:
+def neighbour_scales(points_world: np.ndarray, largest: float = MAX_SCALE_RATIO) -> np.ndarray:
     """Return the root mean squared distance [m] to the three nearest neighbors, shape (n,), clamped.
 
     With fewer than four points, all others are neighbors.
@@ -84,4 +89,4 @@ def neighbour_scales(points_world: np.ndarray) -> np.ndarray:
     distances, _ = KDTree(points_world).query(points_world, k=neighbours + 1, workers=-1)
     scales = np.sqrt(np.mean(np.square(distances[:, 1:]), axis=1))
     typical = np.median(scales[scales > 0]) if np.any(scales > 0) else LONELY_SCALE
-    return np.clip(scales, MIN_SCALE_RATIO * typical, MAX_SCALE_RATIO * typical)
+    return np.clip(scales, MIN_SCALE_RATIO * typical, largest * typical)

@@ -43,7 +43,7 @@ class Initialization:
 
     Attributes:
         points: in the world [m].
-        sources: number of points by where they came from: "depth", "sfm", "random".
+        sources: number of points by where they came from: "depth", "sfm", "random", "shell".
         depth: how many pixels of the depth maps were used; None if the strategy does not use depth.
     """
 

@@ -12,7 +12,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import CAMERAS
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.device.warp_start import require_device
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seed_gaussians import MAX_SCALE_RATIO, SCENE_SCALE_RATIO, seed_gaussians
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.front_end import (
     MASKS,
@@ -145,7 +145,9 @@ def _train(
 ) -> Trained:
     init = config.init
     points = prepared.start.points
-    seeds = seed_gaussians(points, config.train.sh_degree, init.seed_opacity, init.seed_width)
+    largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
+    start = (init.seed_opacity, init.seed_width, largest)
+    seeds = seed_gaussians(points, config.train.sh_degree, *start)
     frames = prepared.frames.training
     return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
 

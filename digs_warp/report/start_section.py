@@ -10,6 +10,7 @@ _SOURCES = {
     "depth": "from the depth maps",
     "sfm": "from structure from motion",
     "random": "at random",
+    "shell": "on a far shell",
 }
 
 

@@ -1,0 +1,78 @@
+"""The far shell around a scene."""
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.geometry import look_at
+from digs_warp.init.seed_gaussians import SCENE_SCALE_RATIO, seed_gaussians
+from digs_warp.init.shell import COUNT, shell_points, sphere
+from digs_warp.splat.render import render
+
+# Four walls of a room around the origin, each of one color; floor and ceiling are missing.
+COLORS = {(1, 0): (1.0, 0, 0), (-1, 0): (0, 1.0, 0), (0, 1): (0, 0, 1.0), (0, -1): (1.0, 1.0, 0)}
+
+
+def room() -> PointCloud:
+    steps = np.linspace(-2, 2, 81)
+    along, height = (each.reshape(-1) for each in np.meshgrid(steps, 0.25 * steps))
+    walls, colors = [], []
+    for (x, y), color in COLORS.items():
+        side = np.stack([2 * x + y * along, 2 * y + x * along, height], axis=1)
+        walls.append(side)
+        colors.append(np.tile(color, (len(side), 1)))
+    return PointCloud(np.concatenate(walls), np.concatenate(colors))
+
+
+def camera(direction: np.ndarray) -> Camera:
+    up = np.array([0.1, 0, 1.0])
+    return Camera(Intrinsics.from_fov(32, 32, 60.0), look_at(np.zeros(3), direction, up))
+
+
+def test_the_directions_are_spread_evenly() -> None:
+    directions = sphere(COUNT)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    apart = KDTree(directions).query(directions, k=2)[0][:, 1]
+    assert apart.min() > 0.7 * apart.max()
+    np.testing.assert_allclose(directions.mean(axis=0), 0, atol=1e-3)
+
+
+def test_the_shell_lies_beyond_all_points_and_has_the_colors_of_the_walls() -> None:
+    points = room()
+    shell = shell_points(points, [camera(np.array([1.0, 0, 0]))])
+    radii = np.linalg.norm(shell.points_world, axis=1)
+    assert radii.min() > np.linalg.norm(points.points_world, axis=1).max()
+    for (x, y), color in COLORS.items():
+        toward = shell.points_world @ np.array([x, y, 0]) > 0.9 * radii
+        np.testing.assert_allclose(shell.colors[toward].mean(axis=0), color, atol=0.05)
+
+
+def test_no_ray_passes_the_shell() -> None:
+    """Up through the missing ceiling, over the walls, and where the points are dense."""
+    points = room()
+    views = [camera(np.array(d)) for d in ([1.0, 0, 0], [0, 0.1, 1.0], [1.0, 1.0, 0.6])]
+    every = PointCloud.joined([points, shell_points(points, views)])
+    gaussians = seed_gaussians(every, 0, 0.8, 0.6, SCENE_SCALE_RATIO)
+    bare = seed_gaussians(points, 0, 0.8, 0.6, SCENE_SCALE_RATIO)
+    assert render(bare, views[1]).alpha.max() < 0.01
+    for view in views:
+        assert render(gaussians, view).alpha.min() > 0.5
+
+
+def test_a_shell_around_shaped_points_has_axes_too() -> None:
+    plain = room()
+    axes = np.tile([0.0, 0, 1], (len(plain), 1))
+    points = PointCloud(plain.points_world, plain.colors, axes, np.full(len(plain), 0.01))
+    shell = shell_points(points, [camera(np.array([1.0, 0, 0]))])
+    assert shell.axes_world is not None
+    assert len(PointCloud.joined([points, shell])) == len(points) + COUNT
+
+
+def test_one_point_is_enough() -> None:
+    shell = shell_points(
+        PointCloud(np.array([[0, 0, 2.0]]), np.array([[0.2, 0.4, 0.6]])),
+        [camera(np.array([0, 1.0, 1]))],
+    )
+    assert shell.colors == pytest.approx(np.tile([0.2, 0.4, 0.6], (COUNT, 1)))
