@@ -11,7 +11,7 @@ from full_disks.walk import Walked, try_limits, try_sizes
 CASES = find_cases(
     [
         *("simulate", "reconstruct", "render, .mp4", "render, images"),
-        *("convert, .ply", "convert --to colmap", "export-usd, .usdz"),
+        *("convert, .spz", "convert --to colmap", "export-usd, .usdz"),
     ]
 )
 SHARES = (0.0, 0.4, 0.9)

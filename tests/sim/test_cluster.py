@@ -12,9 +12,13 @@ from digs_warp.checks import DigsError
 from digs_warp.geometry import rotation_in_plane
 from digs_warp.sim.cluster import GAPS, arrange, plan_of
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.ground import TABLE_HEIGHT, Ground
+from digs_warp.sim.scene import FURNITURE
+from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.several import load_objects
 from reference.mesh_files import save
 
+MM = 1e-3
 SIZES = {"small": (0.05, 0.06, 0.08), "long": (0.4, 0.05, 0.05), "cube": (0.15, 0.15, 0.15)}
 
 
@@ -30,6 +34,7 @@ def separation(a: np.ndarray, b: np.ndarray) -> float:
     best = -np.inf
     for one, other in ((a, b), (b, a)):
         edges = np.roll(one, -1, axis=0) - one
+        edges = edges[np.linalg.norm(edges, axis=1) > 1e-9]
         for normal in np.stack([edges[:, 1], -edges[:, 0]], axis=1):
             normal = normal / np.linalg.norm(normal)
             best = max(best, (other @ normal).min() - (one @ normal).max())
@@ -91,6 +96,30 @@ def test_objects_stand_on_one_ground_around_the_origin(boxes: list[Path]) -> Non
         there = trimesh.transform_points(mesh.vertices, each.world_from_mesh)
         assert KDTree(points).query(there)[0].max() < 1e-6
         assert np.linalg.det(each.world_from_mesh[:3, :3]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("ground", ["floor", "table"])
+def test_what_is_recorded_touches_its_ground_and_nothing_else(
+    boxes: list[Path], ground: Ground
+) -> None:
+    config = SimulateConfig(
+        scene=tuple(boxes), ground=ground, object_turn=35.0, distractors=2, frames=1, width=32
+    )
+    session = prepare_session(config, load_inputs(config))
+    scene, floor = session.scene, session.environment.floor
+    assert floor is not None
+    top = floor if ground == "floor" else floor + TABLE_HEIGHT
+    if ground == "table":  # its top is at that height, and under all of them
+        wood = scene.vertices[np.unique(scene.faces[scene.face_objects == FURNITURE])]
+        level = wood[np.abs(wood[:, 2] - top) < MM / 10, :2]
+        for edge, inside in ((level.min(axis=0), -1), (level.max(axis=0), 1)):
+            assert (inside * (edge - scene.object_vertices[:, :2]) > 0).all()
+    plans = []
+    for number in range(1, len(boxes) + 1):
+        points = scene.vertices[np.unique(scene.faces[scene.face_objects == number])]
+        assert abs(points[:, 2].min() - top) < MM  # neither gap nor penetration
+        plans.append(plan_of(points))
+    assert min(separation(*pair) for pair in combinations(plans, 2)) > 0
 
 
 def test_seeds_arrange_differently(boxes: list[Path]) -> None:

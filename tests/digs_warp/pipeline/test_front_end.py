@@ -55,16 +55,21 @@ def test_estimated_cameras_are_metric_and_lie_in_the_recordings_world(
 def test_the_points_lie_on_the_object(
     capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
 ) -> None:
-    """As they do with the true poses, but for the error of the estimated ones."""
+    """As they do with the true poses, but for the error of the estimated ones.
+
+    The number of points is not compared: errors of 1 or 2 mm, by which poses differ between two draws of the
+    image's samples, thicken a surface by 3 to 22 % of its voxels.
+    """
     from scipy.spatial import KDTree  # pyright: ignore[reportAttributeAccessIssue]
 
     with_true_poses = replace(FIND_POSES, sfm=SfmConfig(poses="capture"))
     expected = front_end(capture, with_true_poses, tmp_path, RunLog("test", {})).start.points
     points = found[0].start.points
-    distances, _ = KDTree(expected.points_world).query(points.points_world)
-    assert np.median(distances) < 0.005
-    # Poses that are off by a few millimetres thicken a surface of voxels of a centimetre.
-    assert 0.9 < len(points) / len(expected) < 1.3
+    # Nothing is beside the surface, and no part of it is missing: within a voxel of a centimetre.
+    for some, others in ((points, expected), (expected, points)):
+        distances, _ = KDTree(others.points_world).query(some.points_world)
+        assert np.median(distances) < 0.005
+        assert np.quantile(distances, 0.95) < 0.01
 
 
 def test_finished_stages_are_taken_over(capture: Capture, found: tuple[Prepared, Path]) -> None:
