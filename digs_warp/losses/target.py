@@ -1,6 +1,8 @@
 """The target of a rendered view: the photograph over the background of the step, and its mask.
 
-A photograph is stored cropped to the box of its mask; outside the box, the target is only background.
+A photograph is stored cropped to the box of its mask; outside the box, the target is only background. The
+gain of a photograph (`digs_warp.measure.color_gain`) is taken off its colors; what the camera clipped then
+tells only how bright the object is at least.
 """
 
 import numpy as np
@@ -11,11 +13,13 @@ from digs_warp.device.contiguous import bytes_from, floats_from
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.geometry import PixelBox
+from digs_warp.measure.color_gain import SATURATED, ColorGain
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
 # Only loops of fixed length are vectorized: a row is processed in pieces of this many pixels, then the rest.
 _PIECE = wp.constant(32)
+_SATURATED = wp.constant(SATURATED)
 
 
 @wp.func
@@ -43,6 +47,13 @@ def blend(color: float, back: float, share: float, keeps_color: int) -> float:
     return back + wp.where(keeps_color != 0, 1.0, share) * (color - back)
 
 
+@wp.func
+def at_least(goal: float, shown: float, photo: wp.uint8, takes_gain: int) -> float:
+    """Return the goal, or what is rendered where that is brighter than a photograph that was clipped."""
+    clipped = int(photo) >= _SATURATED and takes_gain != 0
+    return wp.where(clipped, wp.max(goal, shown), goal)
+
+
 @wp.kernel
 def compose_kernel(
     row: int,
@@ -54,6 +65,9 @@ def compose_kernel(
     box: wp.array[int],  # [4] x0, y0, x1, y1: where the photograph lies
     keeps_color: int,  # 1: the photograph as it is, 0: blended into the background by its mask
     background: wp.array[float],  # [3]
+    factors: wp.array[float],  # [6] factor on each color of the photograph, then the shift
+    takes_gain: int,  # 1: the photograph has a gain, and its clipped pixels are lower bounds
+    rendered: wp.array[float],  # 3 padded planes of the same layout, read only with a gain
     # outputs
     target: wp.array[float],  # 3 padded planes
     mask: wp.array[float],  # 1 padded plane
@@ -89,21 +103,31 @@ def compose_kernel(
                 shares[tm] = unit(packed[tm])
         for channel in range(3):
             back = background[channel]
+            factor = factors[channel]
+            shift = factors[3 + channel]
+            shown = floats_from(rendered, at + channel * plane, count)
             goal = floats_from(target, at + channel * plane, count)
             photo = bytes_from(pixels, taken + channel * size, count)
             if count == _PIECE:
                 for xc in range(_PIECE):
-                    goal[xc] = blend(unit(photo[xc]), back, shares[xc], keeps_color)
+                    mixed_xc = blend(
+                        factor * unit(photo[xc]) + shift, back, shares[xc], keeps_color
+                    )
+                    goal[xc] = at_least(mixed_xc, shown[xc], photo[xc], takes_gain)
             else:
                 for tc in range(count):
-                    goal[tc] = blend(unit(photo[tc]), back, shares[tc], keeps_color)
+                    mixed_tc = blend(
+                        factor * unit(photo[tc]) + shift, back, shares[tc], keeps_color
+                    )
+                    goal[tc] = at_least(mixed_tc, shown[tc], photo[tc], takes_gain)
     for side in range(3):
         fill(target, start + side * plane + region[0], first - region[0], background[side])
         fill(target, start + side * plane + last, region[2] - last, background[side])
 
 
 # Positions of the arguments that change from view to view in the inputs of `compose_kernel`.
-_PIXELS, _KEEPS_COLOR = 4, 6
+_PIXELS, _KEEPS_COLOR, _TAKES_GAIN, _RENDERED = 4, 6, 9, 10
+_UNCHANGED = np.array([1, 1, 1, 0, 0, 0], dtype=np.float32)
 
 
 def pack_view(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -126,6 +150,8 @@ class Target:
         self.image = ImagePlanes(width, height, 3, device)
         self.mask = ImagePlanes(width, height, 1, device)
         self._background = wp.zeros(3, dtype=float, device=device)
+        self._factors = wp.array(_UNCHANGED, dtype=float, device=device)
+        self._has_gain = False
         self._region = wp.zeros(4, dtype=int, device=device)
         self._box = wp.zeros(4, dtype=int, device=device)
         layout = [self.image.pitch, self.image.plane, self.image.origin, self._region]
@@ -133,7 +159,7 @@ class Target:
             compose_kernel,
             height,
             [*layout, wp.zeros(4, dtype=wp.uint8, device=device), self._box, 0, self._background]
-            + [self.image.data, self.mask.data],
+            + [self._factors, 0, self.image.data, self.image.data, self.mask.data],
             device,
             threads,
         )
@@ -146,6 +172,8 @@ class Target:
         region: PixelBox,
         size: tuple[int, int],
         keep_color: bool = False,
+        gain: ColorGain | None = None,
+        rendered: ImagePlanes | None = None,
     ) -> None:
         """Fill the target inside ``region``.
 
@@ -156,6 +184,8 @@ class Target:
             region: pixels to fill, inside the view.
             size: width and height of the view [px].
             keep_color: use the photograph as it is and ignore its mask.
+            gain: what to take off the photograph's colors. Default: nothing.
+            rendered: what the target is compared with, in the same layout; needed with a gain.
         """
         if size != (self.image.width, self.image.height):
             # SSIM windows read past the edge of a view, so no pixels of a larger view may remain there.
@@ -166,4 +196,15 @@ class Target:
         self._box.assign(np.array(box, dtype=np.int32))
         self._compose.set_param(_PIXELS, pixels)
         self._compose.set_param(_KEEPS_COLOR, int(keep_color))
+        self._take_off(gain, rendered)
         self._compose.run()
+
+    def _take_off(self, gain: ColorGain | None, rendered: ImagePlanes | None) -> None:
+        if gain is None or rendered is None:
+            if self._has_gain:
+                self._factors.assign(_UNCHANGED)
+        else:
+            self._factors.assign(np.concatenate(gain.removal()).astype(np.float32))
+            self._compose.set_param(_RENDERED, rendered.data)
+        self._has_gain = gain is not None
+        self._compose.set_param(_TAKES_GAIN, int(self._has_gain))

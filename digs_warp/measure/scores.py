@@ -13,12 +13,18 @@ from digs_warp.words import counted
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """PSNR [dB] and SSIM over the whole view and inside the object's mask; NaN if undefined."""
+    """PSNR [dB] and SSIM over the whole view and inside the object's mask; NaN if undefined.
+
+    ``aligned``: after the photograph's exposure and white balance were fitted, see
+    `digs_warp.measure.color_gain`.
+    """
 
     psnr: float = math.nan
     ssim: float = math.nan
     psnr_masked: float = math.nan
     ssim_masked: float = math.nan
+    psnr_aligned: float = math.nan
+    psnr_masked_aligned: float = math.nan
 
     def to_json(self) -> dict[str, float | None]:
         """Return the metrics by name; None for NaN, which JSON lacks."""

@@ -121,6 +121,7 @@ def _reconstruct(
             sfm=prepared.sfm,
             course=trained.course,
             stopped_by=trained.stopped_by,
+            exposure_stops=trained.exposure_stops,
             folder=folder,
             capture=capture.stored_in,
             doubts=prepared.doubts,
@@ -156,8 +157,9 @@ def _finished_training(folder: Path, before: RunRecord) -> Trained | None:
     """Return the finished training of an earlier run, if there is one."""
     if not is_kept(folder / GAUSSIANS):
         return None
-    stopped_by = Results.read(before, folder / RUN_RECORD).stopped_by
-    return Trained(Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING), stopped_by)
+    known = Results.read(before, folder / RUN_RECORD)
+    gaussians, course = Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING)
+    return Trained(gaussians, course, known.stopped_by, known.exposure_stops)
 
 
 def _evaluate(gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path) -> Scores:

@@ -64,6 +64,8 @@ class Reconstruction:
         scores: how well the held-out views match.
         course: loss and quality along the training, a row every few iterations.
         stopped_by: what ended the training: "iterations", "target psnr" or "time budget".
+        exposure_stops: how much exposure and white balance vary between the photographs [stops]; None if that
+            was not fitted.
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.
         capture: folder of the recording; None if it is not known, or only in memory.
@@ -79,6 +81,7 @@ class Reconstruction:
     scores: Scores = field(default_factory=Scores)
     course: tuple[CourseRow, ...] = ()
     stopped_by: str | None = None
+    exposure_stops: float | None = None
     run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
     folder: Path | None = None
     capture: Path | None = None
@@ -123,6 +126,7 @@ class Reconstruction:
             iterations=last.iteration if last else None,
             stopped_by=self.stopped_by,
             training_seconds=round(last.seconds, 3) if last else None,
+            exposure_stops=self.exposure_stops,
             held_out=self.scores.mean if self.scores.views else None,
         )
 
@@ -246,6 +250,7 @@ class Reconstruction:
             scores=scores,
             course=course,
             stopped_by=results.stopped_by,
+            exposure_stops=results.exposure_stops,
             run=run or RunRecord("", {}, {}),
             folder=folder,
             capture=place,

@@ -31,6 +31,8 @@ class Results:
         iterations: training steps.
         stopped_by: what ended the training.
         training_seconds: of the steps alone [s].
+        exposure_stops: how much the exposure and white balance of the photographs vary: root mean square of
+            their fitted gains [stops].
         held_out: mean over the held-out views.
     """
 
@@ -46,6 +48,7 @@ class Results:
     iterations: int | None = None
     stopped_by: str | None = None
     training_seconds: float | None = None
+    exposure_stops: float | None = None
     held_out: Score | None = None
 
     @staticmethod
@@ -83,6 +86,7 @@ class Results:
             "iterations": self.iterations,
             "stopped by": self.stopped_by,
             "training_seconds": self.training_seconds,
+            "exposure_stops": self.exposure_stops,
             "held_out": self.held_out.to_json() if self.held_out else None,
         }
         return {name: value for name, value in content.items() if value is not None}
@@ -114,6 +118,7 @@ class Results:
             iterations=found.whole("iterations", default=None),
             stopped_by=found.text("stopped by", None),
             training_seconds=found.number("training_seconds", default=None),
+            exposure_stops=found.number("exposure_stops", 0, default=None),
             held_out=Score.from_json(found.section("held_out").values)
             if "held_out" in found
             else None,

@@ -39,17 +39,27 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
         return section("Held-out views", "No view was held out.")
     chosen = np.linspace(0, len(ranked) - 1, min(MAX_VIEWS, len(ranked))).round().astype(int)
     rows = [(_label(ranked[i]), _cells(capture, result, ranked[i].name)) for i in chosen]
-    names = ("View", "PSNR [dB]", "SSIM", "PSNR in mask [dB]", "SSIM in mask")
+    names = (
+        *("View", "PSNR [dB]", "SSIM", "PSNR in mask [dB]", "SSIM in mask"),
+        *("PSNR, color-aligned [dB]", "PSNR in mask, color-aligned [dB]"),
+    )
     numbers = [[view.name, *_metrics(view)] for view in views]
     mean = ["mean", *_metrics(result.scores.mean)]
     return section(
         "Held-out views",
         f"{len(chosen)} of {len(ranked)} views that training never saw, from the worst to the best. "
-        "The object is shown on white, as in training and evaluation.",
+        "The object is shown on white, as in training and evaluation. Color-aligned: after the exposure and "
+        f"white balance of the photograph were fitted. {_exposure_words(result)}",
         picture_grid(["True", "Rendered", "Difference, amplified"], rows),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
         details(f"Numbers of all {len(ranked)} views", table(names, [*numbers, mean])),
     )
+
+
+def _exposure_words(result: Reconstruction) -> str:
+    if result.exposure_stops is None:
+        return ""
+    return f"In the training, they vary by {result.exposure_stops:.2f} stops from view to view."
 
 
 def _label(view: ViewScore) -> str:

@@ -17,6 +17,7 @@ from digs_warp.train.finite import non_finite_rows
 from digs_warp.train.trainer import Trainer
 
 _CONTROL = "control_"
+_EXPOSURE = "exposure_"
 
 
 def save_checkpoint(path: Path, trainer: Trainer) -> bool:
@@ -39,6 +40,9 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
         return False
     for name, array in trainer.control.state().items():
         state[_CONTROL + name] = array
+    if trainer.exposures is not None:
+        for name, array in trainer.exposures.state().items():
+            state[_EXPOSURE + name] = array
     write_arrays(path, state)
     return True
 
@@ -63,6 +67,7 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
     try:
         groups = [_group(saved, group) for group in ("value", "first", "second")]
         control = _control(saved, trainer)
+        _restore_exposures(saved, trainer)
     except (KeyError, ValueError) as error:
         raise _unreadable(path, error) from error
     trainer.control.restore(control)
@@ -99,6 +104,14 @@ def _control(saved: dict[str, np.ndarray], trainer: Trainer) -> dict[str, np.nda
         name: check_shape(name, saved[_CONTROL + name], (count,))
         for name in trainer.control.state()
     }
+
+
+def _restore_exposures(saved: dict[str, np.ndarray], trainer: Trainer) -> None:
+    if trainer.exposures is not None:
+        names = trainer.exposures.state()
+        trainer.exposures.restore(
+            {name: check_finite(name, saved[_EXPOSURE + name]) for name in names}
+        )
 
 
 def _scalar(saved: dict[str, np.ndarray], name: str, path: Path) -> float:

@@ -151,6 +151,10 @@ class TrainConfig:
     scale_weight: float | None = None
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
+    fit_exposure: Literal["on", "off"] = "on"
+    """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians are
+    those of all photographs; off: taken as equal in all of them."""
+
     half_size_until: float | None = None
     """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
     steps, with --density fixed and Gaussians wide enough for such images; else 0."""

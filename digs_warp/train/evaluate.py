@@ -1,4 +1,8 @@
-"""Measure Gaussians on held-out views: PSNR and SSIM, over the full frame and inside the mask."""
+"""Measure Gaussians on held-out views: PSNR and SSIM, over the full frame and inside the mask.
+
+Nobody knows the exposure and white balance of a held-out photograph. The raw figures compare it with the
+colors of the Gaussians as they are; the aligned ones first give these the gain that fits the photograph.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,11 +12,13 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.measure.color_gain import fit_color_gain
 from digs_warp.measure.metrics import psnr, ssim
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.train.exposure import INSIDE
 
 # The paper's mask threshold tau (section 4.1): a pixel above it belongs to the object.
 MASK_THRESHOLD = 20
@@ -20,7 +26,7 @@ MASK_THRESHOLD = 20
 
 @dataclass(frozen=True, eq=False)
 class TestView:
-    """A held-out photograph, composited over white (values in 0..1), and its object pixels.
+    """A held-out photograph, composited over white (values in 0..1), its mask (0..1) and object pixels.
 
     ``unknown``: pixels at which something may hide the object, (height, width), bool; None: nothing does.
     """
@@ -28,6 +34,7 @@ class TestView:
     name: str
     camera: Camera
     target: np.ndarray
+    share: np.ndarray
     object_pixels: np.ndarray
     unknown: np.ndarray | None = None
 
@@ -54,7 +61,10 @@ def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
         share = mask[..., None].astype(np.float32) / 255.0
         target = image * share + (1.0 - share)
         views.append(
-            TestView(frame.name, frame.camera, target, mask > MASK_THRESHOLD, frame.load_unknown())
+            TestView(
+                *(frame.name, frame.camera, target, share[..., 0], mask > MASK_THRESHOLD),
+                frame.load_unknown(),
+            )
         )
     return views
 
@@ -78,12 +88,26 @@ def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list
     return [_score(image, view) for image, view in zip(images, views, strict=True)]
 
 
+def color_aligned(image: np.ndarray, view: TestView) -> np.ndarray:
+    """Return an image rendered over white with the photograph's exposure and white balance, in 0..1."""
+    inside = view.share >= INSIDE / 255.0
+    gain = fit_color_gain(image[inside], view.target[inside])
+    share = view.share[..., None]
+    # Only the object's part of a pixel at its rim has the gain.
+    color = np.clip((image - (1 - share)) / np.maximum(share, 1e-6), 0.0, 1.0)
+    changed = image + share * (gain.applied(color) - color)
+    return np.clip(changed, 0.0, 1.0).astype(image.dtype)
+
+
 def _score(image: np.ndarray, view: TestView) -> ViewScore:
     target, known = view.target_for(image), view.known
+    aligned = color_aligned(image, view)
     return ViewScore(
         name=view.name,
         psnr=psnr(image, target, known),
         ssim=ssim(image, target, known),
         psnr_masked=psnr(image, target, view.object_pixels),
         ssim_masked=ssim(image, target, view.object_pixels),
+        psnr_aligned=psnr(aligned, target, known),
+        psnr_masked_aligned=psnr(aligned, target, view.object_pixels),
     )

@@ -14,6 +14,7 @@ from digs_warp.losses.regions import loss_blocks, read_region
 from digs_warp.losses.regularizers import RegularizerLoss
 from digs_warp.losses.target import Target
 from digs_warp.losses.unknown import LeftOut
+from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.views import View
@@ -69,18 +70,26 @@ class Objective:
                 extent=self._extent,
             )
 
-    def compare(self, view: View, background: np.ndarray) -> None:
+    def compare(self, view: View, background: np.ndarray, gain: ColorGain | None = None) -> None:
         """Compute the terms for the last rendered image, and their gradients with respect to its pixels.
 
         Args:
             view: what the image shows; loaded with depth if the depth term is on.
             background: the sRGB color (3,) that the image was rendered over.
+            gain: of the photograph, to be taken off. Default: none.
         """
         binner = self._renderer.binner
         blocks = loss_blocks(view.tiles, binner.drawn_tiles())
         region = read_region(blocks, view.size)
         self._target.compose(
-            view.pixels, view.box, background, region, view.size, self._keeps_color
+            view.pixels,
+            view.box,
+            background,
+            region,
+            view.size,
+            self._keeps_color,
+            gain,
+            self._renderer.image,
         )
         left_out = self._left_out
         if left_out and view.unknown:

@@ -37,12 +37,14 @@ class Trained:
     Attributes:
         gaussians: the result.
         course: one row every few iterations; the last one is from the end of the run.
+        exposure_stops: root mean square of the photographs' gains [stops]; None if they were not fitted.
         stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None if unknown.
     """
 
     gaussians: Gaussians
     course: tuple[CourseRow, ...]
     stopped_by: str | None
+    exposure_stops: float | None = None
 
 
 def train_gaussians(
@@ -91,7 +93,9 @@ def train_gaussians(
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
     gaussians.save(folder / GAUSSIANS)
     remove(checkpoint)
-    return Trained(gaussians, tuple(course.rows), stopped)
+    exposures = trainer.exposures
+    stops = round(exposures.rms_stops, 4) if exposures is not None else None
+    return Trained(gaussians, tuple(course.rows), stopped, stops)
 
 
 def _run_steps(trainer: Trainer, course: CourseRecorder, checkpoint: Path) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -14,6 +15,7 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
 from digs_warp.train.draws import BACKGROUND
+from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.half_size import half_size_steps
 from digs_warp.train.objective import Objective
@@ -39,6 +41,7 @@ class Trainer:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
         optimizer: holds the step count and the moments.
         control: the strategy that changes the number of Gaussians.
+        exposures: the gains of the photographs; None where they are not fitted.
         seconds: time spent in `step` so far.
     """
 
@@ -62,6 +65,7 @@ class Trainer:
         self._center = gaussians.means.mean(axis=0)
         self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
+        self.exposures = Exposures(len(views)) if config.fit_exposure == "on" else None
         self._build_optimizer(step=0)
 
     def step(self) -> None:
@@ -80,7 +84,7 @@ class Trainer:
             sh_degree=self._sh_degree(),
             content=view.box,
         )
-        self.objective.compare(view, background)
+        self.objective.compare(view, background, self._gain(view))
         self.objective.pull_back()
         means_rate = self.optimizer.means_rate()
         self.optimizer.update()
@@ -159,6 +163,13 @@ class Trainer:
         view = self.views.view(self.optimizer.step)
         small = self.optimizer.step < self._half_size_steps
         return view.half if small and view.half is not None else view
+
+    def _gain(self, view: View) -> ColorGain | None:
+        """Return the gain of the photograph that the last image is compared with."""
+        if self.exposures is None:
+            return None
+        index = self.views.index(self.optimizer.step)
+        return self.exposures.fit(index, *rendered_samples(self.renderer, view.samples))
 
     def _background(self) -> np.ndarray:
         if self.config.background == "random":

@@ -97,6 +97,10 @@ class ViewStore:
         """The names of all views."""
         return [frame.name for frame in self._frames]
 
+    def index(self, step: int) -> int:
+        """Return which view ``step`` uses."""
+        return self._index_of(step)
+
     def view(self, step: int) -> View:
         """Return the view of ``step``; call it with the steps in order."""
         if self.capacity < len(self._frames):

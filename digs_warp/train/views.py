@@ -14,6 +14,7 @@ from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
+from digs_warp.train.exposure import ColorSamples
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,7 @@ class View:
         pixels: the planes of `pack_view` inside ``box``.
         box: the box of its mask; outside is only background. Empty without foreground.
         tiles: which tiles of 16x16 px have foreground, shape (tile rows, tile columns), bool.
+        samples: pixels that tell its exposure.
         depth: what the depth camera measured inside ``box``; None if not requested.
         half: the same view at half the size; None if not requested.
         unknown: pixels at which something may hide the object; None: there are none.
@@ -36,6 +38,7 @@ class View:
     pixels: wp.array
     box: PixelBox
     tiles: np.ndarray
+    samples: ColorSamples
     depth: DepthTarget | None = None
     half: "View | None" = None
     unknown: UnknownPixels | None = None
@@ -49,7 +52,7 @@ class View:
     @property
     def bytes(self) -> int:
         """Memory of the view [bytes]."""
-        held = self.pixels.size
+        held = self.pixels.size + self.samples.bytes
         if self.depth is not None:
             held += 5 * self.depth.depth.size
         if self.unknown is not None:
@@ -107,8 +110,9 @@ def packed_view(
     box = mask_box(mask)
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     pixels = wp.array(pack_view(image[inside], mask[inside]), dtype=wp.uint8, device=device)
+    samples = ColorSamples.of(image, mask)
     hidden = UnknownPixels.of(unknown, device)
-    return View(name, camera, pixels, box, tiles_of(mask), unknown=hidden)
+    return View(name, camera, pixels, box, tiles_of(mask), samples, unknown=hidden)
 
 
 def halved(k: Intrinsics) -> Intrinsics:

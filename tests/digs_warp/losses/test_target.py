@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.losses.regions import (
     blocks_of,
@@ -14,6 +15,7 @@ from digs_warp.losses.regions import (
     union,
 )
 from digs_warp.losses.target import Target, pack_view
+from digs_warp.measure.color_gain import SATURATED, ColorGain
 
 BACKGROUND = np.array([0.1, 0.6, 0.9])
 
@@ -62,6 +64,27 @@ def test_the_photograph_as_it_is() -> None:
     target, share = composed(image, mask, (0, 0, 31, 19), keep_color=True)
     np.testing.assert_allclose(target, image / 255.0, atol=1e-6)
     np.testing.assert_allclose(share, mask / 255.0, atol=1e-6)
+
+
+def test_a_gain_is_taken_off_the_photograph() -> None:
+    image, mask = photograph(0)
+    rendered = ImagePlanes.of(np.random.default_rng(1).uniform(0, 2, (19, 31, 3)))
+    gain = ColorGain(np.array([0.4, -0.3, 0.1]))
+    target = Target(31, 19)
+    pixels = wp.array(pack_view(image, mask), dtype=wp.uint8, device="cpu")
+    whole = (0, 0, 31, 19)
+    target.compose(pixels, whole, BACKGROUND, whole, (31, 19), gain=gain, rendered=rendered)
+    factor, shift = gain.removal()
+    share = mask[..., None] / 255.0
+    expected = (factor * image / 255.0 + shift) * share + BACKGROUND * (1 - share)
+    # A clipped value says how bright the object is at least.
+    clipped = image >= SATURATED
+    expected[clipped] = np.maximum(expected, rendered.to_numpy())[clipped]
+    assert (expected > rendered.to_numpy())[clipped].any()
+    np.testing.assert_allclose(target.image.to_numpy(), expected, atol=1e-5)
+    target.compose(pixels, whole, BACKGROUND, whole, (31, 19))
+    again, _ = composed(image, mask, whole)
+    np.testing.assert_array_equal(target.image.to_numpy(), again)
 
 
 def test_a_smaller_view_finds_nothing_of_a_larger_one() -> None:

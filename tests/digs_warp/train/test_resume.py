@@ -76,6 +76,9 @@ def test_a_resumed_run_continues_bit_for_bit(
     for one, other in zip(*states, strict=True):
         for name in FIELDS:
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert whole.exposures is not None and resumed.exposures is not None
+    assert whole.exposures.fitted.all()
+    np.testing.assert_array_equal(whole.exposures.log_factors, resumed.exposures.log_factors)
     assert (len(whole.gaussians) != 300) == (density != "fixed")
     assert len(whole.gaussians) <= 900
 
@@ -148,6 +151,8 @@ def test_a_checkpoint_of_other_settings_is_refused(
         ("second_sh", np.full((300, 1, 3), np.inf)),
         ("control_sums", np.zeros(3)),
         ("value_quats", None),
+        ("exposure_log_factors", np.zeros((3, 3))),
+        ("exposure_fitted", None),
     ],
 )
 def test_a_checkpoint_of_another_shape_is_refused(

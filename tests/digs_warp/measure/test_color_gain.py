@@ -1,0 +1,67 @@
+"""A gain on linear light is found from sRGB colors, whatever else the photograph shows."""
+
+import numpy as np
+import pytest
+
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear
+from digs_warp.measure.color_gain import MOST_STOPS, ColorGain, fit_color_gain
+
+STOPS = np.array([0.7, -0.4, 0.1])
+
+
+def colors(count: int = 400) -> np.ndarray:
+    return np.random.default_rng(0).uniform(0.1, 0.6, (count, 3))
+
+
+def photographed(scene: np.ndarray, stops: np.ndarray = STOPS) -> np.ndarray:
+    """Return what a camera with this gain records, 8 bits, clipped."""
+    light = linear_from_srgb(scene) * 2.0**stops
+    return np.rint(255 * np.clip(srgb_from_linear(light), 0, 1)) / 255
+
+
+def test_the_gain_is_found() -> None:
+    found = fit_color_gain(colors(), photographed(colors()))
+    np.testing.assert_allclose(found.stops, STOPS, atol=0.01)
+    np.testing.assert_allclose(found.applied(colors()), photographed(colors()), atol=0.004)
+
+
+def test_the_removal_undoes_the_gain() -> None:
+    gain = ColorGain(np.array([0.3, -0.2, 0.1]))
+    factor, shift = gain.removal()
+    np.testing.assert_allclose(factor * gain.applied(colors()) + shift, colors(), atol=1e-12)
+
+
+def test_outliers_do_not_pull() -> None:
+    photo = photographed(colors())
+    photo[::5] = np.random.default_rng(1).uniform(0.05, 0.9, photo[::5].shape)
+    np.testing.assert_allclose(fit_color_gain(colors(), photo).stops, STOPS, atol=0.03)
+
+
+def test_clipped_and_black_pixels_tell_nothing() -> None:
+    bright = np.array([2.0, 2.0, 2.0])
+    photo = photographed(colors(), bright)
+    assert (photo == 1).mean() > 0.1
+    photo[::7] = 0
+    np.testing.assert_allclose(fit_color_gain(colors(), photo).stops, bright, atol=0.02)
+
+
+@pytest.mark.parametrize("photo", [np.zeros((400, 3)), np.ones((400, 3)), np.zeros((0, 3))])
+def test_without_a_usable_pixel_there_is_no_gain(photo: np.ndarray) -> None:
+    scene = colors()[: len(photo)]
+    np.testing.assert_array_equal(fit_color_gain(scene, photo).stops, 0)
+    before = np.array([0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(fit_color_gain(scene, photo, before).log_factors, before)
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0, 0.041, 50.0])
+def test_any_rendering_gives_a_finite_gain_within_limits(value: float) -> None:
+    scene = colors()
+    scene[:, 1] = value
+    stops = fit_color_gain(scene, photographed(colors())).stops
+    assert np.all(np.abs(stops) <= MOST_STOPS + 1e-9)
+
+
+def test_constant_images() -> None:
+    scene, photo = np.full((50, 3), 0.5), np.full((50, 3), 0.4)
+    gain = fit_color_gain(scene, photo)
+    np.testing.assert_allclose(gain.applied(scene), photo, atol=1e-6)

@@ -1,0 +1,128 @@
+"""The exposure of each photograph is found in the training, and leaves the colors of the object alone."""
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from digs_warp.data.capture import Frame
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
+from digs_warp.data.layers import Layer
+from digs_warp.train.config import Rates, Stop, TrainConfig
+from digs_warp.train.evaluate import color_aligned, load_test_views, render_views, score_views
+from digs_warp.train.exposure import ColorSamples, Exposures
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+from reference.tiny_capture import ball, write_tiny_capture
+
+STEPS = 60
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> tuple[Frame, ...]:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8).frames
+
+
+@pytest.fixture(scope="module")
+def stops() -> np.ndarray:
+    """Gains of the frames [stops], with a mean of 0."""
+    drawn = np.random.default_rng(3).uniform(-1, 1, (8, 3)) * [0.6, 0.5, 0.6] - 0.3
+    return drawn - drawn.mean(axis=0)
+
+
+def exposed(frame: Frame, stops: np.ndarray) -> Frame:
+    light = linear_from_srgb(frame.load_image() / 255.0) * 2.0**stops
+    return frame.with_layer(Layer.IMAGE, to_uint8(srgb_from_linear(light)))
+
+
+def grey_ball() -> Gaussians:
+    truth = ball()
+    return replace(truth, sh=np.zeros_like(truth.sh))
+
+
+def trained(
+    frames: list[Frame],
+    start: Gaussians | None = None,
+    fit_exposure: Literal["on", "off"] = "on",
+) -> Trainer:
+    config = TrainConfig(
+        stop=Stop(iterations=STEPS),
+        rates=Rates(colors=0.1),
+        sh_degree=0,
+        half_size_until=0,
+        fit_exposure=fit_exposure,
+    )
+    trainer = Trainer(start or grey_ball(), open_views(frames, config), config)
+    for _ in range(STEPS):
+        trainer.step()
+    return trainer
+
+
+def quality(trainer: Trainer, frames: tuple[Frame, ...]) -> float:
+    views = load_test_views(frames)
+    scores = score_views(render_views(trainer.gaussians, views), views)
+    return float(np.mean([score.psnr_masked for score in scores]))
+
+
+def test_different_exposures_cost_little(frames: tuple[Frame, ...], stops: np.ndarray) -> None:
+    changed = [exposed(frame, each) for frame, each in zip(frames, stops, strict=True)]
+    with_fit, without = trained(changed), trained(changed, fit_exposure="off")
+    assert with_fit.exposures is not None and without.exposures is None
+    constant = quality(trained(list(frames), fit_exposure="off"), frames)
+    assert quality(without, frames) < constant - 2.5
+    assert quality(with_fit, frames) > constant - 1.0
+    found = with_fit.exposures.log_factors * 2.4 / np.log(2)
+    assert np.sqrt(((found - stops) ** 2).mean()) < 0.1
+
+
+def test_constant_exposure_is_left_alone(frames: tuple[Frame, ...]) -> None:
+    fitted = quality(trained(list(frames)), frames)
+    assert fitted > quality(trained(list(frames), fit_exposure="off"), frames) - 0.05
+
+
+def test_the_gains_have_a_mean_of_zero() -> None:
+    exposures = Exposures(5)
+    rng = np.random.default_rng(0)
+    scene = rng.uniform(0.2, 0.8, (100, 3))
+    for index in (3, 1, 4, 3):
+        exposures.fit(index, scene, np.clip(scene * rng.uniform(0.5, 1.2), 0, 1))
+    assert exposures.fitted.tolist() == [False, True, False, True, True]
+    np.testing.assert_allclose(exposures.log_factors.mean(axis=0), 0, atol=1e-12)
+    np.testing.assert_array_equal(exposures.log_factors[[0, 2]], 0)
+
+
+def test_black_white_and_constant_photographs_and_a_single_one(frames: tuple[Frame, ...]) -> None:
+    def painted(frame: Frame, value: int) -> Frame:
+        return frame.with_layer(Layer.IMAGE, np.full_like(frame.load_image(), value))
+
+    hard = [painted(frame, value) for frame, value in zip(frames, (0, 255, 90), strict=False)]
+    for views in ([*hard, *frames[3:]], hard, [frames[0]], [hard[0]]):
+        trainer = trained(views)
+        assert trainer.exposures is not None
+        assert np.isfinite(trainer.exposures.log_factors).all()
+        assert np.isfinite(trainer.gaussians.to_numpy().sh).all()
+
+
+def test_held_out_photographs_are_measured_raw_and_aligned(
+    frames: tuple[Frame, ...],
+) -> None:
+    views = load_test_views([exposed(frames[0], np.array([-0.9, -0.5, -0.7]))])
+    true = load_test_views(frames[:1])[0].target
+    score = score_views([true], views)[0]
+    assert score.psnr_aligned > 38 > 25 > score.psnr
+    assert score.psnr_masked_aligned > 33 > 20 > score.psnr_masked
+    np.testing.assert_allclose(color_aligned(true, views[0]), views[0].target, atol=0.02)
+
+
+def test_samples_are_inside_the_mask_and_few() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (200, 300, 3), dtype=np.uint8)
+    mask = np.full((200, 300), 255, np.uint8)
+    mask[:50] = 200
+    samples = ColorSamples.of(image, mask)
+    assert 2048 < len(samples.rows) <= 4096 and samples.rows.min() >= 50
+    np.testing.assert_allclose(
+        samples.colors, image[samples.rows, samples.columns] / 255, atol=1e-6
+    )
+    assert len(ColorSamples.of(image, np.zeros_like(mask)).rows) == 0
