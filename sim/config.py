@@ -12,6 +12,11 @@ from digs_warp.sim.labels.names import labels_named
 from digs_warp.sim.look_settings import LookSettings
 from digs_warp.sim.mesh.placement import Unit
 from digs_warp.sim.sensor.after.names import filters_named
+from digs_warp.sim.walk.settings import WalkSettings
+from digs_warp.sim.walk.timing import kept_count
+
+# Frames of a recording for which nothing says otherwise.
+USUAL_FRAMES = 60
 
 Tier = Literal["truth", "law", "guided", "matcher"]
 
@@ -50,8 +55,8 @@ class SimulateConfig:
     """Mesh files of other things beside the objects, in no mask either. One that would be in the way of the
     camera is scaled down."""
 
-    frames: int = 60
-    """Number of stereo frames, uniformly spaced in time over three orbits."""
+    frames: int | None = None
+    """Number of stereo frames, evenly spaced in time over the walk. Default: 60, or fps times duration."""
 
     profile: str | None = None
     """The camera: zed2-2k, zed2-1080, zed2-720, zed2-vga, d435, oak-d, or a YAML file. Default: zed2-720 with
@@ -112,9 +117,11 @@ class SimulateConfig:
     rests. An axis that is named here keeps the object's pose."""
 
     seed: int = 0
-    """Seed of hand shake, pixel sampling and everything random in the sensor."""
+    """Seed of the hand, pixel sampling and everything random in the sensor."""
 
     look: LookSettings = field(default_factory=LookSettings)
+
+    walk: WalkSettings = field(default_factory=WalkSettings)
 
     def __post_init__(self) -> None:
         check_flag("--object-turn", self.object_turn)
@@ -131,6 +138,7 @@ class SimulateConfig:
             raise DigsError(
                 "--mesh and --scene contradict each other; name the mesh in --scene, too"
             )
+        self._check_beats()
         if self.arrange == "drop" and self.mesh is None and not self.scene:
             raise DigsError("--arrange drop: nothing to drop; name mesh files with --scene")
         if self.object_size is not None and self.unit != "auto":
@@ -155,6 +163,34 @@ class SimulateConfig:
                     f"{flag} {value}: has no meaning with --tier {self.tier}; choose --tier guided or "
                     "matcher, or leave it out"
                 )
+
+    def _check_beats(self) -> None:
+        fps, duration = self.walk.fps, self.walk.duration
+        if fps is None or duration is None:
+            return
+        if self.frames is not None:
+            raise DigsError(
+                f"--frames {self.frames}, --fps {fps:g} and --duration {duration:g}: two of them give the "
+                "third; leave one out"
+            )
+        try:
+            check_flag("--frames", self.beats)
+        except DigsError as error:
+            raise DigsError(f"--fps {fps:g} for --duration {duration:g}: {error}") from None
+
+    @property
+    def beats(self) -> int:
+        """Number of frames that the camera takes, with those that are lost."""
+        if self.frames is not None:
+            return self.frames
+        if self.walk.fps is None or self.walk.duration is None:
+            return USUAL_FRAMES
+        return round(self.walk.fps * self.walk.duration)
+
+    @property
+    def frame_count(self) -> int:
+        """Number of frames of the recording."""
+        return kept_count(self.beats, self.walk)
 
     @staticmethod
     def of_today(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,7 +39,7 @@ def layers_of(config: SimulateConfig, number: int) -> tuple[Layer, ...]:
     """Return the layers that a recording writes for a frame."""
     basic = INFRARED_LAYERS if rig_of(config).has_color_camera else BASIC_LAYERS
     sensor = (Layer.CAUSE, Layer.CONFIDENCE) if config.plans_effects else ()
-    labels = label_layers(labels_of(config), is_last=number == config.frames - 1)
+    labels = label_layers(labels_of(config), is_last=number == config.frame_count - 1)
     return (*basic, *sensor, *labels)
 
 
@@ -131,7 +131,7 @@ class FrameMaker:
     def _labels(self, frame: RenderedFrame) -> dict[Layer, np.ndarray]:
         """Return the labels that the settings ask for."""
         number, session = frame.truth.number, self.session
-        is_last = number == session.config.frames - 1
+        is_last = number == session.config.frame_count - 1
         labeled = LabeledFrame(
             session=session,
             truth=frame.truth,

@@ -15,8 +15,8 @@ Ground = Literal["auto", "floor", "table", "none"]
 DOME_RADIUS = 6.0
 ROOM_HALF_WIDTH = 2.0
 
-# The walls are at least this many orbit distances away.
-SURROUND_MARGIN = 2.0
+# The walls are at least this many times as far away as the camera.
+SURROUND_MARGIN = 1.75
 
 # Height of a table [m], and the longest side of what is put on one rather than on the floor.
 TABLE_HEIGHT = 0.75
@@ -35,7 +35,7 @@ class Setting:
     ground: Ground
 
 
-def set_up(scene: Scene, environment: Environment, ground: Ground, distance: float) -> Setting:
+def set_up(scene: Scene, environment: Environment, ground: Ground, farthest: float) -> Setting:
     """Return the objects on their ground, in a surround that is large enough for a walk.
 
     Args:
@@ -43,9 +43,9 @@ def set_up(scene: Scene, environment: Environment, ground: Ground, distance: flo
         environment: as it was loaded.
         ground: "auto": a table for small objects, a floor for large ones and in the built-in room, which has
             one; "none": a sphere around the objects.
-        distance: of the walk from the origin [m].
+        farthest: distance of the camera from the origin, at most [m].
     """
-    beyond = SURROUND_MARGIN * distance
+    beyond = SURROUND_MARGIN * farthest
     if ground == "none":
         wide = replace(environment, radius=max(environment.radius, beyond))
         return Setting(scene, wide, ground)

@@ -13,8 +13,9 @@ from digs_warp.sim.sensor.color.adaptation import AdaptationTrack, targets
 from digs_warp.sim.sensor.color.encoding import decode
 from digs_warp.sim.session import Session
 
-# Metered moments of a whole walk, which takes a minute or two.
+# Metered moments of a whole walk, which takes a minute or two; and how far apart they are at most [s].
 MOMENTS = 200
+LONGEST_STEP = 1.0
 
 # Width of the renders [px]; a mean needs no more.
 WIDTH = 32
@@ -28,7 +29,7 @@ def meter_walk(session: Session) -> AdaptationTrack:
 
     A camera that has settled starts. The light is metered behind the lens without its vignetting.
     """
-    step = float(session.walk.times[-1]) / MOMENTS
+    step = min(session.walk.end / MOMENTS, LONGEST_STEP)
     count = math.ceil(session.moments[-1] / step) + 1
     times = step * np.arange(count)
     colors = np.array([_mean_color(session, number, times[number]) for number in range(count)])

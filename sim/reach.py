@@ -5,7 +5,9 @@ import logging
 from digs_warp.checks import DigsError
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.scene import Scene
-from digs_warp.sim.trajectory import fitting_distance
+from digs_warp.sim.walk.framing import fitting_distance
+from digs_warp.sim.walk.settings import WalkSettings
+from digs_warp.sim.walk.wander import distance_limits
 
 _log = logging.getLogger(__name__)
 
@@ -14,48 +16,80 @@ NEAR_MARGIN = 1.2
 
 # An object this many times farther away than where it would fill the image is worth a warning: it has less
 # than half of the pixels that it could have.
-LOST_PIXELS = 1.5
+LOST_PIXELS = 1.6
+
+# The camera stays this many radii away from the middle of the objects.
+LEAST_RADII = 1.05
 
 
-def orbit_distance(scene: Scene, rig: StereoRig) -> float:
-    """Return the distance [m] at which the object fits the image and no part is too near for the sensor."""
+def camera_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
+    """Return the distance [m] of a walk without its wander: as asked for, or from where the object fits.
+
+    Raises:
+        DigsError: the camera would run into the object.
+    """
     radius = scene.object_radius
-    fitting = fitting_distance(radius, rig.image_intrinsics)
-    return max(fitting, rig.min_depth + NEAR_MARGIN * radius)
+    distance = walk.distance
+    if distance is None:
+        distance = walk.distance_factor * max(
+            _fitting(scene, rig, walk), _measurable(scene, rig, walk)
+        )
+    nearest, _ = distance_limits(walk.unsteadiness)
+    if nearest * distance < LEAST_RADII * radius:
+        flag = "--distance" if walk.distance is not None else "--distance-factor"
+        raise DigsError(
+            f"{flag}: {distance:.3g} m from the middle of the objects, which reach out to {radius:.3g} m: "
+            f"the camera would run into them; choose {LEAST_RADII * radius / nearest:.3g} m or more"
+        )
+    return distance
 
 
-def check_reach(scene: Scene, rig: StereoRig) -> None:
+def check_reach(scene: Scene, rig: StereoRig, walk: WalkSettings) -> None:
     """Warn if the camera measures the object poorly because of its size.
 
     Raises:
-        DigsError: even the nearest point of the object is farther away than the camera measures.
+        DigsError: the camera would run into the object, or even the object's nearest point is farther away
+            than the camera measures.
     """
-    distance = orbit_distance(scene, rig)
+    distance = camera_distance(scene, rig, walk)
+    is_chosen = walk.distance is not None or walk.distance_factor != 1
+    how = "is recorded from" if is_chosen else "fits the image from"
     measured = f"this camera measures {rig.min_depth:g} to {rig.max_depth:g} m"
     size = _length(scene.size.max())
     if distance - scene.object_radius >= rig.max_depth:
         raise DigsError(
-            f"object of {size}: fits the image from {distance:.3g} m away, but {measured}. {_hint(scene)}"
+            f"object of {size}: {how} {distance:.3g} m away, but {measured}. {_hint(scene)}"
         )
     if distance > rig.max_depth:
         _log.warning(
-            "object of %s: fits the image from %.3g m away, but %s; only its near parts get depth. %s",
-            size,
-            distance,
-            measured,
-            _hint(scene),
+            "object of %s: %s %.3g m away, but %s; only its near parts get depth. %s",
+            *(size, how, distance, measured, _hint(scene)),
         )
-    if distance > LOST_PIXELS * fitting_distance(scene.object_radius, rig.image_intrinsics):
+    if distance < rig.min_depth:
+        _log.warning(
+            "object of %s: %s %.3g m away, but %s; only its far parts get depth. Choose another --distance",
+            *(size, how, distance, measured),
+        )
+    filling = fitting_distance(scene.object_radius, rig.image_intrinsics, shake=0, unsteadiness=0)
+    if not is_chosen and distance > LOST_PIXELS * filling:
         k = rig.image_intrinsics
         _log.warning(
             "nearest depth of this camera is %g m; an object of %s spans %.0f of %d x %d px. Use more pixels "
             "(--width) or a camera that measures nearer (--profile), or scale the object (--object-size)",
-            rig.min_depth,
-            size,
-            k.fx * scene.size.max() / distance,
-            k.width,
-            k.height,
+            *(rig.min_depth, size, k.fx * scene.size.max() / distance, k.width, k.height),
         )
+
+
+def _fitting(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
+    """Return the distance [m] from which the object stays in the image."""
+    k = rig.image_intrinsics
+    return fitting_distance(scene.object_radius, k, walk.shake, walk.unsteadiness)
+
+
+def _measurable(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
+    """Return the distance [m] at which no part of the object is too near for the sensor."""
+    nearest, _ = distance_limits(walk.unsteadiness)
+    return (rig.min_depth + NEAR_MARGIN * scene.object_radius) / nearest
 
 
 def _hint(scene: Scene) -> str:
@@ -67,7 +101,8 @@ def _hint(scene: Scene) -> str:
         return "Choose another camera with --profile"
     return (
         f"Size of the file: {placement.scale.origin}. Is that right? --unit or --object-size say "
-        "otherwise; or choose a camera that sees wider or farther with --profile"
+        "otherwise; or choose a camera that sees wider or farther with --profile, or come nearer "
+        "with --distance"
     )
 
 

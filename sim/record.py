@@ -15,6 +15,7 @@ from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
+from digs_warp.data.imu import IMU, IMU_TRUE, write_imu
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.object_view import ObjectView
 from digs_warp.data.placed_object import PlacedObject, matrix_rows
@@ -35,6 +36,7 @@ from digs_warp.sim.scene import Scene, SceneObject
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
 from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.walk.imu import imu_facts, measured_imu, true_imu
 
 # Frames that are made at the same time, at most: each takes some tens of megabytes, and beyond this number
 # threads wait for the interpreter lock.
@@ -88,6 +90,9 @@ def _simulate(
         if config.plans_effects:
             drift = plan.drift(session.rig, config.seed, config.strength)
             write_atomically(folder / SENSOR_PLAN, to_json(plan.as_json(drift)).encode())
+        if config.walk.imu:
+            with log.stage("imu"):
+                _write_imu(session, folder)
         writer = CaptureWriter(folder, session.rig.image_intrinsics, _rig_record(session.rig))
         _record(FrameMaker(session, plan), writer, log, record)
         capture = writer.finish(_about(session, plan))
@@ -106,6 +111,8 @@ def simulate_in_memory(config: SimulateConfig) -> Capture:
     Raises:
         DigsError: bad input.
     """
+    if config.walk.imu:
+        raise DigsError("--imu: its samples are written to files; record into a folder")
     maker = FrameMaker.of(config)
     rig = maker.session.rig
     writer = MemoryWriter(rig.image_intrinsics, _rig_record(rig))
@@ -157,11 +164,13 @@ def _record(
     time, so that the stages add up to what a user waits for.
     """
     config = maker.session.config
-    missing = [n for n in range(config.frames) if not writer.has_frame(n, layers_of(config, n))]
-    done = config.frames - len(missing)
+    missing = [
+        n for n in range(config.frame_count) if not writer.has_frame(n, layers_of(config, n))
+    ]
+    done = config.frame_count - len(missing)
     since = time.perf_counter()
     with (
-        progress(config.frames, "Recording", "frame", done) as bar,
+        progress(config.frame_count, "Recording", "frame", done) as bar,
         closing(_made(maker, missing, writer)) as made,  # after an error no thread goes on writing
     ):
         for count, seconds in enumerate(made, start=1):
@@ -180,14 +189,22 @@ def _record(
         writer.add_pose(number, pose, moment, color_gain=gain, objects=views[number])
 
 
+def _write_imu(session: Session, folder: Path) -> None:
+    """Write what accelerometer and gyroscope measure up to the last frame."""
+    truth = true_imu(session.walk, session.moments[-1])
+    config = session.config
+    write_imu(folder / IMU_TRUE, truth)
+    write_imu(folder / IMU, measured_imu(truth, config.seed, config.strength))
+
+
 def _object_views(maker: FrameMaker, log: RunLog) -> list[tuple[ObjectView, ...]]:
     """Return how the objects appear in each frame; nothing where their numbers are not recorded."""
     config = maker.session.config
     if "instances" not in labels_of(config):
-        return [()] * config.frames
+        return [()] * config.frame_count
     with log.stage("objects"):
         views = ObjectViews.of(maker)
-        return [views.in_frame(number) for number in range(config.frames)]
+        return [views.in_frame(number) for number in range(config.frame_count)]
 
 
 def _made(
@@ -252,6 +269,7 @@ def _about(session: Session, plan: SensorPlan) -> About:
         surround_radius=session.environment.radius,
         ground=session.ground,
         exposure=session.renderer.exposure,
+        imu=imu_facts(config.strength) if config.walk.imu else None,
         sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
     )
     if not config.plans_effects:

@@ -31,7 +31,7 @@ from digs_warp.sim.sensor.planner import EFFECT_NAMES, override, plan, wanted_ef
 from digs_warp.sim.session import Session
 from digs_warp.sim.shutter import Shutter
 
-# Frames that the plan looks at, evenly spaced: four on each of the three orbits.
+# Frames that the plan looks at, evenly spaced: four on each of three orbits.
 LOOKS = 12
 
 # Effects that act on depth in the tiers that plan effects. A full search finds second surfaces by itself.
@@ -139,8 +139,8 @@ def make_plan(session: Session) -> SensorPlan:
     if not config.plans_effects:
         return SensorPlan()
     check_effects(config)
-    count = min(LOOKS, config.frames)
-    numbers = np.linspace(0, config.frames - 1, count).round().astype(int).tolist()
+    count = min(LOOKS, config.frame_count)
+    numbers = np.linspace(0, config.frame_count - 1, count).round().astype(int).tolist()
     small = session.small()
     # The facts are those of the left eye.
     looks = [small.truth(number, Shutter(), both_eyes=False)[0] for number in numbers]

@@ -1,7 +1,7 @@
 """Everything that is prepared before the first frame: scene, light, camera and its path."""
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from digs_warp.sim.ground import Ground, set_up
 from digs_warp.sim.object_turn import turn_objects
 from digs_warp.sim.panorama_sharpness import warn_if_soft
 from digs_warp.sim.profiles import Profile, load_profile
-from digs_warp.sim.reach import check_reach, orbit_distance
+from digs_warp.sim.reach import camera_distance, check_reach
 from digs_warp.sim.refinish import refinished, with_table_top
 from digs_warp.sim.relight import relit
 from digs_warp.sim.render.protocol import Renderer
@@ -26,14 +26,15 @@ from digs_warp.sim.sensor.frame import FrameTruth, Motion
 from digs_warp.sim.sensor.infrared.color_camera import ColorView
 from digs_warp.sim.sensor.infrared.pair import infrared_image, stands_out, with_dots
 from digs_warp.sim.shutter import Shutter, ShutteredEye
-from digs_warp.sim.trajectory import Walk
+from digs_warp.sim.walk.timing import frame_moments
+from digs_warp.sim.walk.walk import Subject, Walk
 
 # Camera and image size without a profile: a quarter of the pixels of HD720, for speed.
 DEFAULT_PROFILE = "zed2-720"
 DEFAULT_WIDTH = 640
 DEFAULT_ASPECT = 16 / 9
 
-# [Hz] The usual mode of the cameras that the profiles describe.
+# [Hz] The usual mode of the cameras that the profiles describe, where --fps names no other.
 FRAME_RATE = 30.0
 
 # Added to a frame's number for each frame that the camera took before it; more than any recording has.
@@ -90,15 +91,16 @@ class Session:
     renderer: Renderer
     ground: Ground = "none"
 
-    @property
-    def moments(self) -> list[float]:
+    @cached_property
+    def moments(self) -> tuple[float, ...]:
         """Times of the frames [s]."""
-        return self.walk.moments(self.config.frames)
+        config = self.config
+        return frame_moments(config.beats, config.walk, self.walk.end, config.seed)
 
     def moment(self, number: int) -> float:
         """Return the time [s] of a frame, or of one just before it; the camera stands still before time 0."""
         earlier, recorded = divmod(number, EARLIER)
-        return max(self.moments[recorded] - earlier / FRAME_RATE, 0.0)
+        return max(self.moments[recorded] - earlier / (self.config.walk.fps or FRAME_RATE), 0.0)
 
     def small(self) -> "Session":
         """Return the same walk seen in few pixels with a ray each, for the plan."""
@@ -119,7 +121,7 @@ class Session:
         """Render the two eyes of a frame; frames do not depend on each other.
 
         Args:
-            number: of the frame, 0 to ``config.frames`` - 1, or of one just before it (`number_before`).
+            number: of the frame, 0 to ``config.frame_count`` - 1, or of one just before it (`number_before`).
             shutter: through which both eyes look.
             drift: of the right eye.
             projects: whether the projector is on, if the camera has one.
@@ -236,7 +238,7 @@ def load_inputs(config: SimulateConfig) -> Inputs:
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = rig_of(config)
     scene = turn_objects(_load_object(config), config.object_turn)
-    check_reach(scene, rig)
+    check_reach(scene, rig, config.walk)
     if config.environment is None:
         environment = procedural_environment()
     else:
@@ -269,18 +271,26 @@ def _load_object(config: SimulateConfig) -> Scene:
 
 def prepare_session(config: SimulateConfig, inputs: Inputs) -> Session:
     """Place the camera where it sees the object, the object on its ground, and the surround far enough."""
-    distance = orbit_distance(inputs.scene, inputs.rig)
+    walk = _walk(config, inputs)
     beside = (config.distractors, config.distractor_meshes)
-    things = add_distractors(inputs.scene, *beside, config.seed, distance)
-    walk = Walk.around(distance, config.seed)
-    setting = set_up(things, inputs.environment, config.chosen_ground, distance)
+    things = add_distractors(inputs.scene, *beside, config.seed, walk.nearest)
+    setting = set_up(things, inputs.environment, config.chosen_ground, walk.farthest)
     scene = with_table_top(setting.scene, config.look, config.seed)
     surround, rig = setting.environment, inputs.rig
     if config.environment is not None:  # nobody can take a finer picture of the built-in room
-        warn_if_soft(surround, rig, distance)
+        warn_if_soft(surround, rig, walk.nearest)
     renderer = _make_renderer(config, scene, surround)
     ground = setting.ground
     return Session(config, scene, surround, inputs.profile, rig, walk, renderer, ground)
+
+
+def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:
+    scene, rig = inputs.scene, inputs.rig
+    stands = config.chosen_ground != "none"
+    ground = float(scene.object_vertices[:, 2].min()) if stands else None
+    subject = Subject(scene.object_radius, rig.image_intrinsics, ground)
+    distance = camera_distance(scene, rig, config.walk)
+    return Walk.around(subject, distance, config.walk.for_frames(config.beats), config.seed)
 
 
 def rig_of(config: SimulateConfig) -> StereoRig:

@@ -1,5 +1,6 @@
 """The names of the files that commands write: patterns with ``*``, relative to the folder of the result."""
 
+from digs_warp.data.imu import IMU, IMU_TRUE
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.layers import Layer
 from digs_warp.record import layout
@@ -8,7 +9,7 @@ from digs_warp.record import layout
 def capture_files() -> list[str]:
     """Return what `simulate` writes."""
     images = [layer.pattern.replace("{:04d}", "*") for layer in Layer]
-    return [INDEX_NAME, layout.SENSOR_PLAN, *images]
+    return [INDEX_NAME, layout.SENSOR_PLAN, IMU, IMU_TRUE, *images]
 
 
 def reconstruction_files() -> list[str]:

@@ -34,6 +34,7 @@ class About:
         surround_radius: radius of its surround [m]; of a room, half its width.
         ground: what the objects stand on: "floor", "table" or "none".
         exposure: factor from radiance to pixel values in the simulation.
+        imu: rate [Hz] and noise of the accelerometer and the gyroscope, gravity [m/s^2].
         sensor: parameters of the simulated stereo camera; None for infinite ones.
         readout_time: time from the first row of an image to the last [s]; 0: all rows at once.
         effects: names of the simulated effects of the sensor.
@@ -50,6 +51,7 @@ class About:
     surround_radius: float | None = None
     ground: str | None = None
     exposure: float | None = None
+    imu: dict[str, Any] | None = None
     sensor: dict[str, Any] | None = None
     readout_time: float | None = None
     effects: tuple[str, ...] | None = None
@@ -131,6 +133,7 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "surround_radius": (_is_positive, "metres"),
     "ground": (is_text, "a name"),
     "exposure": (_is_positive, "a number, 0 or more"),
+    "imu": (lambda value: isinstance(value, dict), "an object of figures"),
     "sensor": (lambda value: isinstance(value, dict), "an object of figures"),
     "readout_time": (_is_positive, "seconds, 0 for a camera that takes all rows at once"),
     "effects": (_is_list_of_text, "a list of names"),

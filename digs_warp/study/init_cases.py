@@ -92,8 +92,8 @@ def render_case(config: SimulateConfig, folder: Path) -> InitCase:
     session = prepare_session(config, load_inputs(config))
     maker = FrameMaker(session, make_plan(session))
     rendered = []
-    with progress(config.frames, "Rendering", "frame") as bar:
-        for number in range(config.frames):
+    with progress(config.frame_count, "Rendering", "frame") as bar:
+        for number in range(config.frame_count):
             rendered.append(maker.render(number))
             bar.update()
     scene = session.scene

@@ -13,7 +13,7 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.scene import Material, Scene
 from digs_warp.sim.sensor.infrared.pattern import SPOT, dot_pattern
 from digs_warp.sim.session import Session
-from digs_warp.sim.trajectory import Walk
+from digs_warp.sim.walk.walk import Walk
 from reference.plates import plate
 
 WHITE = Material("white", np.full(3, 0.8), roughness=1.0)
@@ -24,8 +24,7 @@ ROOM = 0.7  # mean radiance of the built-in room and of most panoramas
 class StillCamera:
     """A walk that does not move: the camera looks along z from the origin."""
 
-    def moments(self, count: int) -> list[float]:
-        return [float(i) for i in range(count)]
+    end = 3.0  # [s]
 
     def pose(self, moment: float) -> np.ndarray:
         return np.eye(4)

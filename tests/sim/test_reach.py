@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.sim.session import load_inputs, prepare_session
-from digs_warp.sim.trajectory import fitting_distance
+from digs_warp.sim.walk.framing import fitting_distance
 from reference.mesh_files import save
 
 
@@ -26,9 +26,10 @@ def test_an_object_that_the_camera_can_measure_fills_the_image(
     config = SimulateConfig(mesh=box(tmp_path, longest), frames=1, width=64)
     inputs = load_inputs(config)
     session = prepare_session(config, inputs)
-    distance = np.linalg.norm(session.walk.eyes[0])
-    assert distance == pytest.approx(fitting_distance(inputs.scene.radius, inputs.rig.intrinsics))
-    assert session.environment.radius >= 2 * distance
+    fitting = fitting_distance(inputs.scene.radius, inputs.rig.intrinsics)
+    away = np.linalg.norm(session.walk.eyes, axis=1)
+    assert np.median(away) == pytest.approx(fitting, rel=0.05)
+    assert session.environment.radius >= 1.75 * away.max()
     assert not caplog.records
 
 
@@ -36,8 +37,8 @@ def test_a_small_object_is_seen_from_the_nearest_depth_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     inputs = load_inputs(SimulateConfig(mesh=box(tmp_path, 0.08), frames=1))
-    # 554 px of focal length; the center is 0.3 m and 1.2 radii away.
-    spans = 554.3 * 0.08 / (0.3 + 1.2 * inputs.scene.radius)
+    # 554 px of focal length; at its nearest the center is 0.3 m and 1.2 radii away, on the path 6 % more.
+    spans = 554.3 * 0.08 / (np.exp(0.06) * (0.3 + 1.2 * inputs.scene.radius))
     expected = "nearest depth of this camera is 0.3 m; an object of 8 cm spans "
     assert f"{expected}{spans:.0f} of 640 x 360 px" in caplog.text
 
@@ -45,8 +46,8 @@ def test_a_small_object_is_seen_from_the_nearest_depth_with_a_warning(
 def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    load_inputs(SimulateConfig(mesh=box(tmp_path, 10.0), frames=1))
-    assert "object of 10 m: fits the image from " in caplog.text
+    load_inputs(SimulateConfig(mesh=box(tmp_path, 9.0), frames=1))
+    assert "object of 9 m: fits the image from " in caplog.text
     assert "this camera measures 0.3 to 20 m; only its near parts get depth" in caplog.text
 
 
@@ -67,7 +68,8 @@ def test_small_and_large_objects_are_rendered_without_a_gap(tmp_path: Path, long
     capture = simulate(config, tmp_path / "capture")
     for frame in capture.frames:
         rows, columns = np.nonzero(frame.load_mask() == 255)
-        middle = frame.load_depth_true()[27, 48]
+        # The hand does not aim at the middle of the object all the time.
+        middle = frame.load_depth_true()[int(np.median(rows)), int(np.median(columns))]
         distance = np.linalg.norm(frame.camera.center_world)
         assert distance - 0.5 * longest * 1.5 < middle < distance
         assert len(rows) > 0.6 * np.ptp(rows) * np.ptp(columns)

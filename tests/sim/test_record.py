@@ -239,7 +239,7 @@ def test_a_mistyped_path_does_not_claim_the_folder(config: SimulateConfig, tmp_p
 
 def test_resuming_what_was_never_begun_begins_it(config: SimulateConfig, tmp_path: Path) -> None:
     capture = simulate(config, tmp_path / "new", resume=True)
-    assert len(capture) == config.frames
+    assert len(capture) == config.frame_count
 
 
 def test_somebody_elses_recording_is_not_resumed(config: SimulateConfig, tmp_path: Path) -> None:

@@ -128,7 +128,8 @@ def test_all_cameras_and_effects_bear_filters() -> None:
         depths.append(depth)
     before, after = (np.isfinite(depth) for depth in depths)
     assert (after | ~before).all() and before.mean() > 0.5
-    assert (depths[0] != depths[1])[before].mean() > 0.5
+    # The same match in all four frames stays as it is; how many do depends on the view.
+    assert (depths[0] != depths[1])[before].mean() > 0.3
 
 
 def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:

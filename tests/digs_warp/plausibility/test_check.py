@@ -33,7 +33,7 @@ EVERY_EFFECT = tuple(Choice(effect.name, True, "", "", "") for effect in EFFECTS
 @pytest.fixture(scope="module")
 def rendered() -> list[RenderedFrame]:
     maker = FrameMaker.of(CONFIG)
-    return [maker.render(number) for number in range(CONFIG.frames)]
+    return [maker.render(number) for number in range(CONFIG.frame_count)]
 
 
 def sensed(rendered: list[RenderedFrame], tier: Tier, strength: float = 1.0) -> Capture:

@@ -51,7 +51,7 @@ def test_scenes_are_recorded_repeated_and_resumed(inputs: Path, tmp_path: Path) 
     # Draws and settings agree, and the file's keys are among them.
     for scene in summary:
         settings = json.loads((out / scene["name"] / "run.json").read_text())["settings"]
-        flat = {**settings, **settings["look"]}
+        flat = {**settings, **settings["look"], **settings["walk"]}
         assert {key: flat[key] for key in scene["drawn"]} == scene["drawn"]
         assert scene["drawn"].keys() > {"environment", "light_level", "labels", "seed"}
         assert scene["drawn"].keys() & {"mesh", "scene"}

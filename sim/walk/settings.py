@@ -1,0 +1,109 @@
+"""Settings of a walk: where it goes, how steadily, and when the camera takes its frames."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
+
+PathName = Literal["orbits", "arc", "hover", "approach"]
+
+WALKING_SPEED = 0.2  # [m/s] mean speed of the person whose shake was measured
+
+# Low enough to look under overhangs and high enough to see the top; 25 degrees apart, so that neighboring
+# orbits share most of their view.
+ALL_ROUND = (10.0, 35.0, 60.0)
+FROM_ABOVE = (35.0,)
+
+# Elevations of each path where none are named [degree].
+USUAL_ELEVATIONS: dict[PathName, tuple[float, ...]] = {
+    "orbits": ALL_ROUND,
+    "arc": ALL_ROUND,
+    "hover": FROM_ABOVE,
+    "approach": FROM_ABOVE,
+}
+
+# Time [s] for which a hand hovers where nothing says otherwise.
+HOVERING = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkSettings:
+    """Where the camera is carried, how steadily, and when it takes its frames."""
+
+    path: PathName = "orbits"
+    """'orbits': once round the objects at each elevation. 'arc': to and fro in front of them, a third of the
+    circle at each elevation. 'hover': a hand that holds the camera still, as well as it can. 'approach':
+    toward them, from two and a half times the distance."""
+
+    elevations: tuple[float, ...] = ()
+    """Heights of the camera above the horizon, seen from the objects [degree]. Default: 10 35 60; 35 for
+    hover and approach. Hover takes the first."""
+
+    distance: float | None = None
+    """Distance from the middle of the objects [m]; 'approach' ends there. Default: the objects just stay in
+    the image, and nothing is too near for the depth camera."""
+
+    distance_factor: float = 1.0
+    """Factor on the default of --distance, for objects of many sizes."""
+
+    speed: float = WALKING_SPEED
+    """Speed along the path [m/s]; hover has none. Three orbits around a mug take half a minute, around a
+    chair five."""
+
+    duration: float | None = None
+    """How long the camera is carried [s]. Where the path is shorter, it goes back; where it is longer, the
+    rest is left out. Default: to the end of the path; 10 s for hover; frames over fps with --fps."""
+
+    fps: float | None = None
+    """Frames per second. With --duration it gives the number of frames, with --frames the duration. Default:
+    the frames are spread evenly over the walk."""
+
+    unsteadiness: float = 1.0
+    """Factor on the slow wander of a hand: distance, height and pace that vary, and an aim that drifts. 0: a
+    perfect path."""
+
+    shake: float = 1.0
+    """Factor on the shake of a hand, above half a hertz; 0: a gimbal."""
+
+    time_jitter: float = 0.0
+    """Standard deviation of the moments at which frames are taken from an even beat [s]. The time stamps say
+    when they were."""
+
+    dropped_frames: float = 0.0
+    """Share of the frames that are lost, at random; the recording has that many fewer."""
+
+    imu: bool = False
+    """Record an accelerometer and a gyroscope, too (imu.csv)."""
+
+    def __post_init__(self) -> None:
+        for flag, value in (
+            ("--distance", self.distance),
+            ("--distance-factor", self.distance_factor),
+            ("--speed", self.speed),
+            ("--duration", self.duration),
+            ("--fps", self.fps),
+            ("--unsteadiness", self.unsteadiness),
+            ("--shake", self.shake),
+            ("--time-jitter", self.time_jitter),
+            ("--dropped-frames", self.dropped_frames),
+        ):
+            check_flag(flag, value)
+        for elevation in self.elevations:
+            check_flag("--elevations", elevation)
+        if self.distance is not None and self.distance_factor != 1:
+            raise DigsError(
+                f"--distance {self.distance:g} and --distance-factor {self.distance_factor:g} contradict "
+                "each other; give one of them"
+            )
+
+    def for_frames(self, beats: int) -> "WalkSettings":
+        """Return the settings with the duration of so many frames, where --fps says their distance."""
+        if self.fps is None or self.duration is not None:
+            return self
+        return replace(self, duration=beats / self.fps)
+
+    @property
+    def chosen_elevations(self) -> tuple[float, ...]:
+        """The elevations of the path [degree]."""
+        return self.elevations or USUAL_ELEVATIONS[self.path]
