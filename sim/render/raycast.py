@@ -26,7 +26,7 @@ from digs_warp.sim.render.protocol import (
     RenderedView,
 )
 from digs_warp.sim.render.rays import SurfaceRays
-from digs_warp.sim.render.shadows import empty_store
+from digs_warp.sim.render.shadows import prepare_shadows
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view
 from digs_warp.sim.scene import Scene
@@ -124,7 +124,7 @@ class RaycastRenderer:
         if planes.floor is not None:
             self._surface.floor = measure_plane(self._surface, light, planes.floor, self.threads)
         measure_openness(self._source, self._surface, self.threads)
-        self._surface.shadows = empty_store(light.keys.count)
+        prepare_shadows(self._source, self._surface, light.keys.count)
         self._has_openness = True
 
     def _threads(self, pixels: int) -> int:

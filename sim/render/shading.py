@@ -14,7 +14,7 @@ from digs_warp.sim.render.key_lights import key_light
 from digs_warp.sim.render.light_map import openness_on, plane_distance
 from digs_warp.sim.render.lighting import Light, diffuse_light, specular_light
 from digs_warp.sim.render.look import Look, look_at_hit
-from digs_warp.sim.render.shadows import lattice_place, seen_share
+from digs_warp.sim.render.shadows import seen_share, shadow_place
 from digs_warp.sim.render.surface import MIN_COSINE, Surface
 from digs_warp.sim.render.surround import is_on_floor, panorama_direction
 from digs_warp.sim.render.view import FAR, View, surround_distance
@@ -173,7 +173,8 @@ def shadowed_key_diffuse(
     if light.keys.count > 0 and brightest > FAINT_KEY:
         # Along the slope a pixel covers more of the surface.
         cosine = wp.max(wp.abs(wp.dot(look.facet_normal, direction)), MIN_COSINE)
-        place = lattice_place(surface, hit, look.facet_normal, width / wp.sqrt(cosine))
+        step = width / wp.sqrt(cosine)
+        place = shadow_place(surface, hit, look.facet_normal, look.side, step)
         for k in range(light.keys.count):
             incoming = wp.dot(look.normal, light.keys.vectors[k])
             if incoming > 0.0:

@@ -1,8 +1,8 @@
 """Shadows of the bright spots: how much of each spot a place on the surface sees, kept for all later rays.
 
-The share is known at the corners of a lattice on each triangle, one or two pixels apart, and is linear
-between them. It is measured only where a few rays say that a penumbra is near. It belongs to the surface:
-both eyes and all frames find the same shadow, without noise of their own.
+The share is known at the vertices of small triangles, and at the corners of a lattice on larger ones, one or
+two pixels apart. It is linear between them. It is measured only where a few rays say that a penumbra is near.
+It belongs to the surface: both eyes and all frames find the same shadow, without noise of their own.
 """
 
 # Warp's stubs do not type device code.
@@ -10,11 +10,23 @@ both eyes and all frames find the same shadow, without noise of their own.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
 # pyright: reportIndexIssue=false, reportReturnType=false
 
+import numpy as np
 import warp as wp
 
-from digs_warp.sim.render.key_lights import RIM_POINTS, SPOT_POINTS, KeyLights
-from digs_warp.sim.render.surface import Surface, is_blocked, smooth_position_at
-from digs_warp.sim.render.view import FAR
+from digs_warp.sim.render.key_lights import KeyLights
+from digs_warp.sim.render.shadow_rays import (
+    INSET,
+    TURNS,
+    Place,
+    all_points_share,
+    corner_origin,
+    is_partial,
+    point_share,
+    rim_share,
+    vertex_origin,
+)
+from digs_warp.sim.render.surface import Surface
+from digs_warp.sim.scene import Scene
 
 wp.set_module_options({"enable_backward": False})
 
@@ -32,15 +44,8 @@ FINEST = wp.constant(13)
 CORNERS_PER_PIXEL = wp.constant(1.0)
 LONG_STEP = wp.constant(4.0)
 
-# The middle of a triangle with up to 2^SMALL steps speaks for all of it. Its key has a level of its own.
+# On triangles with up to 2^SMALL steps the share is linear between the vertices, which neighbors share.
 SMALL = wp.constant(1)
-MIDDLE = wp.constant(14)
-
-# A corner asks one in so many points of a spot; its neighbors ask others.
-TURNS = wp.constant(2)
-
-# The lattice is shrunk by this part of a step: at the edge itself the next triangle may hide the spot.
-INSET = wp.constant(0.25)
 
 # A share is stored as 1 to 255: no word of the store is 0 but the empty ones.
 STEPS = wp.constant(254.0)
@@ -53,9 +58,22 @@ MIX_1 = wp.constant(wp.uint64(0xBF58476D1CE4E5B9))
 MIX_2 = wp.constant(wp.uint64(0x94D049BB133111EB))
 
 
-def empty_store(spots: int) -> wp.array:
-    """Return the memory of `seen_share` for a scene with that many spots."""
-    return wp.zeros(STORE_WORDS if spots else SET, dtype=wp.uint64, device="cpu")
+def prepare_shadows(scene: Scene, surface: Surface, spots: int) -> None:
+    """Make the memory of `seen_share` for a scene with that many spots; sets fields of ``surface``."""
+    words = STORE_WORDS if spots else SET
+    surface.shadows = wp.zeros(words, dtype=wp.uint64, device="cpu")
+    shape = (2 * len(scene.vertices), max(spots, 1))
+    surface.vertex_shadows = wp.zeros(shape, dtype=wp.uint8, device="cpu")
+    a, b, c = np.moveaxis(scene.vertices[scene.faces].astype(np.float64), 1, 0)
+    doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.linalg.norm([b - a, c - b, a - c], axis=-1).max(axis=0)
+    edges = np.maximum(np.sqrt(doubled), longest / LONG_STEP)
+    surface.edge_sizes = wp.array(edges.astype(np.float32), dtype=float, device="cpu")
+    homes = np.zeros(len(scene.vertices), np.int32)
+    smallest_first = np.argsort(doubled, kind="stable")
+    # The last write to a vertex wins: that of its largest face.
+    homes[scene.faces[smallest_first]] = 3 * smallest_first[:, None] + np.arange(3)
+    surface.homes = wp.array(homes, dtype=int, device="cpu")
 
 
 @wp.func
@@ -67,59 +85,25 @@ def mixed(key: wp.uint64) -> wp.uint64:
 
 
 @wp.func
-def rim_share(surface: Surface, keys: KeyLights, spot: int, origin: wp.vec3) -> float:
-    """1 if the rim of a spot and its middle are seen from ``origin``, 0 if none of them is, else a half."""
-    first = is_blocked(surface, origin, keys.rims[spot, 0], FAR)
-    for p in range(1, RIM_POINTS):
-        if is_blocked(surface, origin, keys.rims[spot, p], FAR) != first:
-            return 0.5
-    return wp.where(first, 0.0, 1.0)
+def shadow_place(
+    surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, side: float, width: float
+) -> Place:
+    """The place of a hit.
 
-
-@wp.func
-def point_share(surface: Surface, keys: KeyLights, spot: int, turn: int, origin: wp.vec3) -> float:
-    """Share of a spot that is seen from ``origin``; ``turn``, 0 to TURNS - 1, says which points are asked."""
-    seen = wp.int32(0)
-    for p in range(SPOT_POINTS // TURNS):
-        if not is_blocked(surface, origin, keys.points[spot, TURNS * p + turn], FAR):
-            seen += 1
-    return float(seen * TURNS) / float(SPOT_POINTS)
-
-
-@wp.func
-def is_partial(share: float) -> bool:
-    """Whether a part of a spot is seen."""
-    return share > 0.0 and share < 1.0
-
-
-@wp.struct
-class Place:
-    """Where a hit lies on the lattice of its triangle."""
-
-    face: int
-    normal: wp.vec3  # of the triangle, toward the viewer
-    side: int  # 1: that is the triangle's own normal
-    level: int  # there are 2^level steps along an edge
-    i: int  # the corners around it: (i + 1, j), (i, j + 1), and either (i, j) or (i + 1, j + 1)
-    j: int
-    near: int  # 0 or 1: added to i and j for the third corner
-    along: wp.vec3  # weights of the three, in this order
-
-
-@wp.func
-def lattice_place(surface: Surface, hit: wp.MeshQueryRay, normal: wp.vec3, width: float) -> Place:
-    """The place of a hit; ``normal`` of the triangle toward the viewer, ``width`` of a pixel there [m]."""
+    ``normal`` of the triangle toward the viewer, ``side``: 1 if that is the side of the vertex normals,
+    ``width`` of a pixel there [m].
+    """
     place = Place()
     place.face = hit.face
     place.normal = normal
     place.side = wp.where(wp.dot(hit.normal, normal) > 0.0, 1, 0)
-    a = surface.points[surface.corners[3 * hit.face]]
-    b = surface.points[surface.corners[3 * hit.face + 1]]
-    c = surface.points[surface.corners[3 * hit.face + 2]]
-    longest = wp.max(wp.max(wp.length(b - a), wp.length(c - b)), wp.length(a - c))
-    edge = wp.max(wp.sqrt(wp.length(wp.cross(b - a, c - a))), longest / LONG_STEP)
+    place.outer = wp.where(side > 0.0, 1, 0)
     step = wp.max(width, 1.0e-9) / wp.sqrt(CORNERS_PER_PIXEL)
-    place.level = wp.clamp(int(wp.round(wp.log2(edge / step))), 0, FINEST)
+    level = wp.log2(surface.edge_sizes[hit.face] / step)
+    place.level = int(wp.round(wp.clamp(level, 0.0, float(FINEST))))
+    if place.level <= SMALL:
+        place.along = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+        return place
     steps = 1 << place.level
     x = wp.clamp(hit.u * (float(steps) + INSET) - INSET / 3.0, 0.0, float(steps))
     y = wp.clamp(hit.v * (float(steps) + INSET) - INSET / 3.0, 0.0, float(steps) - x)
@@ -188,31 +172,12 @@ def word_of_corner(
     column = j >> 2
     within = ((i & 3) << 2) | (j & 3)
     # Small triangles share a block.
-    if level == 0:
-        group = place.face >> 2
-        within = ((place.face & 3) << 2) | (i + 2 * j)
-    elif level == 1:
+    if level == 1:
         group = place.face >> 1
         row = 0
         within = ((place.face & 1) << 3) | (i + 3 * j)
     kind = (((level << 3) | spot) << 2) | (place.side << 1) | asks_rim
     return kept_word(surface, group, kind, row, column, within)
-
-
-@wp.func
-def start_of_rays(surface: Surface, place: Place, u: float, v: float) -> wp.vec3:
-    """A place of the triangle, lifted off it."""
-    start = smooth_position_at(surface, place.face, place.normal, u, v)
-    return start + surface.lift * place.normal
-
-
-@wp.func
-def corner_origin(surface: Surface, place: Place, level: int, i: int, j: int) -> wp.vec3:
-    """Start of the rays of a corner."""
-    steps = float(1 << level) + INSET
-    u = (float(i) + INSET / 3.0) / steps
-    v = (float(j) + INSET / 3.0) / steps
-    return start_of_rays(surface, place, u, v)
 
 
 @wp.func
@@ -228,14 +193,24 @@ def rim_at_corner(
 
 
 @wp.func
-def rim_in_middle(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
-    """`rim_share` in the middle of the triangle."""
-    kind = (((MIDDLE << 3) | spot) << 2) | (place.side << 1)
-    word = kept_word(surface, place.face >> 4, kind, 0, 0, place.face & 15)
-    if word.share >= 0.0:
-        return word.share
-    origin = start_of_rays(surface, place, 1.0 / 3.0, 1.0 / 3.0)
-    return keep(surface, word, rim_share(surface, keys, spot, origin))
+def share_at_vertex(
+    surface: Surface, keys: KeyLights, spot: int, place: Place, corner: int
+) -> float:
+    """Share of a spot that a vertex sees, from memory or measured now.
+
+    It is kept in a byte, in which 0 is unknown.
+    """
+    vertex = surface.corners[3 * place.face + corner]
+    row = 2 * vertex + place.outer
+    kept = int(surface.vertex_shadows[row, spot])
+    if kept == 0:
+        origin = vertex_origin(surface, vertex, place.outer)
+        share = rim_share(surface, keys, spot, origin)
+        if is_partial(share):
+            share = all_points_share(surface, keys, spot, origin)
+        kept = int(wp.round(STEPS * share)) + 1
+        surface.vertex_shadows[row, spot] = wp.uint8(kept)
+    return (float(kept) - 1.0) / STEPS
 
 
 @wp.func
@@ -244,22 +219,18 @@ def share_at_corner(
 ) -> float:
     """Share of a spot that a corner of the lattice sees, from the store or measured now.
 
-    Where the rim says the same on both sides, at corners twice as far apart or in the middle of a small
-    triangle, that is the answer. Only the others ask many points.
+    Where the rim says the same on both sides, at corners twice as far apart, that is the answer. Only the
+    others ask many points.
     """
     word = word_of_corner(surface, place, spot, place.level, i, j, 0)
     if word.share >= 0.0:
         return word.share
-    share = wp.float32(0.5)
-    if place.level <= SMALL:
-        share = rim_in_middle(surface, keys, spot, place)
-    else:
-        # A corner lies midway between two of the coarser lattice, or is one.
-        level = place.level - 1
-        share = rim_at_corner(surface, keys, spot, place, level, i >> 1, (j + 1) >> 1)
-        if (i & 1) + (j & 1) > 0 and not is_partial(share):
-            other = rim_at_corner(surface, keys, spot, place, level, (i + 1) >> 1, j >> 1)
-            share = wp.where(other == share, share, 0.5)
+    # A corner lies midway between two of the coarser lattice, or is one.
+    level = place.level - 1
+    share = rim_at_corner(surface, keys, spot, place, level, i >> 1, (j + 1) >> 1)
+    if (i & 1) + (j & 1) > 0 and not is_partial(share):
+        other = rim_at_corner(surface, keys, spot, place, level, (i + 1) >> 1, j >> 1)
+        share = wp.where(other == share, share, 0.5)
     if is_partial(share):
         origin = corner_origin(surface, place, place.level, i, j)
         share = point_share(surface, keys, spot, (i + 2 * j) % TURNS, origin)
@@ -268,7 +239,13 @@ def share_at_corner(
 
 @wp.func
 def seen_share(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
-    """Share of a spot that is seen from a place on the lattice."""
+    """Share of a spot that is seen from a place of a triangle."""
+    if place.level <= SMALL:
+        return (
+            place.along[0] * share_at_vertex(surface, keys, spot, place, 0)
+            + place.along[1] * share_at_vertex(surface, keys, spot, place, 1)
+            + place.along[2] * share_at_vertex(surface, keys, spot, place, 2)
+        )
     i = place.i
     j = place.j
     n = place.near

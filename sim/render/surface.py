@@ -61,6 +61,9 @@ class Surface:
     openness: wp.array[wp.vec2]  # [nodes] unoccluded share in front of and behind the normal
     edges: wp.array[int]  # [3 m] node of each edge; see sim.render.openness
     shadows: wp.array[wp.uint64]  # kept shares of the spots; see sim.render.shadows
+    vertex_shadows: wp.array2d[wp.uint8]  # [2 n, spots] those at the vertices
+    edge_sizes: wp.array[float]  # [m] length of an edge [m]
+    homes: wp.array[int]  # [n] 3 x largest face around a vertex + its corner there
     materials: wp.array[int]  # [m]
     objects: wp.array[int]  # [m] 0: furniture
     uv_levels: wp.array[float]  # [m] log2(texture widths per metre)

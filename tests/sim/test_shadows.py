@@ -37,6 +37,26 @@ def shaded_floor() -> Scene:
     return join_scenes(floor, shade)
 
 
+def fine_plate(coarse: Scene, cells: int) -> Scene:
+    """A plate divided into cells x cells parallelograms."""
+    along = np.linspace(0, 1, cells + 1)
+    v, u = (part[..., None] for part in np.meshgrid(along, along, indexing="ij"))
+    corners = coarse.vertices
+    vertices = corners[0] + u * (corners[1] - corners[0]) + v * (corners[3] - corners[0])
+    number = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    return Scene(
+        vertices=vertices.reshape(-1, 3).astype(np.float32),
+        faces=faces.astype(np.int32),
+        face_materials=np.zeros(len(faces), np.int32),
+        normals=np.tile(coarse.normals[0], (number.size, 1)),
+        uvs=np.zeros((number.size, 2), np.float32),
+        vertex_colors=np.ones((number.size, 3), np.float32),
+        materials=coarse.materials,
+    )
+
+
 def true_share(points: np.ndarray, parts: int = 8) -> np.ndarray:
     """Light of the lamp that the edge of the plate lets through to points of the floor, over all of it."""
     fine = panorama_directions(2 * HEIGHT * parts, HEIGHT * parts)
@@ -87,6 +107,33 @@ def test_a_penumbra_is_as_wide_and_as_bright_as_the_lamp_makes_it(
     # The same lamp, 1.3 times as wide, would not pass.
     wider = 0.5 + (share - 0.5) / 1.3
     assert np.sqrt(((found - wider)[half] ** 2).mean()) > 0.05
+
+
+def test_small_triangles_keep_the_share_that_their_vertices_see() -> None:
+    """On a floor whose triangles are as small as pixels, and on a wall that stands on it."""
+    floor = plate((0, 0, 0), (0.5, 0, 0), (0, 0.5, 0), MATTE)
+    wall = plate((-0.3, 0, 0.2), (0, 0.4, 0), (0, 0, 0.2), MATTE)
+    shade = plate((SHADE_EDGE + 0.5, 0, SHADE_HEIGHT), (0.5, 0, 0), (0, 2.0, 0), MATTE)
+    scene = join_scenes(fine_plate(floor, 125), fine_plate(wall, 100), shade)
+    renderer = RaycastRenderer(scene, lamp())
+    from_lamp = Camera(INTRINSICS, look_at(np.array([0.5, -0.2, 1.3]), np.zeros(3), UP))
+    for camera in (from_lamp, EYE):  # below the shade
+        renderer.render_image(camera, 4)
+    kept = renderer._surface.vertex_shadows.numpy()[1::2].astype(int)  # on the side of the normals
+    seen, share = (kept > 0).all(axis=1), (kept - 1) / 254
+    on_floor = np.arange(len(kept)) < 126**2
+    x, z = scene.vertices[:, 0], scene.vertices[:, 2]
+    tried = seen & on_floor & (x > -0.29)
+    expected = true_share(scene.vertices[tried].astype(np.float64))
+    keys = renderer._light.struct.keys
+    weights = keys.strengths.numpy()
+    error = share[tried] @ (weights / weights.sum()) - expected
+    half = (expected > 0.05) & (expected < 0.95)
+    assert half.sum() > 300 and (expected == 1).sum() > 300 and (expected == 0).sum() > 300
+    assert abs(error[half].mean()) < 0.01
+    assert np.sqrt((error[half] ** 2).mean()) < 0.025
+    foot = seen & ~on_floor & (z == 0) & (x < -0.2)
+    assert foot.sum() > 50 and (share[foot] == 1).all()
 
 
 def test_both_eyes_see_the_same_penumbra(renderer: RaycastRenderer) -> None:
