@@ -18,4 +18,4 @@ for stage, seconds in result.seconds.items():
     print(f"  {seconds:6.2f} s  {stage}")
 for row in result.course:
     if row.score:  # measured on the held-out views
-        print(f"  iteration {row.iteration:4}: PSNR {row.score.psnr:.2f} dB")
+        print(f"  iteration {row.iteration:4}: PSNR on the object {row.score.psnr_object:.2f} dB")

@@ -14,6 +14,7 @@ from typing import Any
 
 from page_marks import DOCS, fill
 
+from digs_warp.measure.scores import named_now
 from digs_warp.study.engine.store import RESULTS
 
 PAGE = "studies.md"
@@ -68,7 +69,7 @@ def change_table(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any
     ]
     for case in sorted(shared):
         old, new = before[case], now[case]
-        psnr = (f"{record['metrics']['psnr']:.2f}" for record in (old, new))
+        psnr = (f"{named_now(record['metrics'])['psnr_object']:.2f}" for record in (old, new))
         scale = (_percent(record.get("scale_error")) for record in (old, new))
         lines.append("| " + " | ".join((case, *psnr, *scale)) + " |")
     return "\n".join(lines)

@@ -35,7 +35,7 @@ def check_results(folder: Path) -> None:
             found = found * np.sign((found * expected).sum(axis=1, keepdims=True))
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4, err_msg=name)
     assert scene.metadata["kernel"]["dilation_px2"] == pytest.approx(0.3)
-    assert scene.metadata["held_out"]["psnr"] > 0
+    assert scene.metadata["held_out"]["psnr_frame"] > 0
     report = (folder / "report.html").read_text(encoding="utf-8")
     assert "<img" in report
     assert 'src="http' not in report
@@ -50,8 +50,8 @@ def check_results(folder: Path) -> None:
 
 def test_the_built_in_object_ends_as_a_usd_scene(tmp_path: Path) -> None:
     mean = run(tmp_path / "out")
-    assert mean["psnr"] > 25  # 26.3 dB when this was written
-    assert mean["psnr_masked"] > 17.5
+    assert mean["psnr_frame"] > 25  # 26.3 dB when this was written
+    assert mean["psnr_object"] > 17.5
     check_results(tmp_path / "out")
 
 
@@ -67,5 +67,5 @@ def test_a_real_mesh_ends_as_a_usd_scene(
         "--environment",
         str(sample_data / "envs/forest_slope/forest_slope_1k.hdr"),
     )
-    assert mean["psnr"] > floor
+    assert mean["psnr_frame"] > floor
     check_results(tmp_path / "out")

@@ -94,7 +94,7 @@ def test_results_are_read_in_one_place(path: Path) -> None:
         ('record.results.get("sha256")', False),
         ("log.save(folder / RUN_RECORD)", True),
         ('log.results = {"frames": 3}', True),
-        ("Reconstruction.load(folder).scores.mean.psnr", True),
+        ("Reconstruction.load(folder).scores.mean.psnr_frame", True),
     ],
 )
 def test_the_rule_itself(source: str, allowed: bool) -> None:

@@ -57,7 +57,7 @@ class Recommend(Command):
                 "measured": f"on {' and '.join(machines)} ({folder})",
                 "setting": best.name,
                 "seconds": best.seconds.text(1),
-                "PSNR": f"{best.quality.text(2)} dB on views of a perfect camera",
+                "PSNR": f"{best.quality.text(2)} dB on the object, views of a perfect camera",
                 "command": shlex.join(
                     ["digs-warp", "run", "--out", "out/best", *flags(best.settings)]
                 ),

@@ -1,7 +1,7 @@
 """How well rendered views match photographs that the training never saw."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -13,18 +13,18 @@ from digs_warp.words import counted
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """PSNR [dB] and SSIM over the whole view and inside the object's mask; NaN if undefined.
+    """PSNR [dB] and SSIM on the object's pixels, and over the whole frame on white; NaN if undefined.
 
-    ``aligned``: after the photograph's exposure and white balance were fitted, see
-    `digs_warp.measure.color_gain`.
+    The object comes first: most of a frame is white paper, which says nothing about the result. ``aligned``:
+    after the photograph's exposure and white balance were fitted, see `digs_warp.measure.color_gain`.
     """
 
-    psnr: float = math.nan
-    ssim: float = math.nan
-    psnr_masked: float = math.nan
-    ssim_masked: float = math.nan
-    psnr_aligned: float = math.nan
-    psnr_masked_aligned: float = math.nan
+    psnr_object: float = math.nan
+    ssim_object: float = math.nan
+    psnr_object_aligned: float = math.nan
+    psnr_frame: float = math.nan
+    ssim_frame: float = math.nan
+    psnr_frame_aligned: float = math.nan
 
     def to_json(self) -> dict[str, float | None]:
         """Return the metrics by name; None for NaN, which JSON lacks."""
@@ -42,6 +42,19 @@ class Score:
 
 
 METRICS = tuple(metric.name for metric in fields(Score))
+
+# Names in files of earlier versions.
+_NAMED_BEFORE = {
+    "psnr": "psnr_frame",
+    "ssim": "ssim_frame",
+    "psnr_masked": "psnr_object",
+    "ssim_masked": "ssim_object",
+}
+
+
+def named_now(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return measured values with the metrics of earlier versions under their names of today."""
+    return {_NAMED_BEFORE.get(name, name): value for name, value in content.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,11 +78,11 @@ class Scores:
     def __str__(self) -> str:
         """Return one phrase for summaries."""
         mean = self.mean
-        words = [] if math.isnan(mean.psnr) else [f"PSNR {mean.psnr:.2f} dB"]
-        words += [] if math.isnan(mean.ssim) else [f"SSIM {mean.ssim:.4f}"]
-        return (
-            f"{' and '.join(words) or 'no measure'} on {counted(len(self.views), 'held-out view')}"
-        )
+        words = [] if math.isnan(mean.psnr_object) else [f"PSNR {mean.psnr_object:.2f} dB"]
+        words += [] if math.isnan(mean.ssim_object) else [f"SSIM {mean.ssim_object:.4f}"]
+        on_object = f"{' and '.join(words) or 'no measure'} on the object"
+        frame = "" if math.isnan(mean.psnr_frame) else f" ({mean.psnr_frame:.2f} dB over the frame)"
+        return f"{on_object} in {counted(len(self.views), 'held-out view')}{frame}"
 
     def to_json(self) -> dict[str, Any]:
         """Return the views and their mean."""
@@ -100,4 +113,5 @@ def mean_score(scores: Sequence[Score]) -> Score:
 
 
 def _metrics(fields: Fields) -> dict[str, float]:
-    return {name: fields.number(name, default=math.nan) for name in METRICS}
+    measured = Fields.of(named_now(fields.values), "scores")
+    return {name: measured.number(name, default=math.nan) for name in METRICS}

@@ -8,8 +8,8 @@ from digs_warp.report.markup import chart, section
 from digs_warp.report.plots import Line, line_chart
 from digs_warp.train.course import CourseRow
 
-_PSNR = {"psnr": "full frame", "psnr_masked": "inside the mask"}
-_SSIM = {"ssim": "full frame", "ssim_masked": "inside the mask"}
+_PSNR = {"psnr_object": "on the object", "psnr_frame": "full frame"}
+_SSIM = {"ssim_object": "on the object", "ssim_frame": "full frame"}
 
 _Value = Callable[[CourseRow], float | None]
 

@@ -75,10 +75,10 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> st
     last = result.course[-1] if result.course else None
     points = len(result.start.points) if result.start else None
     cards = [
-        card("PSNR", number(mean.psnr, 2, "dB"), "full frame, held-out views"),
-        card("SSIM", number(mean.ssim, 4), "full frame, held-out views"),
-        card("PSNR in mask", number(mean.psnr_masked, 2, "dB"), "object only"),
-        card("SSIM in mask", number(mean.ssim_masked, 4), "object only"),
+        card("PSNR", number(mean.psnr_object, 2, "dB"), "on the object, held-out views"),
+        card("SSIM", number(mean.ssim_object, 4), "on the object, held-out views"),
+        card("PSNR, frame", number(mean.psnr_frame, 2, "dB"), "with the white around the object"),
+        card("SSIM, frame", number(mean.ssim_frame, 4), "with the white around the object"),
         card("Gaussians", f"{len(result.gaussians):,}", f"from {number(points, 0)} points"),
         card(
             "Training",

@@ -34,14 +34,14 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
         DigsError: the evaluation names a view that the capture or the renders lack.
     """
     views = result.scores.views
-    ranked = sorted(views, key=lambda view: 0.0 if isnan(view.psnr) else view.psnr)
+    ranked = sorted(views, key=lambda view: 0.0 if isnan(view.psnr_object) else view.psnr_object)
     if not ranked:
         return section("Held-out views", "No view was held out.")
     chosen = np.linspace(0, len(ranked) - 1, min(MAX_VIEWS, len(ranked))).round().astype(int)
     rows = [(_label(ranked[i]), _cells(capture, result, ranked[i].name)) for i in chosen]
     names = (
-        *("View", "PSNR [dB]", "SSIM", "PSNR in mask [dB]", "SSIM in mask"),
-        *("PSNR, color-aligned [dB]", "PSNR in mask, color-aligned [dB]"),
+        *("View", "PSNR, object [dB]", "SSIM, object", "PSNR, object, color-aligned [dB]"),
+        *("PSNR, frame [dB]", "SSIM, frame", "PSNR, frame, color-aligned [dB]"),
     )
     numbers = [[view.name, *_metrics(view)] for view in views]
     mean = ["mean", *_metrics(result.scores.mean)]
@@ -63,7 +63,7 @@ def _exposure_words(result: Reconstruction) -> str:
 
 
 def _label(view: ViewScore) -> str:
-    return f"{view.name}\n{number(view.psnr, 2, 'dB')}\nSSIM {number(view.ssim, 4)}"
+    return f"{view.name}\n{number(view.psnr_object, 2, 'dB')}\nSSIM {number(view.ssim_object, 4)}"
 
 
 def _metrics(score: Score) -> list[str]:

@@ -88,6 +88,6 @@ def _measured(
         "voxel [mm]": 1e3 * result.start.depth.voxel_size,
         "Gaussians": len(result.gaussians),
         "CPU [s]": seconds,
-        "PSNR, object [dB]": result.scores.mean.psnr_masked,
+        "PSNR, object [dB]": result.scores.mean.psnr_object,
     }
     return Result({"object": mesh, "setting": name, "iterations": iterations}, values)

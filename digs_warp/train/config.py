@@ -87,7 +87,8 @@ class Stop:
     """Stop after this much training time, for example 60s, 20min or 2h. Default: no limit."""
 
     target_psnr: float | None = None
-    """Stop as soon as the held-out views reach this PSNR [dB], which is then measured every 100 iterations.
+    """Stop as soon as the held-out views reach this PSNR on the object [dB], which is then measured every 100
+    iterations.
     Default: no target."""
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
-from digs_warp.measure.scores import Score
+from digs_warp.measure.scores import Score, named_now
 from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import read_text, write_atomically
 
@@ -59,7 +59,7 @@ class CourseRow:
             seconds=row.number("seconds", 0, what="seconds"),
             loss=row.number("loss", default=None),
             splats=row.whole("splats"),
-            score=Score.from_json(content) if "psnr" in content else None,
+            score=Score.from_json(content) if "psnr_frame" in named_now(content) else None,
         )
 
 

@@ -1,4 +1,4 @@
-"""Measure Gaussians on held-out views: PSNR and SSIM, over the full frame and inside the mask.
+"""Measure Gaussians on held-out views: PSNR and SSIM, on the object and over the full frame.
 
 Nobody knows the exposure and white balance of a held-out photograph. The raw figures compare it with the
 colors of the Gaussians as they are; the aligned ones first give these the gain that fits the photograph.
@@ -84,7 +84,7 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
 
 
 def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list[ViewScore]:
-    """Compare rendered images with photographs on white; without an object, the masked metrics are NaN."""
+    """Compare rendered images with photographs on white; without an object, its metrics are NaN."""
     return [_score(image, view) for image, view in zip(images, views, strict=True)]
 
 
@@ -104,10 +104,10 @@ def _score(image: np.ndarray, view: TestView) -> ViewScore:
     aligned = color_aligned(image, view)
     return ViewScore(
         name=view.name,
-        psnr=psnr(image, target, known),
-        ssim=ssim(image, target, known),
-        psnr_masked=psnr(image, target, view.object_pixels),
-        ssim_masked=ssim(image, target, view.object_pixels),
-        psnr_aligned=psnr(aligned, target, known),
-        psnr_masked_aligned=psnr(aligned, target, view.object_pixels),
+        psnr_object=psnr(image, target, view.object_pixels),
+        ssim_object=ssim(image, target, view.object_pixels),
+        psnr_object_aligned=psnr(aligned, target, view.object_pixels),
+        psnr_frame=psnr(image, target, known),
+        ssim_frame=ssim(image, target, known),
+        psnr_frame_aligned=psnr(aligned, target, known),
     )

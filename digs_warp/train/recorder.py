@@ -26,7 +26,7 @@ class CourseRecorder:
     Attributes:
         rows: what was recorded so far.
         seconds: time spent in `record` so far, which does not count as training.
-        psnr: last PSNR of the held-out views [dB], minus infinity before they are measured.
+        psnr: last PSNR on the object in the held-out views [dB], minus infinity before they are measured.
     """
 
     def __init__(self, path: Path, trainer: Trainer, test_views: Sequence[TestView]) -> None:
@@ -60,7 +60,7 @@ class CourseRecorder:
             score=self._measured() if measure and self._test_views else None,
         )
         if row.score:
-            self.psnr = row.score.psnr
+            self.psnr = row.score.psnr_object
         self.rows.append(row)
         write_course(self._path, self.rows)
         self.seconds += time.perf_counter() - start

@@ -18,7 +18,9 @@ def test_one_thing_is_singular() -> None:
         "1 entry",
         "1,000 entries",
     )
-    assert str(Scores((ViewScore(psnr=20.0, ssim=0.5, name="0"),))).endswith("on 1 held-out view")
+    assert str(Scores((ViewScore(psnr_object=20.0, ssim_object=0.5, name="0"),))).endswith(
+        "on 1 held-out view"
+    )
 
 
 @pytest.mark.parametrize("folder", ["digs_warp", "sim", "usd"])

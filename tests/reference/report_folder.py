@@ -86,13 +86,18 @@ def write_reconstruction(folder: Path, capture: Capture) -> None:
     for rank, frame in enumerate(test):
         truth = over_white(frame.load_image(), frame.load_mask())
         write_image(folder / f"renders/{frame.name}.png", truth)
-        metrics = {"psnr": 30.0 + rank, "ssim": 0.9, "psnr_masked": 20.25, "ssim_masked": 0.8125}
+        metrics = {
+            "psnr_frame": 30.0 + rank,
+            "ssim_frame": 0.9,
+            "psnr_object": 20.25,
+            "ssim_object": 0.8125,
+        }
         views.append({"name": frame.name, **metrics})
-    mean = {"psnr": 34.5, "ssim": 0.9, "psnr_masked": 20.25, "ssim_masked": 0.8125}
+    mean = {"psnr_frame": 34.5, "ssim_frame": 0.9, "psnr_object": 20.25, "ssim_object": 0.8125}
     (folder / "evaluation.json").write_text(to_json({"views": views, "mean": mean}))
     log = [
         {"iteration": i, "seconds": i / 10, "loss": 1 / (1 + i), "splats": 7 + i}
-        | ({"psnr": 20.0 + i, "ssim": 0.5} if i % 2 == 0 else {})
+        | ({"psnr_frame": 20.0 + i, "ssim_frame": 0.5} if i % 2 == 0 else {})
         for i in range(5)
     ]
     (folder / "training.jsonl").write_text("".join(json.dumps(line) + "\n" for line in log))

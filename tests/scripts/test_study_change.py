@@ -10,7 +10,7 @@ import study_change
 
 
 def record(psnr: float, scale: float | None, **labels: Any) -> dict[str, Any]:
-    return {"labels": labels, "metrics": {"psnr": psnr}, "scale_error": scale}
+    return {"labels": labels, "metrics": {"psnr_object": psnr}, "scale_error": scale}
 
 
 def written(path: Path, *records: dict[str, Any]) -> Path:

@@ -70,8 +70,8 @@ def at_iteration(iteration: int, metric: str) -> Value:
     return value
 
 
-# PSNR [dB] on views of a perfect camera: the same views for all recordings of an object.
-final_psnr = number("yardstick", "psnr")
+# PSNR on the object [dB] in views of a perfect camera: the same views for all recordings of an object.
+final_psnr = number("yardstick", "psnr_object")
 
 
 @dataclass(frozen=True)

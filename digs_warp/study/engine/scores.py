@@ -35,8 +35,8 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
     """Compare a result with the yardstick's frames.
 
     Returns:
-        ``psnr``, ``ssim`` [dB, 1] of the whole image and, ``_masked``, of the object; ``flip`` where
-        flip-evaluator is installed; ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
+        ``psnr_object``, ``ssim_object`` [dB, 1], and ``psnr_frame``, ``ssim_frame`` of the whole image;
+        ``flip`` where flip-evaluator is installed; ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
     """
     from digs_warp.measure.scores import mean_score
     from digs_warp.splat.device import DeviceGaussians
@@ -86,9 +86,9 @@ def score_finishes(
     """Draw and store a result in different ways, without training it again.
 
     Returns:
-        ``alpha_cuts``: for each cut ``value``, ``seconds`` per view, ``psnr`` [dB] on ``frames``;
-        ``precisions``: for each ``value`` ``seconds`` to write a .usdc file, its ``megabytes``, and the
-        ``psnr`` of what is read back.
+        ``alpha_cuts``: for each cut ``value``, ``seconds`` per view, ``psnr`` [dB] of the object in
+        ``frames``; ``precisions``: for each ``value`` ``seconds`` to write a .usdc file, its ``megabytes``,
+        and the ``psnr`` of what is read back.
     """
     return {
         "alpha_cuts": [_with_cut(gaussians, frames, cut) for cut in ALPHA_CUTS],
@@ -114,7 +114,8 @@ def _with_cut(gaussians: Gaussians, frames: Sequence[Frame], cut: float) -> dict
             with Stopwatch() as watch:
                 renderer.forward(view.camera, near=near_plane(view.camera, center))
             seconds.append(watch.seconds)
-        scores.append(psnr(np.clip(renderer.image.to_numpy(), 0.0, 1.0), view.target))
+        image = np.clip(renderer.image.to_numpy(), 0.0, 1.0)
+        scores.append(psnr(image, view.target, view.object_pixels))
     return {"value": round(cut, 4), "seconds": median(seconds), "psnr": fmean(scores)}
 
 
@@ -140,7 +141,7 @@ def _precisions(gaussians: Gaussians, frames: Sequence[Frame]) -> list[dict[str,
             "value": precision,
             "seconds": watch.seconds,
             "megabytes": size,
-            "psnr": score.psnr,
+            "psnr": score.psnr_object,
         }
         found.append(row)
     return found

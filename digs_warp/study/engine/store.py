@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.measure.scores import named_now
 from digs_warp.record.fields import Fields, parse_json
 from digs_warp.record.files import add_line
 
@@ -73,7 +74,7 @@ _FINISHED = (*_SETTINGS, *_SECONDS, "machine")
 
 
 def _checked(content: Any) -> dict[str, Any]:
-    """Return a record whose parts have the types that the reports count on.
+    """Return a record whose parts have the types that the reports count on, its metrics named as today.
 
     Raises:
         DigsError: one has another type.
@@ -94,4 +95,10 @@ def _checked(content: Any) -> dict[str, Any]:
     for section in [*others, *record.sections("course", [])]:
         for name in section.values:
             section.number(name, default=None)
-    return dict(record.values)
+    found = dict(record.values)
+    for name in _NUMBERS:
+        if name in record:
+            found[name] = named_now(found[name])
+    if "course" in record:
+        found["course"] = [named_now(row) for row in found["course"]]
+    return found

@@ -105,15 +105,15 @@ def _columns(records: Sequence[Record]) -> list[Column]:
         ("Chamfer [mm]", 2, number(*points, "chamfer", factor=1e3)),
         ("F-score at 5 mm [%]", 1, number(*points, "f_score", factor=1e2)),
         ("scale error [%]", 3, number("scale_error", factor=1e2)),
-        *((f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr")) for i in reached),
-        *((f"SSIM after {i}", 4, at_iteration(i, "ssim")) for i in reached),
+        *((f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr_object")) for i in reached),
+        *((f"SSIM after {i}", 4, at_iteration(i, "ssim_object")) for i in reached),
         ("PSNR, perfect camera [dB]", 2, final_psnr),
     ]
     return [Column(*column, deviation=False) for column in columns]
 
 
 def _reached(records: Sequence[Record]) -> list[int]:
-    return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr"), records))]
+    return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr_object"), records))]
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -180,7 +180,7 @@ def _findings(records: Sequence[Record]) -> str:
     """Name the variants that change more than chance does, and how much chance changes."""
     sentences = []
     for when, value in (
-        (f"after {ITERATIONS[0]} steps", at_iteration(ITERATIONS[0], "psnr")),
+        (f"after {ITERATIONS[0]} steps", at_iteration(ITERATIONS[0], "psnr_object")),
         ("at the end", final_psnr),
     ):
         differences = _differences(records, value)
@@ -205,7 +205,7 @@ def _chart(masks: str, records: Sequence[Record]) -> Chart:
     names = [variant for variant in VARIANTS if variant in measured and variant != RECIPE]
     curves = []
     for iteration in _reached(records):
-        found = _differences(records, at_iteration(iteration, "psnr"))
+        found = _differences(records, at_iteration(iteration, "psnr_object"))
         known = [(fmean(found[name]), row) for row, name in enumerate(names) if name in found]
         label = f"after {iteration} steps"
         curves.append(Curve(label, [x for x, _ in known], [y for _, y in known], line=False))

@@ -112,7 +112,7 @@ def _lead(records: Sequence[Record]) -> Section:
 
 
 def _difference(first: Record, second: Record, iteration: int) -> float | None:
-    a, b = map(at_iteration(iteration, "psnr"), (first, second))
+    a, b = map(at_iteration(iteration, "psnr_frame"), (first, second))
     return None if a is None or b is None else a - b
 
 
@@ -122,8 +122,8 @@ def _signed(value: float | None) -> str:
 
 def _quality(records: Sequence[Record]) -> Section:
     tables = [
-        _compared("psnr", "psnr", 2, records, paper.PSNR),
-        _compared("ssim", "ssim", 4, records, paper.SSIM),
+        _compared("psnr", "psnr_frame", 2, records, paper.PSNR),
+        _compared("ssim", "ssim_frame", 4, records, paper.SSIM),
     ]
     chart = _course_chart("psnr", "Held-out quality along the iterations", records)
     text = (
@@ -137,7 +137,7 @@ def _quality(records: Sequence[Record]) -> Section:
 
 
 def _long_runs(records: Sequence[Record]) -> Section:
-    table = _compared("psnr_long", "psnr", 2, records, paper.PSNR)
+    table = _compared("psnr_long", "psnr_frame", 2, records, paper.PSNR)
     chart = _course_chart("psnr_long", "Held-out quality along a long run", records)
     text = (
         "Runs as long as the paper's, on one object. The learning rates fall along the whole run, so the "
@@ -147,7 +147,7 @@ def _long_runs(records: Sequence[Record]) -> Section:
 
 
 def _reached(records: Sequence[Record]) -> list[int]:
-    return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr"), records))]
+    return [i for i in ITERATIONS if any(map(at_iteration(i, "psnr_frame"), records))]
 
 
 def _compared(
@@ -166,13 +166,14 @@ def _compared(
         rows.append([strategy, *(column.text(found) for column in columns)])
         row = [f"{figures[i]:.{decimals}f}" if i in figures else "" for i in reached]
         rows.append([f"{strategy}, paper", *row])
-    return Table(name, [f"{metric.upper()} after", *map(str, reached)], rows)
+    title = metric.removesuffix("_frame").upper()
+    return Table(name, [f"{title} of the frame after", *map(str, reached)], rows)
 
 
 def _course_chart(name: str, title: str, records: Sequence[Record]) -> Chart:
     curves = []
     for (strategy,), found in group_by(records, "strategy").items():
-        column = [(i, spread(found, at_iteration(i, "psnr"))) for i in _reached(records)]
+        column = [(i, spread(found, at_iteration(i, "psnr_frame"))) for i in _reached(records)]
         known = [(i, value) for i, value in column if value]
         means, deviations = [v.mean for _, v in known], [v.deviation for _, v in known]
         curves.append(Curve(strategy, [i for i, _ in known], means, spread=deviations))
@@ -181,9 +182,9 @@ def _course_chart(name: str, title: str, records: Sequence[Record]) -> Chart:
 
 def _end(records: Sequence[Record]) -> Section:
     columns = [
-        Column("PSNR [dB]", 2, final_psnr),
-        Column("PSNR in the mask [dB]", 2, number("yardstick", "psnr_masked")),
-        Column("SSIM", 4, number("yardstick", "ssim")),
+        Column("PSNR, object [dB]", 2, final_psnr),
+        Column("SSIM, object", 4, number("yardstick", "ssim_object")),
+        Column("PSNR, frame [dB]", 2, number("yardstick", "psnr_frame")),
         Column("FLIP", 4, number("yardstick", "flip")),
         Column("depth error [mm]", 2, number("yardstick", "depth_mae", factor=1e3)),
         Column("covered [%]", 1, number("yardstick", "depth_seen", factor=100)),

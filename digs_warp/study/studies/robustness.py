@@ -90,7 +90,7 @@ def sections(records: Sequence[Record]) -> list[Section]:
 COLUMNS = (
     Column("scale error [%]", 3, number("scale_error", factor=100)),
     Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
-    *(Column(f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr")) for i in ITERATIONS),
+    *(Column(f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr_object")) for i in ITERATIONS),
     Column("PSNR at the end [dB]", 2, final_psnr),
 )
 

@@ -43,8 +43,8 @@ def cases(objects_count: int = 1, seeds: int = 1, iterations: int = 1000) -> lis
 def sections(records: Sequence[Record]) -> list[Section]:
     """Return quality and geometry by the strength of the mask errors."""
     columns = [
-        Column("PSNR [dB]", 2, final_psnr),
-        Column("PSNR in the mask [dB]", 2, number("yardstick", "psnr_masked")),
+        Column("PSNR, object [dB]", 2, final_psnr),
+        Column("PSNR, frame [dB]", 2, number("yardstick", "psnr_frame")),
         Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
     ]
     labels = ("strategy", "mask error")

@@ -71,7 +71,7 @@ def test_views_are_compared_inside_its_mask(capture: Path, second: Path) -> None
         np.testing.assert_array_equal(frame.load_mask() > 0, alone & (there.load_mask() > 0))
     assert result.frames.held_out
     # White paint before white: a reconstruction of both objects misses by the whole other one.
-    assert result.scores.mean.psnr > 20
+    assert result.scores.mean.psnr_frame > 20
 
 
 def test_what_the_other_object_hides_is_not_taken_for_empty(capture: Path, second: Path) -> None:

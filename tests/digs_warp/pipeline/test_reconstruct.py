@@ -44,11 +44,11 @@ def copied(capture: Capture, folder: Path) -> Path:
 
 def test_held_out_views_get_better(result: Path) -> None:
     lines = [json.loads(line) for line in (result / "training.jsonl").read_text().splitlines()]
-    measured = {line["iteration"]: line for line in lines if "psnr" in line}
+    measured = {line["iteration"]: line for line in lines if "psnr_frame" in line}
     assert list(measured) == [0, 30, 60]
-    assert measured[60]["psnr"] > measured[30]["psnr"] > measured[0]["psnr"] + 3
-    assert measured[60]["psnr"] > 22
-    assert measured[60]["psnr_masked"] < measured[60]["psnr"]
+    assert measured[60]["psnr_frame"] > measured[30]["psnr_frame"] > measured[0]["psnr_frame"] + 3
+    assert measured[60]["psnr_frame"] > 22
+    assert measured[60]["psnr_object"] < measured[60]["psnr_frame"]
     assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
     seconds = [line["seconds"] for line in lines]
     assert seconds == sorted(seconds)
@@ -58,8 +58,8 @@ def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capt
     evaluation = json.loads((result / "evaluation.json").read_text())
     names = [view["name"] for view in evaluation["views"]]
     assert names == [frame.name for frame in capture.frames[::8]]
-    mean = np.mean([view["psnr"] for view in evaluation["views"]])
-    assert evaluation["mean"]["psnr"] == pytest.approx(mean)
+    mean = np.mean([view["psnr_frame"] for view in evaluation["views"]])
+    assert evaluation["mean"]["psnr_frame"] == pytest.approx(mean)
     for name in names:
         assert read_image(result / "renders" / f"{name}.png").shape == (54, 72, 3)
     record = json.loads((result / "run.json").read_text())
@@ -113,7 +113,7 @@ def test_held_out_views_do_not_serve_the_training(capture: Capture, tmp_path: Pa
     np.testing.assert_array_equal(a.means, b.means)
     np.testing.assert_array_equal(a.sh, b.sh)
     scores = [
-        json.loads((tmp_path / name / "evaluation.json").read_text())["mean"]["psnr"]
+        json.loads((tmp_path / name / "evaluation.json").read_text())["mean"]["psnr_frame"]
         for name in ("a", "b")
     ]
     assert scores[0] < scores[1]
@@ -127,8 +127,8 @@ def test_a_view_without_foreground_is_tolerated(capture: Capture, tmp_path: Path
     gaussians = reconstruct(empty, CONFIG, tmp_path / "out").gaussians
     assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
     evaluation = json.loads((tmp_path / "out" / "evaluation.json").read_text())
-    assert evaluation["views"][0]["psnr_masked"] is None
-    assert evaluation["mean"]["psnr_masked"] is not None
+    assert evaluation["views"][0]["psnr_object"] is None
+    assert evaluation["mean"]["psnr_object"] is not None
 
 
 def test_all_depth_missing_is_an_error_that_counts(capture: Capture, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ CASE = {
         "[" * 100_000,
         json.dumps(ROW | {"iteration": "x"}),
         json.dumps(ROW | {"seconds": -1}),
-        json.dumps(ROW | {"psnr": []}),
+        json.dumps(ROW | {"psnr_frame": []}),
         json.dumps(ROW | {"splats": 0.5}),
         json.dumps(ROW).replace("0.5", "1e999"),
     ],
@@ -81,7 +81,7 @@ def test_results_of_another_shape_are_named(results: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [[], {}, {"mean": {}, "views": [1]}, {"mean": {"psnr": "x"}, "views": []}, {"mean": 1}],
+    [[], {}, {"mean": {}, "views": [1]}, {"mean": {"psnr_object": "x"}, "views": []}, {"mean": 1}],
     ids=str,
 )
 def test_scores_of_another_shape_are_refused(content: Any) -> None:
@@ -95,7 +95,7 @@ def test_scores_of_another_shape_are_refused(content: Any) -> None:
         {"key": 7},
         {"labels": {"knob": []}},
         {"seconds": {"train": "long"}},
-        {"yardstick": {"psnr": []}},
+        {"yardstick": {"psnr_frame": []}},
         {"course": 3},
         {"machine": {}},
     ],

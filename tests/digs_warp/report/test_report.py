@@ -222,8 +222,8 @@ def test_text_from_files_is_escaped(run: tuple[Capture, Path, Path]) -> None:
 
 def test_what_is_not_known_shows_as_a_dash(run: tuple[Capture, Path, Path]) -> None:
     evaluation = json.loads((run[1] / "evaluation.json").read_text())
-    evaluation["mean"]["psnr"] = None  # infinite: JSON has no number for it
-    evaluation["views"][3]["psnr"] = None
+    evaluation["mean"]["psnr_object"] = None  # infinite: JSON has no number for it
+    evaluation["views"][3]["psnr_object"] = None
     (run[1] / "evaluation.json").write_text(json.dumps(evaluation))
     (run[1] / "initial_points.npz").unlink()
     text = write_and_parse(run).text

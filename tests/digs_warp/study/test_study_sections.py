@@ -29,7 +29,7 @@ def test_the_table_of_initializations_holds_means_over_objects_and_the_papers_fi
     assert psnr.headings == ["PSNR after", "100", "300", "500", "1000"]
     rows = {row[0]: row for row in psnr.rows}
     short = [r for r in records if r["labels"]["iterations"] == 1000]
-    mine = [r["metrics"]["psnr"] for r in short if r["labels"]["strategy"] == "fusion"]
+    mine = [r["metrics"]["psnr_object"] for r in short if r["labels"]["strategy"] == "fusion"]
     assert rows["fusion"][4].startswith(f"{sum(mine) / len(mine) - 0.5:.2f} ±")
     assert rows["fusion, paper"][1:] == ["22.89", "", "24.71", "25.13"]
 
@@ -38,7 +38,7 @@ def test_the_lead_of_highdepth_is_that_of_the_same_object() -> None:
     study = BY_NAME["initialization"]
     records = [record_of(case, 0) for case in study.cases(1, 1, 1000)]
     ahead = next(r for r in records if r["labels"]["strategy"] == "highdepth")
-    ahead["course"][0]["psnr"] += 7.25
+    ahead["course"][0]["psnr_object"] += 7.25
     lead = study.sections(records)[0].tables[0]
     assert lead.rows[0][3:] == ["+7.25", "+0.00", "+0.00", "+0.00"]
     assert lead.rows[1][3:] == ["+6.64", "", "+2.12", "+0.89"]
@@ -55,8 +55,8 @@ def test_a_component_is_compared_with_the_recipe_on_the_same_object() -> None:
         if not first and labels["variant"] == "no edge filter":
             continue
         loss = {"no edge filter": 3.0, "no k-means": 1.0}.get(labels["variant"], 0.0)
-        record["course"][0]["psnr"] += (0.0 if first else 10.0) - loss
-        record["yardstick"]["psnr"] += 0.25 * (labels["variant"] == "+ visibility check")
+        record["course"][0]["psnr_object"] += (0.0 if first else 10.0) - loss
+        record["yardstick"]["psnr_object"] += 0.25 * (labels["variant"] == "+ visibility check")
         records.append(record)
     spoilt, true, weights = study.sections(records)
     rows = {(row[0], row[1]): row for row in spoilt.tables[0].rows}
@@ -77,7 +77,7 @@ def test_a_knob_is_priced_against_the_usual_settings() -> None:
     records = [record_of(case, 0) for case in cases]
     slow = next(r for r in records if r["labels"]["knob"] == "iterations")
     slow["seconds"]["train"] += 5.0
-    slow["yardstick"]["psnr"] += 1.5
+    slow["yardstick"]["psnr_object"] += 1.5
     sections = {section.title: section for section in study.sections(records)}
     row = sections["Iterations"].tables[0].rows[0]
     assert row[3:] == ["+5.0", "+1.50"]
@@ -98,7 +98,7 @@ def test_a_knob_is_compared_on_the_objects_that_both_settings_have() -> None:
         first = case.labels["object"] == study.cases(1, 1, 500)[0].labels["object"]
         if not first and case.labels["knob"] != "usual":
             continue
-        record["yardstick"]["psnr"] += 0.0 if first else 10.0
+        record["yardstick"]["psnr_object"] += 0.0 if first else 10.0
         record["seconds"]["train"] += 0.0 if first else 30.0
         records.append(record)
     sections = {section.title: section for section in study.sections(records)}
@@ -155,7 +155,7 @@ def test_every_effect_is_measured_and_the_worst_comes_first() -> None:
     mild, harmful, idle = ALL_EFFECT_NAMES[0], ALL_EFFECT_NAMES[3], ALL_EFFECT_NAMES[5]
     for record in records:
         loss = {mild: 0.001, harmful: 4.0}.get(record["labels"]["effect"], 0.0)
-        record["yardstick"]["psnr"] -= loss
+        record["yardstick"]["psnr_object"] -= loss
     sections = {section.title: section for section in study.sections(records)}
     alone = sections["Each effect alone"]
     assert alone.tables[0].rows[0][0] == harmful

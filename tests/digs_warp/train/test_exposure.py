@@ -63,7 +63,7 @@ def trained(
 def quality(trainer: Trainer, frames: tuple[Frame, ...]) -> float:
     views = load_test_views(frames)
     scores = score_views(render_views(trainer.gaussians, views), views)
-    return float(np.mean([score.psnr_masked for score in scores]))
+    return float(np.mean([score.psnr_object for score in scores]))
 
 
 def test_different_exposures_cost_little(frames: tuple[Frame, ...], stops: np.ndarray) -> None:
@@ -111,8 +111,8 @@ def test_held_out_photographs_are_measured_raw_and_aligned(
     views = load_test_views([exposed(frames[0], np.array([-0.9, -0.5, -0.7]))])
     true = load_test_views(frames[:1])[0].target
     score = score_views([true], views)[0]
-    assert score.psnr_aligned > 38 > 25 > score.psnr
-    assert score.psnr_masked_aligned > 33 > 20 > score.psnr_masked
+    assert score.psnr_frame_aligned > 38 > 25 > score.psnr_frame
+    assert score.psnr_object_aligned > 33 > 20 > score.psnr_object
     np.testing.assert_allclose(color_aligned(true, views[0]), views[0].target, atol=0.02)
 
 

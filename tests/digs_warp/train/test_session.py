@@ -48,14 +48,14 @@ def test_a_time_budget_ends_the_run_and_measures_it(capture: Capture, tmp_path: 
     assert 1 <= trained.course[-1].iteration < 100_000
     last = course(tmp_path)[-1]
     assert last["iteration"] == trained.course[-1].iteration
-    assert last["seconds"] >= 0.3 and "psnr" in last
+    assert last["seconds"] >= 0.3 and "psnr_object" in last
     assert len(trained.gaussians) == len(Gaussians.load(tmp_path / GAUSSIANS))
     assert not (tmp_path / CHECKPOINT).exists()
 
 
 def test_a_target_quality_ends_the_run(capture: Capture, tmp_path: Path) -> None:
     trained = run(capture, tmp_path, TrainConfig(stop=Stop(iterations=5000, target_psnr=24.0)))
-    measured = [line["psnr"] for line in course(tmp_path) if "psnr" in line]
+    measured = [line["psnr_object"] for line in course(tmp_path) if "psnr_object" in line]
     assert trained.stopped_by == "target psnr"
     assert measured[-1] >= 24.0 > max(measured[:-1])
 
