@@ -16,7 +16,10 @@ def format_facts(facts: dict[str, str]) -> str:
 
 def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     """Say how many Gaussians there are, from what, and how good they are."""
+    from digs_warp.report.summaries import surface_words
+
     depth = result.start.depth if result.start else None
     voxels = f" in voxels of {1e3 * depth.voxel_size:.3g} mm" if depth else ""
     gaussians = counted(len(result.gaussians), "Gaussian")
-    return f"{gaussians} from {counted(frames, 'frame')}{voxels}, {result.scores}"
+    words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", str(result.scores)]
+    return ", ".join(words + surface_words(result))

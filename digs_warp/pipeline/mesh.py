@@ -1,9 +1,9 @@
 """A mesh of Gaussians from the cameras that saw them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
+from digs_warp.data.evenly import evenly
 from digs_warp.data.layers import Layer
 
 if TYPE_CHECKING:
@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.pipeline.reconstruction import Reconstruction
     from digs_warp.surface.extract import Mask, Scene
-
-Item = TypeVar("Item")
 
 # More cameras add little and take longer.
 MOST_VIEWS = 60
@@ -76,16 +74,10 @@ def _look_from(
     frames: "PosedFrames | None", scene: "Scene", views: int
 ) -> "tuple[list[Camera], list[Mask] | None]":
     if frames is None:
-        return _evenly(_rings(scene), views), None
-    chosen = _evenly((*frames.training, *frames.held_out), views)
+        return evenly(_rings(scene), views), None
+    chosen = evenly((*frames.training, *frames.held_out), views)
     masked = all(frame.has(Layer.MASK) for frame in chosen)
     return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
-
-
-def _evenly(items: Sequence[Item], count: int) -> list[Item]:
-    """Return at most ``count`` of the items, evenly spread."""
-    step = max(1.0, len(items) / count)
-    return [items[int(i * step)] for i in range(min(count, len(items)))]
 
 
 def _rings(scene: "Scene") -> "list[Camera]":

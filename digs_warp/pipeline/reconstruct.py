@@ -3,10 +3,12 @@
 docs/reconstruction-format.md describes the folder that `reconstruct` writes.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import CAMERAS
@@ -37,10 +39,14 @@ from digs_warp.record.lock import sole_writer
 from digs_warp.record.manifest import is_kept, recorded_files
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
+from digs_warp.surface.rendered import SurfaceError, surface_error
+from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
 from digs_warp.train.session import Trained, train_gaussians
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +136,8 @@ def _reconstruct(
         log.results = result.results.to_json()
     with log.stage("evaluate"):
         scores = _evaluate(trained.gaussians, test_views, config.train.device, folder)
-    result = replace(result, scores=scores)
+        surface = _surface_error(result, config)
+    result = replace(result, scores=scores, surface=surface)
     log.results = result.results.to_json()
     log.save(record)
     return replace(result, run=log.record())
@@ -160,6 +167,21 @@ def _finished_training(folder: Path, before: RunRecord) -> Trained | None:
     known = Results.read(before, folder / RUN_RECORD)
     gaussians, course = Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING)
     return Trained(gaussians, course, known.stopped_by, known.exposure_stops)
+
+
+def _surface_error(result: Reconstruction, config: ReconstructConfig) -> SurfaceError | None:
+    """Compare with the true surface, where the recording is a simulated one and its mesh is still there."""
+    if result.capture is None or result.frames is None:
+        return None
+    try:
+        truth = read_true_surface(result.capture, config.segment.instance)
+    except DigsError as error:
+        logger.info("no distance to the true surface: %s", error)
+        return None
+    if truth is None:
+        return None
+    frames = (*result.frames.training, *result.frames.held_out)
+    return surface_error(result.gaussians, frames, truth, config.train.device)
 
 
 def _evaluate(gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path) -> Scores:

@@ -36,6 +36,7 @@ from digs_warp.record.layout import (
 )
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
+from digs_warp.surface.rendered import SurfaceError
 from digs_warp.train.course import CourseRow, read_course, write_course
 from digs_warp.train.snapshots import load_snapshots
 
@@ -71,6 +72,7 @@ class Reconstruction:
         capture: folder of the recording; None if it is not known, or only in memory.
         doubts: what does not fit together in the recording; empty for a good one.
         subject: what was reconstructed, the object in the masks or the whole scene.
+        surface: how far the surface is from the true one; None where that is not known.
     """
 
     gaussians: Gaussians
@@ -87,6 +89,7 @@ class Reconstruction:
     capture: Path | None = None
     doubts: tuple[str, ...] = ()
     subject: Subject = "object"
+    surface: SurfaceError | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -115,6 +118,12 @@ class Reconstruction:
         return segment.whole("instance", default=None)
 
     @property
+    def adherence(self) -> float | None:
+        """Median distance of the surface to the measured depth [m]; None where none was measured."""
+        measured = [row.adherence for row in self.course if row.adherence is not None]
+        return measured[-1] if measured else None
+
+    @property
     def results(self) -> Results:
         """The counts and figures in run.json."""
         last = self.course[-1] if self.course else None
@@ -128,6 +137,8 @@ class Reconstruction:
             training_seconds=round(last.seconds, 3) if last else None,
             exposure_stops=self.exposure_stops,
             held_out=self.scores.mean if self.scores.views else None,
+            adherence=self.adherence,
+            surface=self.surface,
         )
 
     def render(self, camera: Camera, **settings: Any) -> "RenderOutput":
@@ -256,6 +267,7 @@ class Reconstruction:
             capture=place,
             doubts=results.doubts,
             subject=results.subject,
+            surface=results.surface,
         )
 
     @staticmethod

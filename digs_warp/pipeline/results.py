@@ -11,6 +11,7 @@ from digs_warp.measure.scores import Score
 from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
+from digs_warp.surface.rendered import SurfaceError
 
 T = TypeVar("T")
 
@@ -34,6 +35,8 @@ class Results:
         exposure_stops: how much the exposure and white balance of the photographs vary: root mean square of
             their fitted gains [stops].
         held_out: mean over the held-out views.
+        adherence: median distance of the surface to the measured depth [m].
+        surface: how far the surface is from the true one, where that is known.
     """
 
     capture: Path | None = None
@@ -50,6 +53,8 @@ class Results:
     training_seconds: float | None = None
     exposure_stops: float | None = None
     held_out: Score | None = None
+    adherence: float | None = None
+    surface: SurfaceError | None = None
 
     @staticmethod
     def of_start(
@@ -88,6 +93,8 @@ class Results:
             "training_seconds": self.training_seconds,
             "exposure_stops": self.exposure_stops,
             "held_out": self.held_out.to_json() if self.held_out else None,
+            "adherence": self.adherence,
+            "surface": asdict(self.surface) if self.surface else None,
         }
         return {name: value for name, value in content.items() if value is not None}
 
@@ -122,6 +129,8 @@ class Results:
             held_out=Score.from_json(found.section("held_out").values)
             if "held_out" in found
             else None,
+            adherence=found.number("adherence", 0, default=None, what="metres"),
+            surface=_dataclass(SurfaceError, found, "surface"),
         )
 
 

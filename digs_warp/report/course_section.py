@@ -21,6 +21,7 @@ def course_section(result: Reconstruction) -> str:
         *_quality_chart(rows, _iteration, "iterations", _PSNR, "PSNR [dB]"),
         *_quality_chart(rows, lambda row: row.seconds, "training time [s]", _PSNR, "PSNR [dB]"),
         *_quality_chart(rows, _iteration, "iterations", _SSIM, "SSIM"),
+        *_adherence_chart(rows),
         *_loss_chart(rows),
         *_splats_chart(rows),
     ]
@@ -48,6 +49,25 @@ def _quality_chart(
     svg = line_chart(lines, x_label, f"{name}, held-out views")
     alt = f"{name} over {x_label}, from {first:.4g} to {last:.4g}"
     return [chart(svg, alt, f"Mean {name} of the held-out views over {x_label}; higher is better.")]
+
+
+def _adherence_chart(rows: Sequence[CourseRow]) -> list[str]:
+    line = _line(
+        rows,
+        _iteration,
+        lambda row: None if row.adherence is None else 1e3 * row.adherence,
+        "adherence",
+        marker=True,
+    )
+    if len(line.x) < 2:
+        return []
+    svg = line_chart([line], "iterations", "distance to the measured depth [mm]")
+    alt = f"Adherence over iterations, from {line.y[0]:.3g} to {line.y[-1]:.3g} mm"
+    caption = (
+        "Median distance of the surface to the measured depth, which has the noise of the sensor in it. "
+        "Where it rises, the surface leaves the measured depth."
+    )
+    return [chart(svg, alt, caption)]
 
 
 def _loss_chart(rows: Sequence[CourseRow]) -> list[str]:

@@ -69,6 +69,20 @@ def _subject(capture: Capture, records: RunRecords) -> str:
     return capture.folder.resolve().name
 
 
+def _surface_cards(result: Reconstruction) -> list[str]:
+    """Return the distances of the surface that are known."""
+    cards = []
+    if result.surface is not None:
+        figures = (1e3 * result.surface.accuracy, 1e3 * result.surface.completeness)
+        notes = ("from the surface to the true one", "from the true surface to it")
+        for name, figure, note in zip(("Accuracy", "Completeness"), figures, notes, strict=True):
+            cards.append(card(name, number(figure, 2, "mm"), note))
+    if result.adherence is not None:
+        value = number(1e3 * result.adherence, 2, "mm")
+        cards.append(card("Adherence", value, "from the surface to the measured depth, median"))
+    return cards
+
+
 def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> str:
     k = capture.frames[0].camera.intrinsics
     mean = result.scores.mean
@@ -77,6 +91,7 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> st
     cards = [
         card("PSNR", number(mean.psnr_object, 2, "dB"), "on the object, held-out views"),
         card("SSIM", number(mean.ssim_object, 4), "on the object, held-out views"),
+        *_surface_cards(result),
         card("PSNR, frame", number(mean.psnr_frame, 2, "dB"), "with the white around the object"),
         card("SSIM, frame", number(mean.ssim_frame, 4), "with the white around the object"),
         card("Gaussians", f"{len(result.gaussians):,}", f"from {number(points, 0)} points"),

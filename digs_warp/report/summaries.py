@@ -182,7 +182,20 @@ def of_reconstruction(folder: Path) -> Facts:
     facts = _of_gaussians(result.gaussians, folder / layout.GAUSSIANS) | {"kind": "reconstruction"}
     if result.scores.views:
         facts["quality"] = str(result.scores)
+    if distances := surface_words(result):
+        facts["surface"] = ", ".join(distances)
     return facts | _of_seconds(result.run)
+
+
+def surface_words(result: Reconstruction) -> list[str]:
+    """Say how far the surface is from the true one and from the measured depth, where that is known."""
+    words = []
+    if result.surface:
+        accuracy, completeness = 1e3 * result.surface.accuracy, 1e3 * result.surface.completeness
+        words.append(f"accuracy {accuracy:.2f} mm, completeness {completeness:.2f} mm")
+    if result.adherence is not None:
+        words.append(f"adherence to the measured depth {1e3 * result.adherence:.2f} mm")
+    return words
 
 
 def of_data_set(folder: Path) -> Facts:

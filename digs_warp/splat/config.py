@@ -32,6 +32,9 @@ MIN_COMPENSATION = 0.005
 
 Outputs = Literal["color", "depth", "normals"]
 
+# The channels of rendered depth.
+EXPECTED, MEDIAN = 0, 1
+
 
 @dataclass(frozen=True)
 class RasterOptions:

@@ -7,12 +7,10 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
-
-MEDIAN = 1  # the channel of the renderer's depth planes
 
 # Below this coverage, the color of a pixel is meaningless.
 LEAST_ALPHA = 1e-3

@@ -23,6 +23,8 @@ class CourseRow:
         loss: of the last step; None before the first.
         splats: number of Gaussians.
         score: mean over the held-out views; None where they were not measured.
+        adherence: median distance of the surface to the measured depth [m], see `digs_warp.train.adherence`;
+            None where it was not measured.
     """
 
     iteration: int
@@ -30,6 +32,7 @@ class CourseRow:
     loss: float | None
     splats: int
     score: Score | None = None
+    adherence: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the row as flat JSON values."""
@@ -39,6 +42,7 @@ class CourseRow:
             "loss": self.loss,
             "splats": self.splats,
             **(self.score.to_json() if self.score else {}),
+            **({} if self.adherence is None else {"adherence": self.adherence}),
         }
 
     @cached_property
@@ -60,6 +64,7 @@ class CourseRow:
             loss=row.number("loss", default=None),
             splats=row.whole("splats"),
             score=Score.from_json(content) if "psnr_frame" in named_now(content) else None,
+            adherence=row.number("adherence", 0, default=None, what="metres"),
         )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from digs_warp.measure.scores import Score, mean_score
+from digs_warp.train.adherence import MeasuredView, adherence
 from digs_warp.train.course import CourseRow, read_course, write_course
 from digs_warp.train.evaluate import TestView, render_views, score_views
 from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
@@ -22,6 +23,7 @@ class CourseRecorder:
         path: the file, one JSON object per line; lines up to the trainer's iteration are kept.
         trainer: the run.
         test_views: held-out views to measure; may be empty.
+        measured_views: measured depth to compare the surface with; may be empty.
 
     Attributes:
         rows: what was recorded so far.
@@ -29,7 +31,13 @@ class CourseRecorder:
         psnr: last PSNR on the object in the held-out views [dB], minus infinity before they are measured.
     """
 
-    def __init__(self, path: Path, trainer: Trainer, test_views: Sequence[TestView]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        trainer: Trainer,
+        test_views: Sequence[TestView],
+        measured_views: Sequence[MeasuredView] = (),
+    ) -> None:
         step = trainer.optimizer.step
         # A resumed run keeps the rows up to its checkpoint.
         before = read_course(path) if step and path.is_file() else ()
@@ -39,13 +47,15 @@ class CourseRecorder:
         self._path = path
         self._trainer = trainer
         self._test_views = test_views
+        self._measured_views = measured_views
         drop_snapshots_after(path.parent, step)
 
     def record(self, measure: bool) -> str:
         """Add a line; return a short text for the progress bar.
 
         Args:
-            measure: also render and score the held-out views, and keep the Gaussians if the settings say so.
+            measure: also score the held-out views, measure the adherence, and keep the Gaussians if the
+                settings say so.
         """
         start = time.perf_counter()
         trainer = self._trainer
@@ -58,6 +68,7 @@ class CourseRecorder:
             loss=trainer.loss_value() if step else None,
             splats=len(trainer.gaussians),
             score=self._measured() if measure and self._test_views else None,
+            adherence=adherence(trainer.gaussians, self._measured_views) if measure else None,
         )
         if row.score:
             self.psnr = row.score.psnr_object

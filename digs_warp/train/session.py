@@ -12,6 +12,7 @@ from digs_warp.record.interruption import deferred_interrupt
 from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
+from digs_warp.train.adherence import load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import CourseRow
@@ -76,12 +77,13 @@ def train_gaussians(
     with log.stage("load views"):
         first_step = checkpoint_step(checkpoint) if resume else 0
         views = open_views(frames, config, first_step)
+        measured_views = load_measured_views(frames)
     try:
         with log.stage("prepare kernels"):
             trainer = Trainer(seeds, views, config)
         if first_step:
             load_checkpoint(checkpoint, trainer)
-        course = CourseRecorder(folder / TRAINING, trainer, test_views)
+        course = CourseRecorder(folder / TRAINING, trainer, test_views, measured_views)
         try:
             with log.stage("train"):
                 stopped = _run_steps(trainer, course, checkpoint)

@@ -38,7 +38,18 @@ def test_the_page_holds_everything_itself(run: tuple[Capture, Path, Path], tmp_p
 def test_key_numbers_times_and_settings_are_there(run: tuple[Capture, Path, Path]) -> None:
     text = write_and_parse(run).text
     for expected in (
-        *("34.50 dB", "0.9000", "20.25 dB", "0.8125", "1,234", "from 987 points", "4 iterations"),
+        *(
+            "34.50 dB",
+            "0.9000",
+            "1.25 mm",
+            "3.75 mm",
+            "2.50 mm",
+            "20.25 dB",
+            "0.8125",
+            "1,234",
+            "from 987 points",
+            "4 iterations",
+        ),
         *("simulation: render", "9.50", "reconstruction: train", "20.25", "export", "32.5 s"),
         *("init.voxel_size", "0.004", "tier", "law", "warp-lang", "Built-in object"),
     ):

@@ -1,0 +1,92 @@
+"""How closely the surface of the Gaussians keeps to the depth that was measured.
+
+The figure is the median of |z - d| over the object's pixels of some training views: z the median depth of the
+Gaussians, d the measured depth. The noise of the sensor is in it: a perfect surface has the median of the
+noise, not 0. Outliers of the sensor and the rim of the object do not change a median.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.data.evenly import evenly
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.splat.config import MEDIAN, RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.renderer import SplatRenderer
+
+# The median hardly changes with more views, and each takes the time of a training step.
+VIEWS = 8
+
+# Mask values from this on belong to the object.
+OBJECT = 128
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredView:
+    """The measured depth of one view.
+
+    Attributes:
+        camera: of the whole image.
+        box: of the object in the image.
+        depth: inside the box [m], NaN where unknown or not on the object, float32.
+    """
+
+    camera: Camera
+    box: PixelBox
+    depth: np.ndarray
+
+
+def load_measured_views(frames: Sequence[Frame], most: int = VIEWS) -> list[MeasuredView]:
+    """Read the depth of at most ``most`` frames, evenly spread; frames without depth are left out.
+
+    Raises:
+        CaptureError: a file is missing or broken.
+    """
+    known = [frame for frame in frames if frame.has(Layer.DEPTH)]
+    return [_measured(frame) for frame in evenly(known, most)]
+
+
+def _measured(frame: Frame) -> MeasuredView:
+    depth = frame.load_depth()
+    mask = np.full(depth.shape, 255, np.uint8)
+    if frame.has(Layer.MASK):
+        mask = frame.load_mask()
+    box = mask_box(mask)
+    x0, y0, x1, y1 = box
+    known = (mask >= OBJECT) & np.isfinite(depth) & (depth > 0)
+    kept = np.where(known, depth, np.float32(np.nan))[y0:y1, x0:x1]
+    return MeasuredView(frame.camera, box, kept.astype(np.float32))
+
+
+def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> float | None:
+    """Return the median distance [m] between rendered and measured depth; None where nothing compares.
+
+    A pixel compares where depth was measured and the Gaussians cover it by half.
+    """
+    if not views or not len(gaussians):
+        return None
+    sizes = [view.camera.intrinsics for view in views]
+    renderer = SplatRenderer(
+        gaussians,
+        max(k.width for k in sizes),
+        max(k.height for k in sizes),
+        options=RasterOptions(outputs="depth"),
+    )
+    center = gaussians.means.numpy().mean(axis=0)
+    distances = [_distances(renderer, view, center) for view in views]
+    found = np.concatenate(distances)
+    return float(np.median(found)) if len(found) else None
+
+
+def _distances(renderer: SplatRenderer, view: MeasuredView, center: np.ndarray) -> np.ndarray:
+    renderer.forward(view.camera, near=near_plane(view.camera, center))
+    x0, y0, x1, y1 = view.box
+    drawn = renderer.depth.to_numpy()[y0:y1, x0:x1, MEDIAN].astype(np.float64)
+    compared = np.isfinite(view.depth) & (drawn > 0)
+    return np.abs(drawn - view.depth)[compared]

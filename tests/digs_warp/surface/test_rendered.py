@@ -1,0 +1,38 @@
+"""The rendered surface against a true one: a ball of Gaussians and a sphere."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.surface.rendered import surface_error
+from reference.tiny_capture import RADIUS, ball, write_tiny_capture
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+
+
+def sphere(radius: float) -> TriangleMesh:
+    mesh = trimesh.creation.icosphere(4, radius)
+    return TriangleMesh(mesh.vertices, mesh.faces, np.ones_like(mesh.vertices))
+
+
+def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
+    exact = surface_error(ball(), capture.frames, sphere(RADIUS))
+    larger = surface_error(ball(), capture.frames, sphere(RADIUS + 0.02))
+    assert exact is not None and larger is not None
+    assert exact.accuracy < 0.004
+    assert larger.accuracy == pytest.approx(0.02, abs=0.004)
+    assert larger.completeness > exact.completeness + 0.01
+
+
+def test_a_surface_that_no_view_shows_has_no_figures(capture: Capture) -> None:
+    faint = ball(50)
+    faint = Gaussians(
+        faint.means, faint.log_scales, faint.quats, np.full(len(faint), -9.0), faint.sh
+    )
+    assert surface_error(faint, capture.frames, sphere(RADIUS)) is None
