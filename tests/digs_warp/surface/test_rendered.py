@@ -23,11 +23,12 @@ def sphere(radius: float) -> TriangleMesh:
 
 def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
     exact = surface_error(ball(), capture.frames, sphere(RADIUS))
-    larger = surface_error(ball(), capture.frames, sphere(RADIUS + 0.02))
+    larger = surface_error(ball(), capture.frames, sphere(RADIUS + 0.1))
     assert exact is not None and larger is not None
-    assert exact.accuracy < 0.004
-    assert larger.accuracy == pytest.approx(0.02, abs=0.004)
-    assert larger.completeness > exact.completeness + 0.01
+    # The splats of this ball are 12 mm wide and overlap: the nearer of them show first.
+    assert exact.accuracy < 0.012
+    assert larger.accuracy == pytest.approx(0.1, abs=0.012)
+    assert larger.completeness > exact.completeness + 0.08
 
 
 def test_a_surface_that_no_view_shows_has_no_figures(capture: Capture) -> None:
