@@ -28,7 +28,7 @@ def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
     # The splats of this ball are 12 mm wide and overlap: the nearer of them show first.
     assert exact.accuracy < 0.012
     assert larger.accuracy == pytest.approx(0.1, abs=0.012)
-    assert larger.completeness > exact.completeness + 0.08
+    assert larger.completeness > exact.completeness + 0.05
 
 
 def test_a_surface_that_no_view_shows_has_no_figures(capture: Capture) -> None:
