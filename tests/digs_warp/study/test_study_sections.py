@@ -26,7 +26,7 @@ def test_the_table_of_initializations_holds_means_over_objects_and_the_papers_fi
     records = [record_of(case, n) for n, case in enumerate(study.cases(2, 1, 1000))]
     sections = {section.title: section for section in study.sections(records)}
     psnr, _ = sections["Quality along the iterations"].tables
-    assert psnr.headings == ["PSNR after", "100", "300", "500", "1000"]
+    assert psnr.headings == ["PSNR of the frame after", "100", "300", "500", "1000"]
     rows = {row[0]: row for row in psnr.rows}
     short = [r for r in records if r["labels"]["iterations"] == 1000]
     mine = [r["metrics"]["psnr_object"] for r in short if r["labels"]["strategy"] == "fusion"]
@@ -38,7 +38,7 @@ def test_the_lead_of_highdepth_is_that_of_the_same_object() -> None:
     study = BY_NAME["initialization"]
     records = [record_of(case, 0) for case in study.cases(1, 1, 1000)]
     ahead = next(r for r in records if r["labels"]["strategy"] == "highdepth")
-    ahead["course"][0]["psnr_object"] += 7.25
+    ahead["course"][0]["psnr_frame"] += 7.25
     lead = study.sections(records)[0].tables[0]
     assert lead.rows[0][3:] == ["+7.25", "+0.00", "+0.00", "+0.00"]
     assert lead.rows[1][3:] == ["+6.64", "", "+2.12", "+0.89"]
