@@ -19,6 +19,7 @@ from digs_warp.report.markup import (
     table,
 )
 from digs_warp.report.pictures import ColorScale, data_uri, over_white, shrink
+from digs_warp.train.silhouette import without_surround
 
 MAX_VIEWS = 6
 PICTURE_WIDTH = 800  # pixels; three columns of about 400 on a common screen
@@ -77,7 +78,10 @@ def _cells(capture: Capture, result: Reconstruction, name: str) -> list[str]:
             f"report: the evaluation in '{result.folder}' names view '{name}', which capture "
             f"'{capture.folder}' lacks; give the capture that was reconstructed"
         )
-    truth = over_white(frame.load_image(), frame.load_mask() if frame.has(Layer.MASK) else None)
+    truth = frame.load_image()
+    if frame.has(Layer.MASK):
+        mask = frame.load_mask()
+        truth = over_white(without_surround(truth, mask), mask)
     rendered = result.load_render(frame.name, truth.shape)
     difference = np.abs(truth.astype(np.float32) - rendered).mean(axis=2)
     images = {

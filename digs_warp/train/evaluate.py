@@ -19,6 +19,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.exposure import INSIDE
+from digs_warp.train.silhouette import without_surround
 
 # The paper's mask threshold tau (section 4.1): a pixel above it belongs to the object.
 MASK_THRESHOLD = 20
@@ -51,13 +52,17 @@ class TestView:
 
 
 def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
-    """Read the held-out photographs; without a mask, every pixel of a frame belongs to the object."""
+    """Read the held-out photographs; without a mask, every pixel of a frame belongs to the object.
+
+    The white replaces the room at the rim of the object, too, see `digs_warp.train.silhouette`.
+    """
     views = []
     for frame in frames:
-        image = frame.load_image().astype(np.float32) / 255.0
-        mask = np.full(image.shape[:2], 255, np.uint8)
+        photo = frame.load_image()
+        mask = np.full(photo.shape[:2], 255, np.uint8)
         if frame.has(Layer.MASK):
             mask = frame.load_mask()
+        image = without_surround(photo, mask).astype(np.float32) / 255.0
         share = mask[..., None].astype(np.float32) / 255.0
         target = image * share + (1.0 - share)
         views.append(

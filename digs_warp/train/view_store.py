@@ -42,6 +42,7 @@ def open_views(frames: Sequence[Frame], config: TrainConfig, first_step: int = 0
         device=config.device,
         with_depth=config.depth_weight > 0,
         with_half=may_halve(config),
+        on_background=config.mask_role == "object",
     )
     order = partial(view_index, config.seed, len(frames))
     return ViewStore(frames, order, load, config.image_memory, first_step)

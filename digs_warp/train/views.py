@@ -15,6 +15,7 @@ from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
 from digs_warp.train.exposure import ColorSamples
+from digs_warp.train.silhouette import without_surround
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,12 @@ class View:
 
 
 def load_view(
-    frame: Frame, device: str = "cpu", *, with_depth: bool = False, with_half: bool = False
+    frame: Frame,
+    device: str = "cpu",
+    *,
+    with_depth: bool = False,
+    with_half: bool = False,
+    on_background: bool = True,
 ) -> View:
     """Read one frame; without a mask, every pixel belongs to the object.
 
@@ -70,6 +76,8 @@ def load_view(
         device: Warp device of the arrays.
         with_depth: also read the depth, and the confidence if there is one.
         with_half: also prepare the view at half the size.
+        on_background: the object will be shown over other backgrounds, so its rim gets the object's color
+            alone, see `digs_warp.train.silhouette`.
 
     Raises:
         CaptureError: a file is missing, broken, or its size differs from the index.
@@ -78,7 +86,8 @@ def load_view(
     has_mask = frame.has(Layer.MASK)
     mask = frame.load_mask() if has_mask else np.full(image.shape[:2], 255, np.uint8)
     unknown = frame.load_unknown()
-    view = packed_view(frame.name, frame.camera, image, mask, device, unknown)
+    photo = without_surround(image, mask) if on_background else image
+    view = packed_view(frame.name, frame.camera, photo, mask, device, unknown)
     if with_depth:
         confidence = frame.load_confidence() if frame.has(Layer.CONFIDENCE) else None
         depth = frame.load_depth()
@@ -88,7 +97,7 @@ def load_view(
         k = frame.camera.intrinsics
         if k.width > 1 and k.height > 1:
             camera = Camera(halved(k), frame.camera.world_from_cam)
-            smaller = half_size(image, mask)
+            smaller = half_size(photo, mask)
             small_unknown = None if unknown is None else any_of_four(unknown)
             half = packed_view(frame.name, camera, *smaller, device, small_unknown)
             view = replace(view, half=half)

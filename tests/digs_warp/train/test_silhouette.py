@@ -1,0 +1,105 @@
+"""The object's own color at the silhouette: against a float64 twin, and where masks are odd."""
+
+import numpy as np
+import pytest
+
+from digs_warp.train.silhouette import MARGIN, NEIGHBORS, REACH, without_surround
+
+HEIGHT, WIDTH = 24, 30
+
+
+def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A red-to-yellow disc before a blue room: photograph, mask, and the disc's color everywhere."""
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    distance = np.hypot(rows - 11.5, columns - 14.5)
+    mask = np.rint(255 * np.clip(8.0 - distance, 0, 1)).astype(np.uint8)
+    disc = np.stack([200 + 0 * rows, 4 * columns, 20 + 2 * rows], axis=-1).astype(np.float64)
+    room = np.stack([10 + rows, 60 + 0 * rows, 230 - columns], axis=-1).astype(np.float64)
+    share = mask[..., None] / 255
+    photo = np.rint(share * disc + (1 - share) * room).astype(np.uint8)
+    return photo, mask, disc
+
+
+def twin(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The formulas of the module, pixel by pixel."""
+    found = image.astype(np.float64)
+    for y, x in zip(*np.nonzero((mask > 0) & (mask < 255)), strict=True):
+        sums = {255: [np.zeros(3), 0.0], 0: [np.zeros(3), 0.0]}
+        colors = []
+        for dy in range(-REACH, REACH + 1):
+            for dx in range(-REACH, REACH + 1):
+                v, u = y + dy, x + dx
+                if not (0 <= v < mask.shape[0] and 0 <= u < mask.shape[1]):
+                    continue
+                kind = int(mask[v, u])
+                if kind in sums:
+                    weight = np.exp(-(dy**2 + dx**2) / 4.0)
+                    sums[kind][0] += weight * image[v, u].astype(np.float64)
+                    sums[kind][1] += weight
+                if kind == 255:
+                    colors.append(image[v, u].astype(np.float64))
+        if not colors:
+            continue
+        near = sums[255][0] / sums[255][1]
+        m = mask[y, x] / 255
+        color = near
+        if sums[0][1] > 0:
+            room = sums[0][0] / sums[0][1]
+            color = (m * (image[y, x] - (1 - m) * room) + NEIGHBORS * near) / (m**2 + NEIGHBORS)
+        low, high = np.min(colors, axis=0) - MARGIN, np.max(colors, axis=0) + MARGIN
+        found[y, x] = np.clip(np.clip(color, low, high), 0, 255)
+    return found
+
+
+def test_agrees_with_the_twin() -> None:
+    photo, mask, _ = scene()
+    rng = np.random.default_rng(0)
+    noisy = np.clip(photo + rng.normal(0, 12, photo.shape), 0, 255).astype(np.uint8)
+    for image in (photo, noisy):
+        assert np.abs(without_surround(image, mask) - twin(image, mask)).max() <= 0.51
+
+
+def test_the_rim_on_white_comes_near_the_disc_on_white() -> None:
+    photo, mask, disc = scene()
+    share = mask[..., None] / 255
+    rim = (mask > 0) & (mask < 255)
+    white = 255 * (1 - share)
+
+    def error(image: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((share * (image - disc))[rim] ** 2)))
+
+    cleaned = without_surround(photo, mask)
+    assert error(cleaned) < 0.15 * error(photo)
+    assert np.array_equal(cleaned[~rim], photo[~rim])
+    assert np.all(np.abs(share * cleaned + white - (share * disc + white))[rim] < 12)
+
+
+def test_a_hard_mask_changes_nothing() -> None:
+    photo, mask, _ = scene()
+    hard = np.where(mask >= 128, 255, 0).astype(np.uint8)
+    assert without_surround(photo, hard) is photo
+
+
+def test_no_color_is_invented_where_the_mask_is_wrong() -> None:
+    # Half coverage all over a disc that in truth covers its pixels: only colors near the object's may come.
+    _, mask, _ = scene()
+    photo = np.full((HEIGHT, WIDTH, 3), 100, np.uint8)
+    photo[mask == 0] = 250
+    wrong = np.where((mask > 0) & (np.arange(WIDTH) < 15), 128, mask).astype(np.uint8)
+    cleaned = without_surround(photo, wrong)
+    assert np.abs(cleaned[mask > 128].astype(int) - 100).max() <= MARGIN
+
+
+@pytest.mark.parametrize("level", [0, 1, 128, 255])
+def test_a_constant_mask_changes_nothing(level: int) -> None:
+    photo, _, _ = scene()
+    found = without_surround(photo, np.full((HEIGHT, WIDTH), level, np.uint8))
+    assert np.array_equal(found, photo)
+
+
+def test_a_rim_at_the_edge_of_the_image_counts_only_what_is_there() -> None:
+    photo, mask, _ = scene()
+    cut = np.s_[5:12, 12:30]
+    assert (
+        np.abs(without_surround(photo[cut], mask[cut]) - twin(photo[cut], mask[cut])).max() < 0.51
+    )
