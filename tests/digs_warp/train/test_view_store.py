@@ -13,6 +13,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.geometry import mask_box
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
+from digs_warp.train.silhouette import without_surround
 from digs_warp.train.views import View, half_size, halved, load_view
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
@@ -36,7 +37,8 @@ def test_a_view_holds_the_crop_of_its_mask(capture: Capture) -> None:
     x0, y0, x1, y1 = mask_box(frame.load_mask())
     assert view.box == (x0, y0, x1, y1)
     planes = view.pixels.numpy().reshape(4, y1 - y0, x1 - x0)
-    np.testing.assert_array_equal(planes[:3].transpose(1, 2, 0), frame.load_image()[y0:y1, x0:x1])
+    photo = without_surround(frame.load_image(), frame.load_mask())
+    np.testing.assert_array_equal(planes[:3].transpose(1, 2, 0), photo[y0:y1, x0:x1])
     np.testing.assert_array_equal(planes[3], frame.load_mask()[y0:y1, x0:x1])
     assert view.depth is not None
     known = view.depth.weights.numpy() > 0
