@@ -12,8 +12,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import mask_box
 from digs_warp.train.config import TrainConfig
-from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
 from digs_warp.train.silhouette import without_surround
+from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
 from digs_warp.train.views import View, half_size, halved, load_view
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
 
