@@ -48,6 +48,7 @@ class KeyLights:
     strengths: wp.array[float]  # [count] luminance of the colors
     points: wp.array2d[wp.vec3]  # [count, SPOT_POINTS] unit directions of equal strength
     rims: wp.array2d[wp.vec3]  # [count, RIM_POINTS] those farthest out, and one in the middle
+    level: float  # luminance above which radiance belongs to a spot
 
 
 @wp.func
@@ -89,7 +90,9 @@ def take_out_spots(radiance: np.ndarray) -> tuple[np.ndarray, KeyLights]:
         flux = taken[inside] * areas[inside][:, None]
         spots.append(_spot(directions[inside], flux, np.pi / height))
         power = np.where(inside, 0.0, power)
-    return np.maximum(smooth, 0.0).astype(np.float32), _pack(spots)
+    keys = _pack(spots)
+    keys.level = threshold
+    return np.maximum(smooth, 0.0).astype(np.float32), keys
 
 
 @dataclass(frozen=True, eq=False)

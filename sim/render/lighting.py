@@ -63,6 +63,7 @@ class Light:
     irradiance: wp.array[wp.vec3]  # [9] spherical harmonics of E(n) / pi, without the spots
     keys: KeyLights
     specular: wp.array3d[wp.vec3]  # [SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH]
+    rest: wp.array3d[wp.vec3]  # the same without the spots
     mirror_level: float
 
 
@@ -127,7 +128,7 @@ def diffuse_light(light: Light, n: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def sample_specular_copy(light: Light, copy: int, uv: wp.vec2) -> wp.vec3:
+def sample_specular_copy(specular: wp.array3d[wp.vec3], copy: int, uv: wp.vec2) -> wp.vec3:
     """Bilinear value of one blurred copy."""
     x = uv[0] * float(SPECULAR_WIDTH) - 0.5
     y = uv[1] * float(SPECULAR_HEIGHT) - 0.5
@@ -137,22 +138,44 @@ def sample_specular_copy(light: Light, copy: int, uv: wp.vec2) -> wp.vec3:
     x1 = (left + 1) % SPECULAR_WIDTH
     y0 = wp.clamp(top, 0, SPECULAR_HEIGHT - 1)
     y1 = wp.clamp(top + 1, 0, SPECULAR_HEIGHT - 1)
-    above = wp.lerp(light.specular[copy, y0, x0], light.specular[copy, y0, x1], x - float(left))
-    below = wp.lerp(light.specular[copy, y1, x0], light.specular[copy, y1, x1], x - float(left))
+    above = wp.lerp(specular[copy, y0, x0], specular[copy, y0, x1], x - float(left))
+    below = wp.lerp(specular[copy, y1, x0], specular[copy, y1, x1], x - float(left))
     return wp.lerp(above, below, y - float(top))
 
 
 @wp.func
-def specular_light(light: Light, reflected: wp.vec3, roughness: float) -> wp.vec3:
-    """Light around the reflected ray, averaged over the lobe of ``roughness``."""
+def copies_light(specular: wp.array3d[wp.vec3], copy: int, along: float, uv: wp.vec2) -> wp.vec3:
+    """A value between a blurred copy and the next one; that of the first one for ``along`` below 0."""
+    smooth = sample_specular_copy(specular, copy, uv)
+    if along <= 0.0:
+        return smooth
+    return wp.lerp(smooth, sample_specular_copy(specular, copy + 1, uv), along)
+
+
+@wp.func
+def luminance(color: wp.vec3) -> float:
+    """Weights of Rec. 709."""
+    return 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]
+
+
+@wp.func
+def specular_light(light: Light, reflected: wp.vec3, roughness: float, spots: float) -> wp.vec3:
+    """Light around the reflected ray, averaged over the lobe of ``roughness``; ``spots``: their share."""
     position = wp.clamp(roughness, 0.0, 1.0) * float(SPECULAR_COPIES) - 1.0
     uv = panorama_uv(reflected)
-    if position < 0.0:
+    copy = wp.clamp(int(wp.floor(position)), 0, SPECULAR_COPIES - 2)
+    along = position - float(copy)  # below 0: between the sharp panorama and the first copy
+    light_here = copies_light(light.specular, copy, along, uv)
+    if spots < 1.0:
+        rest = copies_light(light.rest, copy, along, uv)
+        light_here = wp.lerp(wp.min(rest, light_here), light_here, spots)
+    if along < 0.0:
         sharp = sample_panorama(light.panorama, reflected, light.mirror_level)
-        return wp.lerp(sharp, sample_specular_copy(light, 0, uv), position + 1.0)
-    copy = wp.min(int(wp.floor(position)), SPECULAR_COPIES - 2)
-    smooth = sample_specular_copy(light, copy, uv)
-    return wp.lerp(smooth, sample_specular_copy(light, copy + 1, uv), position - float(copy))
+        if spots < 1.0:
+            dimmed = wp.min(light.keys.level / wp.max(luminance(sharp), 1.0e-9), 1.0)
+            sharp = wp.lerp(dimmed, 1.0, spots) * sharp
+        light_here = wp.lerp(sharp, light_here, along + 1.0)
+    return light_here
 
 
 @wp.kernel
@@ -233,6 +256,27 @@ def _light_from_above(smooth: np.ndarray, keys: KeyLights) -> np.ndarray:
     return total
 
 
+def _pyramid(levels: list[np.ndarray]) -> Panorama:
+    """Return levels, the finest first, each (height, width, 3), for the kernels."""
+    panorama = Panorama()
+    panorama.texels = wp.array(
+        np.concatenate([level.reshape(-1, 3) for level in levels]), dtype=wp.vec3, device="cpu"
+    )
+    sizes = np.array([(level.shape[1], level.shape[0]) for level in levels], dtype=np.int32)
+    panorama.sizes = wp.array(sizes, dtype=wp.vec2i, device="cpu")
+    starts = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))[:-1]]).astype(np.int32)
+    panorama.offsets = wp.array(starts, dtype=int, device="cpu")
+    panorama.levels = len(levels)
+    return panorama
+
+
+def _blurred(panorama: Panorama, threads: int) -> wp.array:
+    """Return the copies that `Light` describes."""
+    specular = wp.zeros((SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH), wp.vec3, device="cpu")
+    launch_parallel(_blur_kernel, specular.size, [panorama, specular], threads=threads)
+    return specular
+
+
 def prepare_light(
     environment: Environment, threads: int = 0, below: np.ndarray | None = None
 ) -> EnvironmentLight:
@@ -250,27 +294,17 @@ def prepare_light(
     levels = mip_chain(radiance * np.float32(exposure))
     small = next(level for level in levels if level.shape[1] <= 2 * SPECULAR_WIDTH)
 
-    panorama = Panorama()
-    panorama.texels = wp.array(
-        np.concatenate([level.reshape(-1, 3) for level in levels]), dtype=wp.vec3, device="cpu"
-    )
-    sizes = np.array([(level.shape[1], level.shape[0]) for level in levels], dtype=np.int32)
-    panorama.sizes = wp.array(sizes, dtype=wp.vec2i, device="cpu")
-    starts = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))[:-1]]).astype(np.int32)
-    panorama.offsets = wp.array(starts, dtype=int, device="cpu")
-    panorama.levels = len(levels)
-
-    specular = wp.zeros((SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH), wp.vec3, device="cpu")
-    launch_parallel(_blur_kernel, specular.size, [panorama, specular], threads=threads)
-
     light = Light()
-    light.panorama = panorama
+    light.panorama = _pyramid(levels)
+    light.specular = _blurred(light.panorama, threads)
     smooth, light.keys = take_out_spots(small)
+    light.rest = light.specular
+    if light.keys.count:
+        light.rest = _blurred(_pyramid(mip_chain(smooth)), threads)
     if below is not None:
         smooth[smooth.shape[0] // 2 :] = below * _light_from_above(smooth, light.keys)
     light.irradiance = wp.array(
         irradiance_coefficients(smooth).astype(np.float32), dtype=wp.vec3, device="cpu"
     )
-    light.specular = specular
     light.mirror_level = float(max(0.0, np.log2(width / MIRROR_WIDTH)))
     return EnvironmentLight(exposure, light)

@@ -4,17 +4,19 @@ The material model is glTF's metallic-roughness model: a Lambertian base under a
 reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
 Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, corrected
 for light that bounces between colored walls (Jimenez et al., "Practical Realtime Strategies for Accurate
-Indirect Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, and smooth metal reflects
-the object itself; see `digs_warp.sim.render.key_lights` and `mirrored_light`.
+Indirect Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, in which they have no
+highlights, and smooth metal reflects the object itself; see `digs_warp.sim.render.key_lights` and
+`mirrored_light`.
 """
 
+import numpy as np
 import warp as wp
 
-from digs_warp.sim.render.key_lights import key_light
+from digs_warp.sim.render.key_lights import RIM_POINTS, SPOT_RADIUS_DEGREES, key_light
 from digs_warp.sim.render.light_map import openness_on, plane_distance
-from digs_warp.sim.render.lighting import Light, diffuse_light, specular_light
+from digs_warp.sim.render.lighting import PI, TWO_PI, Light, diffuse_light, specular_light
 from digs_warp.sim.render.look import Look, look_at_hit
-from digs_warp.sim.render.shadows import seen_share, shadow_place
+from digs_warp.sim.render.shadows import Place, seen_share, shadow_place
 from digs_warp.sim.render.surface import MIN_COSINE, Surface
 from digs_warp.sim.render.surround import is_on_floor, panorama_direction
 from digs_warp.sim.render.view import FAR, View, surround_distance
@@ -27,6 +29,13 @@ MIRROR_METALLIC = wp.constant(0.5)
 
 # Spots that add less than this share of full white are not worth shadow rays.
 FAINT_KEY = wp.constant(0.005)
+
+# Largest angle between a point of a spot and the spot's direction [rad].
+SPOT_RADIUS = wp.constant(float(2.0 * np.radians(SPOT_RADIUS_DEGREES)))
+
+# Roughness of the lobes that weight the spots of a highlight.
+SHARPEST_LOBE = wp.constant(0.2)
+WIDEST_LOBE = wp.constant(0.98)
 
 
 @wp.func
@@ -99,8 +108,12 @@ def environment_light(
     origin: wp.vec3,
     direction: wp.vec3,
     roughness: float,
+    spots: float,
 ) -> wp.vec3:
-    """Light of the surround, or of a table top, at the point where a ray from the scene meets it."""
+    """Light of the surround, or of a table top, at the point where a ray from the scene meets it.
+
+    ``spots``: share of the bright spots that is seen.
+    """
     down = plane_distance(surface.table, origin, direction, surface.lift)
     if down >= 0.0:
         meets = origin + down * direction
@@ -109,8 +122,8 @@ def environment_light(
     if surface.floor.exists == 1 and is_on_floor(view.boundary, point):
         open_share = openness_on(surface.floor, point[0], point[1])
         place = panorama_direction(view.boundary, point)
-        return open_share * specular_light(light, place, roughness)
-    return specular_light(light, panorama_direction(view.boundary, point), roughness)
+        return open_share * specular_light(light, place, roughness, 1.0)
+    return specular_light(light, panorama_direction(view.boundary, point), roughness, spots)
 
 
 @wp.func
@@ -120,7 +133,7 @@ def shade_once(
     """Radiance toward the viewer without more rays: openness approximates visibility."""
     total = smooth_diffuse(light, look) + look.openness * key_diffuse(light, look)
     mirrored = mirrored_direction(look, direction)
-    around = environment_light(view, surface, light, point, mirrored, look.roughness)
+    around = environment_light(view, surface, light, point, mirrored, look.roughness, 1.0)
     return look.emission + total + look.openness * wp.cw_mul(coat(look, direction), around)
 
 
@@ -133,9 +146,13 @@ def mirrored_light(
     point: wp.vec3,
     mirrored: wp.vec3,
     cone_width: float,
+    spots: float,
 ) -> wp.vec3:
-    """Light around the reflected ray; smooth metal and table tops cast one ray and so reflect the object."""
-    around = environment_light(view, surface, light, point, mirrored, look.roughness)
+    """Light around the reflected ray; smooth metal and table tops cast one ray and so reflect the object.
+
+    ``spots``: share of the bright spots in the lobe that is seen.
+    """
+    around = environment_light(view, surface, light, point, mirrored, look.roughness, spots)
     # The part of the lobe that meets the object itself counts as black.
     blurred = look.openness * around
     reflects = look.metallic >= MIRROR_METALLIC or look.on_table == 1
@@ -153,17 +170,57 @@ def mirrored_light(
 
 
 @wp.func
-def shadowed_key_diffuse(
-    surface: Surface,
-    light: Light,
-    hit: wp.MeshQueryRay,
-    look: Look,
-    direction: wp.vec3,
-    width: float,
-) -> wp.vec3:
+def lobe_at(cosine: float, alpha2: float) -> float:
+    """GGX lobe around the reflected ray, at an angle from it, times that cosine (Karis 2013, n = v = r)."""
+    half2 = 0.5 + 0.5 * cosine
+    root = half2 * (alpha2 - 1.0) + 1.0
+    return wp.max(cosine, 0.0) * alpha2 / (root * root)
+
+
+@wp.func
+def lobe_area(alpha2: float) -> float:
+    """Integral of `lobe_at` over all directions; alpha2 below 1."""
+    half = 0.5 * (alpha2 - 1.0)
+    middle = 0.5 * (alpha2 + 1.0)
+    return TWO_PI * alpha2 * (wp.log(alpha2 / middle) + middle / alpha2 - 1.0) / (half * half)
+
+
+@wp.func
+def seen_highlights(
+    surface: Surface, light: Light, look: Look, place: Place, mirrored: wp.vec3, share: float
+) -> float:
+    """Share of the bright spots in the lobe around the reflected ray that the hit sees.
+
+    Spots that add less than a faint light to the ``share`` of the lobe that is reflected do not count.
+    """
+    keys = light.keys
+    width = wp.clamp(look.roughness, SHARPEST_LOBE, WIDEST_LOBE)
+    alpha2 = wp.pow(width, 4.0)
+    scale = PI * share / lobe_area(alpha2)
+    total = wp.float32(0.0)
+    seen = wp.float32(0.0)
+    for k in range(keys.count):
+        strength = scale * keys.strengths[k]
+        nearest = wp.min(wp.dot(mirrored, keys.vectors[k]) + SPOT_RADIUS, 1.0)
+        if strength * lobe_at(nearest, alpha2) > FAINT_KEY:
+            weight = wp.float32(0.0)
+            for p in range(RIM_POINTS):
+                weight += lobe_at(wp.dot(mirrored, keys.rims[k, p]), alpha2)
+            weight *= strength
+            total += weight
+            if wp.dot(look.normal, keys.vectors[k]) > 0.0:
+                open_share = look.spots_seen
+                if look.on_table == 0 or surface.table.is_soft == 0:
+                    open_share = seen_share(surface, keys, k, place)
+                seen += weight * open_share
+    return wp.where(total > 0.0, seen / wp.max(total, 1.0e-9), 1.0)
+
+
+@wp.func
+def shadowed_key_diffuse(surface: Surface, light: Light, look: Look, place: Place) -> wp.vec3:
     """Light of the bright spots that reaches the hit, reflected by the matte base.
 
-    Where a spot hardly matters, openness replaces its rays. ``width`` is that of a pixel at the hit [m].
+    Where a spot hardly matters, openness replaces its rays.
     """
     albedo = (1.0 - look.metallic) * look.color
     if look.on_table == 1 and surface.table.is_soft == 1:
@@ -171,10 +228,6 @@ def shadowed_key_diffuse(
     brightest = wp.max(albedo)
     total = wp.vec3(0.0)
     if light.keys.count > 0 and brightest > FAINT_KEY:
-        # Along the slope a pixel covers more of the surface.
-        cosine = wp.max(wp.abs(wp.dot(look.facet_normal, direction)), MIN_COSINE)
-        step = width / wp.sqrt(cosine)
-        place = shadow_place(surface, hit, look.facet_normal, look.side, step)
         for k in range(light.keys.count):
             incoming = wp.dot(look.normal, light.keys.vectors[k])
             if incoming > 0.0:
@@ -203,9 +256,16 @@ def shade(
     ``distance`` from the camera along the ray [m], ``reflected``: the `coat`; the matte base loses the share
     ``transmission`` of its light.
     """
-    keys = shadowed_key_diffuse(surface, light, hit, look, direction, distance * view.pixel_angle)
-    diffuse = smooth_diffuse(light, look) + keys
     mirrored = mirrored_direction(look, direction)
+    diffuse = smooth_diffuse(light, look)
+    spots = wp.float32(1.0)
+    if light.keys.count > 0:
+        # Along the slope a pixel covers more of the surface.
+        cosine = wp.max(wp.abs(wp.dot(look.facet_normal, direction)), MIN_COSINE)
+        across = distance * view.pixel_angle / wp.sqrt(cosine)
+        place = shadow_place(surface, hit, look.facet_normal, look.side, across)
+        diffuse += shadowed_key_diffuse(surface, light, look, place)
+        spots = seen_highlights(surface, light, look, place, mirrored, wp.max(reflected))
     width = distance * view.pixel_cone
-    around = mirrored_light(view, surface, light, look, point, mirrored, width)
+    around = mirrored_light(view, surface, light, look, point, mirrored, width, spots)
     return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)
