@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.capture_writer import FrameImages
 from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
@@ -102,6 +103,13 @@ class FrameMaker:
     def _shutter(self, number: int) -> Shutter:
         config, rig = self.session.config, self.session.rig
         return self.plan.shutter(rig, config.strength, self._adapted(number))
+
+    def exposure(self, number: int) -> Exposure:
+        """Return how the camera moves in a frame, and how long its shutter is open."""
+        motion = CameraMotion.of(*self.session.walk.motion(self.session.moment(number)))
+        if not self.session.config.plans_effects:
+            return Exposure(motion)
+        return Exposure(motion, self._shutter(number).exposure_time)
 
     def recorded_eye(self, number: int) -> ShutteredEye:
         """Return the camera that takes the images of a frame."""

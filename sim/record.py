@@ -186,7 +186,12 @@ def _record(
     for number, moment in enumerate(maker.session.moments):
         gain = maker.plan.color_gain(moment, config.strength)
         pose = maker.session.walk.pose(moment)
-        writer.add_pose(number, pose, moment, color_gain=gain, objects=views[number])
+        writer.add_pose(
+            *(number, pose, moment),
+            color_gain=gain,
+            objects=views[number],
+            exposure=maker.exposure(number),
+        )
 
 
 def _write_imu(session: Session, folder: Path) -> None:

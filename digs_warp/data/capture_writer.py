@@ -11,6 +11,7 @@ import numpy as np
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, DigsError, check_finite
 from digs_warp.data.about import About
+from digs_warp.data.camera_motion import UNKNOWN, Exposure
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
@@ -103,11 +104,12 @@ class CaptureWriter:
         intrinsics: Intrinsics | None = None,
         color_gain: tuple[float, float, float] | None = None,
         objects: Sequence[ObjectView] = (),
+        exposure: Exposure = UNKNOWN,
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose files have been written.
 
-        ``intrinsics`` is the frame's camera if it differs from the others'; ``color_gain`` and ``objects``
-        see `Frame`.
+        ``intrinsics`` is the frame's camera if it differs from the others'; ``color_gain``, ``objects`` and
+        ``exposure`` see `Frame`.
         """
         check_finite(f"frame {number}: world_from_cam", world_from_cam)
         paths = {layer.value: layer.pattern.format(number) for layer in Layer}
@@ -118,6 +120,7 @@ class CaptureWriter:
             **self._own_camera(intrinsics),
             **({} if color_gain is None else {"color_gain": list(color_gain)}),
             **({"objects": [each.as_json() for each in objects]} if objects else {}),
+            **exposure.as_json(),
         }
 
     def _own_camera(self, k: Intrinsics | None) -> dict[str, float]:
@@ -173,12 +176,13 @@ class MemoryWriter:
         time: float,
         color_gain: tuple[float, float, float] | None = None,
         objects: Sequence[ObjectView] = (),
+        exposure: Exposure = UNKNOWN,
     ) -> None:
         """Record the pose and time [s] of frame ``number``, whose images have been written."""
         camera = Camera(self.intrinsics, world_from_cam)
         layers = self._layers[number]
         self._frames[number] = Frame(
-            f"{number:04d}", camera, time, layers, color_gain, tuple(objects)
+            f"{number:04d}", camera, time, layers, color_gain, tuple(objects), exposure=exposure
         )
 
     def finish(self, about: About | None = None) -> Capture:

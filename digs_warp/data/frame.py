@@ -8,6 +8,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError
+from digs_warp.data.camera_motion import UNKNOWN, Exposure
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.label_loaders import LabelLoaders
@@ -28,7 +29,8 @@ class Frame(LabelLoaders):
     both are decoded by the same code. ``color_gain``: factors of automatic exposure and white balance on red,
     green and blue in linear light, against the common exposure of the recording; None: unknown. ``objects``:
     how each object of `About.objects` appears; empty if the recorder does not tell. ``instance``: number of
-    the one object that the mask shows; None: the mask shows everything that is wanted.
+    the one object that the mask shows; None: the mask shows everything that is wanted. ``exposure``: how long
+    the shutter was open, and how the camera moved meanwhile.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Frame(LabelLoaders):
     color_gain: tuple[float, float, float] | None = None
     objects: tuple[ObjectView, ...] = ()
     instance: int | None = None
+    exposure: Exposure = UNKNOWN
 
     def load_image(self) -> np.ndarray:
         """Return the left image, sRGB, shape (height, width, 3), uint8."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import CaptureError, DigsError
+from digs_warp.data.camera_motion import read_exposure
 from digs_warp.data.frame import Frame
 from digs_warp.data.index_rules import INDEX_NAME, require_metres, require_pinhole
 from digs_warp.data.layers import Layer
@@ -40,7 +41,9 @@ def read_frame(folder: Path, index: dict[str, Any], entry: Any, number: int) -> 
         raise CaptureError(f"{where}: {INDEX_NAME} has no '{Layer.IMAGE.value}'")
     time = own.number("time", default=float(number))
     objects = tuple(map(read_object_view, own.sections("objects", [])))
-    return Frame(files[Layer.IMAGE].stem, camera, time, files, _read_color_gain(own), objects)
+    gain, exposure = _read_color_gain(own), read_exposure(own)
+    name = files[Layer.IMAGE].stem
+    return Frame(name, camera, time, files, gain, objects, exposure=exposure)
 
 
 def _read_color_gain(own: Fields) -> tuple[float, float, float] | None:

@@ -45,6 +45,7 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
 from digs_warp.train.session import Trained, train_gaussians
+from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
 
 logger = logging.getLogger(__name__)
 
@@ -113,12 +114,13 @@ def _reconstruct(
     log.save(record)
     with log.saved(record):
         prepared = front_end(capture, config, folder, log, resume)
+    prepared, shutter = _with_shutter(capture, prepared, config)
     with log.stage("load views"):
-        test_views = load_test_views(prepared.frames.held_out)
+        test_views = load_test_views(prepared.frames.held_out, shutter)
     with log.saved(record):
         trained = _finished_training(folder, before) if before else None
         if trained is None:
-            trained = _train(prepared, test_views, config, folder, log, resume)
+            trained = _train(prepared, shutter, test_views, config, folder, log, resume)
         result = Reconstruction(
             gaussians=trained.gaussians,
             frames=prepared.frames,
@@ -132,6 +134,7 @@ def _reconstruct(
             capture=capture.stored_in,
             doubts=prepared.doubts,
             subject=prepared.subject,
+            shutter=shutter,
         )
         log.results = result.results.to_json()
     with log.stage("evaluate"):
@@ -143,8 +146,24 @@ def _reconstruct(
     return replace(result, run=log.record())
 
 
+def _with_shutter(
+    capture: Capture, prepared: Prepared, config: ReconstructConfig
+) -> tuple[Prepared, ShutterPlan]:
+    """Return the frames with what is known of their motion, and whether the training draws it."""
+    readout_time = config.sfm.readout_time
+    if readout_time is None:
+        readout_time = capture.readout_time
+    frames, training = prepared.frames, len(prepared.frames.training)
+    every = with_motions([*frames.training, *frames.held_out])
+    points, setting = prepared.start.points.points_world, config.train.rolling_shutter
+    plan = plan_shutter(every, points, readout_time, setting)
+    moving = replace(frames, training=tuple(every[:training]), held_out=tuple(every[training:]))
+    return replace(prepared, frames=moving), plan
+
+
 def _train(
     prepared: Prepared,
+    shutter: ShutterPlan,
     test_views: Sequence[TestView],
     config: ReconstructConfig,
     folder: Path,
@@ -157,7 +176,7 @@ def _train(
     start = (init.seed_opacity, init.seed_width, largest)
     seeds = seed_gaussians(points, config.train.sh_degree, *start)
     frames = prepared.frames.training
-    return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume)
+    return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume, shutter)
 
 
 def _finished_training(folder: Path, before: RunRecord) -> Trained | None:

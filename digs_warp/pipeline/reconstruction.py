@@ -38,6 +38,7 @@ from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.surface.rendered import SurfaceError
 from digs_warp.train.course import CourseRow, read_course, write_course
+from digs_warp.train.shutter import ShutterPlan
 from digs_warp.train.snapshots import load_snapshots
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ class Reconstruction:
         doubts: what does not fit together in the recording; empty for a good one.
         subject: what was reconstructed, the object in the masks or the whole scene.
         surface: how far the surface is from the true one; None where that is not known.
+        shutter: whether the training drew the rolling shutter, and why; None where it is not known.
     """
 
     gaussians: Gaussians
@@ -90,6 +92,7 @@ class Reconstruction:
     doubts: tuple[str, ...] = ()
     subject: Subject = "object"
     surface: SurfaceError | None = None
+    shutter: ShutterPlan | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -131,6 +134,7 @@ class Reconstruction:
             Results.of_start(self.capture, self.start, self.sfm, self.scale),
             doubts=self.doubts,
             subject=self.subject,
+            shutter=self.shutter,
             gaussians=len(self.gaussians),
             iterations=last.iteration if last else None,
             stopped_by=self.stopped_by,
@@ -268,6 +272,7 @@ class Reconstruction:
             doubts=results.doubts,
             subject=results.subject,
             surface=results.surface,
+            shutter=results.shutter,
         )
 
     @staticmethod

@@ -12,6 +12,7 @@ from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.surface.rendered import SurfaceError
+from digs_warp.train.shutter import ShutterPlan
 
 T = TypeVar("T")
 
@@ -28,6 +29,7 @@ class Results:
         scale: of the estimated poses, where there are such.
         sources: number of initial points by where they came from: "depth", "sfm", "random".
         depth: how many pixels of the depth maps were used, if the start is from depth.
+        shutter: whether the training draws the rolling shutter, and why.
         initial_points, gaussians: how many.
         iterations: training steps.
         stopped_by: what ended the training.
@@ -46,6 +48,7 @@ class Results:
     scale: ScaleEstimate | None = None
     sources: dict[str, int] | None = None
     depth: DepthReport | None = None
+    shutter: ShutterPlan | None = None
     initial_points: int | None = None
     gaussians: int | None = None
     iterations: int | None = None
@@ -86,6 +89,7 @@ class Results:
             "sfm": asdict(self.sfm) if self.sfm else None,
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
+            "rolling_shutter": asdict(self.shutter) if self.shutter else None,
             "initial_points": self.initial_points,
             "gaussians": self.gaussians,
             "iterations": self.iterations,
@@ -120,6 +124,7 @@ class Results:
             if "sources" in start
             else None,
             depth=_depth_report(start),
+            shutter=_shutter(found),
             initial_points=found.whole("initial_points", default=None),
             gaussians=found.whole("gaussians", default=None),
             iterations=found.whole("iterations", default=None),
@@ -142,6 +147,18 @@ def _dataclass(kind: type[T], found: Fields, name: str) -> T | None:
     hints = get_type_hints(kind)
     readers = {int: section.whole, float: section.number, str: section.text}
     return kind(**{field: readers[hint](field) for field, hint in hints.items()})
+
+
+def _shutter(found: Fields) -> ShutterPlan | None:
+    if "rolling_shutter" not in found:
+        return None
+    plan = found.section("rolling_shutter")
+    return ShutterPlan(
+        rolling=plan.flag("rolling"),
+        because=plan.text("because"),
+        readout_time=plan.number("readout_time", 0),
+        skew_px=plan.number("skew_px", 0, default=None),
+    )
 
 
 def _depth_report(start: Fields) -> DepthReport | None:

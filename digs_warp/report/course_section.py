@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 
 from digs_warp.pipeline.reconstruction import Reconstruction
-from digs_warp.report.markup import chart, section
+from digs_warp.report.markup import chart, section, table
 from digs_warp.report.plots import Line, line_chart
 from digs_warp.train.course import CourseRow
 
@@ -27,11 +27,22 @@ def course_section(result: Reconstruction) -> str:
     ]
     if not charts:
         return section("Course of the optimization", "The training log holds too few records.")
+    decisions = _decisions(result)
     return section(
         "Course of the optimization",
         "Held-out views are rendered at intervals during training to measure its progress.",
+        *([table(["Decision", "Because"], decisions)] if decisions else []),
         f"<div class=charts>{''.join(charts)}</div>",
     )
+
+
+def _decisions(result: Reconstruction) -> list[tuple[str, str]]:
+    """Return what the training decided by looking at the recording, and why."""
+    rows = []
+    if result.shutter is not None:
+        state = "is drawn" if result.shutter.rolling else "is not drawn"
+        rows.append((f"rolling shutter {state}", result.shutter.because))
+    return rows
 
 
 def _quality_chart(

@@ -48,8 +48,8 @@ class SfmConfig:
     """Also estimate the focal lengths, with those of the recording as initial values."""
 
     readout_time: float | None = None
-    """Rolling shutter: time from the first row to the last [s], which the pose estimation corrects for. 0:
-    all rows at once. Default: the value in the recording."""
+    """Rolling shutter: time from the first row to the last [s], which pose estimation and training correct
+    for. 0: all rows at once. Default: the value in the recording."""
 
     min_registered: float = 0.9
     """Fraction of the images that must be placed in one model; with fewer the run stops and says why. Lower

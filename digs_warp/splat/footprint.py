@@ -4,7 +4,7 @@ Legend (EWA splatting as in 3DGS): p = R_cw mu + t the center in the camera, X =
 tangents (clamped near the image border), V = R_cw R(q), S = diag(exp(log_scale)),
 
     m0[k] = fx/z (V[0,k] - X V[2,k]) S[k]      rows of the 2x3 matrix M = J V S
-    m1[k] = fy/z (V[1,k] - Y V[2,k]) S[k]
+    m1[k] = fy/z (V[1,k] - Y V[2,k]) S[k]      R_cw and t are those of the row that shows the center
     cov   = M M^T + dilation I = [[a, b], [b, c]],   conic (A, B, C) = (c, -b, a) / det
 """
 
@@ -15,6 +15,8 @@ from digs_warp.camera import Camera
 from digs_warp.geometry import PixelBox
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.elementary import exp_of, larger, smaller
+from digs_warp.splat.row_motion import STILL, RowMotion
+from digs_warp.splat.row_pose import RowPose, moment_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -30,9 +32,11 @@ class ViewParams:
     width: int
     height: int
     near: float
-    rotation: wp.mat33  # cam_from_world
+    rotation: wp.mat33  # cam_from_world; of the middle row, as all of these
     translation: wp.vec3
     center_world: wp.vec3
+    turn: wp.vec3  # of `digs_warp.splat.row_motion.RowMotion`
+    shift: wp.vec3
     # The tiles of the view, and those that are drawn: columns and rows first .. end - 1.
     columns: int
     rows: int
@@ -57,7 +61,11 @@ def near_plane(
 
 
 def view_params(
-    camera: Camera, near: float, options: RasterOptions, window: PixelBox | None = None
+    camera: Camera,
+    near: float,
+    options: RasterOptions,
+    window: PixelBox | None = None,
+    rows: RowMotion | None = None,
 ) -> np.ndarray:
     """Return a one-element structured array for `ViewParams`.
 
@@ -66,6 +74,7 @@ def view_params(
         near: Gaussians whose center is nearer than this [m] are not drawn.
         options: how splats are drawn.
         window: only tiles that touch these pixels are drawn; default: all.
+        rows: how the camera moves while the rows are read; default: not at all.
     """
     k = camera.intrinsics
     record = np.zeros(1, dtype=ViewParams.numpy_dtype())
@@ -75,6 +84,7 @@ def view_params(
     record["rotation"] = camera.cam_from_world[:3, :3]
     record["translation"] = camera.cam_from_world[:3, 3]
     record["center_world"] = camera.center_world
+    record["turn"], record["shift"] = (rows or STILL).turn, (rows or STILL).shift
     columns, rows = -(-k.width // TILE_SIZE), -(-k.height // TILE_SIZE)
     x0, y0, x1, y1 = (0, 0, k.width, k.height) if window is None else window
     record["columns"], record["rows"] = columns, rows
@@ -147,7 +157,10 @@ def clamped_tangent(
 class Footprint:
     """A Gaussian as the camera sees it, up to the 2x3 matrix M; see the legend of the module."""
 
-    point: wp.vec3  # p, the center in the camera
+    still: wp.vec3  # the center in the camera of the middle row
+    row: RowPose  # of the row that shows it
+    rotation: wp.mat33  # of that row's camera: cam_from_world
+    point: wp.vec3  # p, the center in that camera
     inverse_z: float
     tangent_x: float  # x/z and y/z ...
     tangent_y: float
@@ -162,10 +175,28 @@ class Footprint:
 
 
 @wp.func
+def row_pose(cam: ViewParams, still: wp.vec3) -> RowPose:
+    """The pose of the row in which the camera of the middle row sees a point."""
+    pose = RowPose()
+    found = moment_of((cam.fy * still[1] / still[2] + cam.cy) / float(cam.height))
+    pose.moment = found[0]
+    pose.varies = found[1]
+    pose.turn = cam.turn
+    pose.shift = cam.shift
+    half = 0.5 * pose.moment * cam.turn
+    pose.turned = rotation_of(wp.vec4(half[0], half[1], half[2], 1.0))
+    return pose
+
+
+@wp.func
 def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4) -> Footprint:
     """Linearize the projection at the center of a Gaussian that lies before the camera."""
     f = Footprint()
-    f.point = cam.rotation * mean + cam.translation
+    f.still = cam.rotation * mean + cam.translation
+    f.row = row_pose(cam, f.still)
+    unturned = wp.transpose(f.row.turned)
+    f.rotation = unturned * cam.rotation
+    f.point = unturned * (f.still - f.row.moment * f.row.shift)
     f.inverse_z = 1.0 / f.point[2]
     f.tangent_x = f.point[0] * f.inverse_z
     f.tangent_y = f.point[1] * f.inverse_z
@@ -174,7 +205,7 @@ def footprint_of(cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.ve
     f.limited_y = clamped_tangent(f.tangent_y, cam.fy, cam.cy, float(cam.height), share)
     f.zoom_x = cam.fx * f.inverse_z
     f.zoom_y = cam.fy * f.inverse_z
-    f.axes = cam.rotation * rotation_of(quat)
+    f.axes = f.rotation * rotation_of(quat)
     f.sizes = wp.vec3(exp_of(log_scale[0]), exp_of(log_scale[1]), exp_of(log_scale[2]))
     f.m0 = f.zoom_x * wp.cw_mul(f.axes[0] - f.limited_x * f.axes[2], f.sizes)
     f.m1 = f.zoom_y * wp.cw_mul(f.axes[1] - f.limited_y * f.axes[2], f.sizes)

@@ -3,7 +3,9 @@
 The camera moves in its own frame: ``world_from_cam' = world_from_cam exp(w, t)`` with a rotation vector
 w [rad] and a translation t [m] along the camera's axes. A point p in the camera then moves by p x w - t, and
 the axes V of a Gaussian turn with it: dL/dw = dL/dp x p - axial(dL/dV V^T), dL/dt = -dL/dp, where
-axial(K) = (K21 - K12, K02 - K20, K10 - K01). The color sees the camera's center alone.
+axial(K) = (K21 - K12, K02 - K20, K10 - K01). The color sees the camera's center alone. With a rolling shutter
+p and V are those of the row's camera, and `digs_warp.splat.shape_gradient.motion_gradient` brings dL/dw and
+dL/dt back to the camera of the middle row.
 """
 
 import warp as wp
@@ -62,20 +64,23 @@ def project_backward_kernel(
     conic = conic_of(splats.records, g)
     s = shape_gradient(cam, f, quat, gaussians.opacity_logits[g], conic, d, d_normal_axes)
     d_offset = color_gradient(cam, g, gaussians, degree, splats.records, d.color, adjoint.sh)
-    adjoint.means[g] = wp.transpose(cam.rotation) * s.point + d_offset
+    adjoint.means[g] = wp.transpose(cam.rotation) * s.motion.point + d_offset
     adjoint.log_scales[g] = s.log_scale
     adjoint.quats[g] = s.quat
     adjoint.opacity_logits[g] = s.opacity_logit
 
     if camera_shares.shape[0] > 0:
-        turn = s.axes * wp.transpose(f.axes)
-        axial = wp.vec3(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1])
-        d_turn = wp.cross(s.point, f.point) - axial
-        d_shift = -(s.point + cam.rotation * d_offset)
+        d_turn = s.motion.turn
+        d_shift = s.motion.shift - cam.rotation * d_offset
         d_fx = d.u * f.tangent_x + s.row_x / cam.fx
         d_fy = d.v * f.tangent_y + s.row_y / cam.fy
         d_cx = d.u
         d_cy = d.v
+        # The row that shows the center is fy y/z + cy, from the pose of the middle row.
+        d_row = s.motion.moment / float(cam.height)
+        if d_row != 0.0:
+            d_fy += d_row * f.still[1] / f.still[2]
+            d_cy += d_row
         # The limits of the tangents are (c - edge) / f.
         if f.limited_x != f.tangent_x:
             d_fx -= s.limited_x * f.limited_x / cam.fx

@@ -106,7 +106,7 @@ def project_backward_group_kernel(
         pulled.opacity = state[_D_OPACITY + i]
         pulled.depth = state[_D_DEPTH + i]
         s = shape_gradient(cam, f, q, opacity_logit, vec3_at(state, _CONIC + i), pulled, wp.mat33())
-        d_mean = wp.transpose(cam.rotation) * s.point
+        d_mean = wp.transpose(cam.rotation) * s.motion.point
         put_parameters(d_mean, s.log_scale, s.quat, s.opacity_logit, state, i)
         state[_RADIUS + i] = radius_of(f, cam.dilation)
     for out in range(size):

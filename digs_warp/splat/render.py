@@ -13,6 +13,7 @@ from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import WHITE, SplatRenderer
+from digs_warp.splat.row_motion import RowMotion
 
 __all__ = ["RenderOutput", "SplatRenderer", "near_plane", "render"]
 
@@ -117,6 +118,7 @@ def draw(
     camera: Camera,
     near: float | None,
     background: tuple[float, float, float] | np.ndarray,
+    rows: RowMotion | None = None,
 ) -> None:
     """Draw one view into a renderer of the camera's size; for the arguments see `render`."""
     if near is None:
@@ -128,7 +130,7 @@ def draw(
         k = camera.intrinsics
         check_shape("background", behind, (k.height, k.width, 3))
         behind = ImagePlanes.of(behind, renderer.device)
-    renderer.forward(camera, near=near, background=behind)
+    renderer.forward(camera, near=near, background=behind, rows=rows)
 
 
 def render(
@@ -140,6 +142,7 @@ def render(
     options: RasterOptions = DEFAULT_OPTIONS,
     device: str = "cpu",
     camera_gradient: bool = False,
+    rows: RowMotion | None = None,
 ) -> RenderOutput:
     """Render one view; allocates its buffers, so use `SplatRenderer` for many.
 
@@ -154,6 +157,7 @@ def render(
         options: how splats are drawn, and whether depth and normals are wanted.
         device: Warp device.
         camera_gradient: whether `RenderOutput.backward` also gives the gradient of the camera.
+        rows: how the camera moves while the rows are read (rolling shutter); default: it does not.
 
     Raises:
         DigsError: values that are not finite, or a background of another size.
@@ -165,7 +169,7 @@ def render(
         options=options,
         camera_gradient=camera_gradient,
     )
-    draw(renderer, camera, near, background)
+    draw(renderer, camera, near, background, rows)
     alpha = 1.0 - renderer.transmittance.to_numpy()[..., 0]
     depth = median = None
     if options.has_depth:

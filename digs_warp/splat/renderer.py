@@ -23,6 +23,7 @@ from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, view_params
 from digs_warp.splat.records import GradientLayout, PairGradients, Planes, Splats, TilePairs
+from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.statistics import SplatStatistics
 
 WHITE = (1.0, 1.0, 1.0)
@@ -128,6 +129,7 @@ class SplatRenderer:
         sh_degree: int | None = None,
         window: PixelBox | None = None,
         content: PixelBox | None = None,
+        rows: RowMotion | None = None,
     ) -> None:
         """Render one view into ``image``, ``transmittance`` and what else the options ask for.
 
@@ -142,6 +144,8 @@ class SplatRenderer:
                 more than `FILLED_AROUND` tiles (`digs_warp.splat.background`) outside of the box of these
                 and of all splats keep what they held: most of the image, when a single object is trained.
                 Default: the whole image.
+            rows: how the camera moves while the rows are read; ``camera`` is then that of the middle row.
+                Default: it does not.
 
         Raises:
             ValueError: the camera's or the background's image does not fit the renderer.
@@ -156,7 +160,7 @@ class SplatRenderer:
             )
         if (k.width, k.height) != (self.image.width, self.image.height):
             self._resize(k.width, k.height)
-        self._views.assign(view_params(camera, near, self.options, window))
+        self._views.assign(view_params(camera, near, self.options, window, rows))
         behind = background if isinstance(background, ImagePlanes) else None
         color = np.zeros(3) if isinstance(background, ImagePlanes) else background
         color = np.asarray(color, dtype=np.float32)

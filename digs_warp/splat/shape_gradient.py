@@ -20,6 +20,7 @@ from digs_warp.splat.records import (
     PairGradients,
     StatisticsArrays,
 )
+from digs_warp.splat.row_pose import moment_gradient
 from digs_warp.splat.shade import sh_adjoint
 
 wp.set_module_options({"enable_backward": False})
@@ -86,14 +87,47 @@ def radius_of(f: Footprint, dilation: float) -> float:
 
 
 @wp.struct
+class MotionGradient:
+    """dL / d(place of a Gaussian), and how the camera's gradient depends on it; see `row_motion`."""
+
+    point: wp.vec3  # the center in the camera of the middle row ...
+    turn: wp.vec3  # ... and a motion of that camera in its own axes
+    shift: wp.vec3
+    moment: float  # when the row is read that shows the center
+
+
+@wp.func
+def motion_gradient(
+    cam: ViewParams, f: Footprint, d_point: wp.vec3, d_axes: wp.mat33
+) -> MotionGradient:
+    """Pull back what the row's camera sees: its point p, and the axes V."""
+    of_axes = d_axes * wp.transpose(f.axes)
+    axial = wp.vec3(
+        of_axes[2, 1] - of_axes[1, 2], of_axes[0, 2] - of_axes[2, 0], of_axes[1, 0] - of_axes[0, 1]
+    )
+    d_turn = wp.cross(d_point, f.point) - axial
+    out = MotionGradient()
+    out.moment = moment_gradient(f.row, d_turn, -d_point)
+    # The row that shows the center depends on where the camera of the middle row sees it.
+    d_tangent = wp.where(f.row.varies != 0.0, out.moment * cam.fy / float(cam.height), 0.0)
+    inverse_z = wp.where(f.row.varies != 0.0, 1.0 / f.still[2], 0.0)
+    by_row = d_tangent * inverse_z * wp.vec3(0.0, 1.0, -f.still[1] * inverse_z)
+    turned = f.row.turned * d_point
+    out.point = turned + by_row
+    out.shift = -out.point
+    moved = f.row.moment * f.row.shift
+    out.turn = f.row.turned * d_turn + wp.cross(turned, moved) + wp.cross(by_row, f.still)
+    return out
+
+
+@wp.struct
 class ShapeGradient:
     """dL / d(Gaussian) but for what its color contributes, and what the camera's gradient is made of."""
 
-    point: wp.vec3  # the center in the camera
+    motion: MotionGradient
     log_scale: wp.vec3
     quat: wp.vec4
     opacity_logit: float
-    axes: wp.mat33  # V
     row_x: float  # dL/dm0 . m0 and dL/dm1 . m1
     row_y: float
     limited_x: float  # X and Y
@@ -153,8 +187,8 @@ def shape_gradient(
     dv0 = f.zoom_x * wp.cw_mul(dm0, f.sizes)
     dv1 = f.zoom_y * wp.cw_mul(dm1, f.sizes)
     dv2 = -f.limited_x * dv0 - f.limited_y * dv1
-    out.axes = wp.matrix_from_rows(dv0, dv1, dv2) + d_normal_axes
-    out.quat = rotation_adjoint(quat, wp.transpose(cam.rotation) * out.axes)
+    d_axes = wp.matrix_from_rows(dv0, dv1, dv2) + d_normal_axes
+    out.quat = rotation_adjoint(quat, wp.transpose(f.rotation) * d_axes)
 
     # center: through the pixel position, the factor 1/z of M, and the tangents where not clamped
     out.limited_x = -wp.dot(dv0, f.axes[2])
@@ -166,7 +200,7 @@ def shape_gradient(
     shrink = f.inverse_z * (out.log_scale[0] + out.log_scale[1] + out.log_scale[2])
     # x/z and y/z depend on z as on x and y, times minus the tangent.
     dz = d.depth - (dx * f.tangent_x + dy * f.tangent_y) - shrink
-    out.point = wp.vec3(dx, dy, dz)
+    out.motion = motion_gradient(cam, f, wp.vec3(dx, dy, dz), d_axes)
     out.row_x = wp.dot(dm0, f.m0)
     out.row_y = wp.dot(dm1, f.m1)
     return out

@@ -156,6 +156,11 @@ class TrainConfig:
     """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians are
     those of all photographs; off: taken as equal in all of them."""
 
+    rolling_shutter: Literal["auto", "on", "off"] = "auto"
+    """Draw every Gaussian from the pose at which its row was read. Needs the read-out time and the motion of
+    the camera, which a recording tells, or --readout-time and frames at most 0.15 s apart. auto: where the
+    image of the object moves by 0.1 px or more while the rows are read."""
+
     half_size_until: float | None = None
     """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
     steps, with --density fixed and Gaussians wide enough for such images; else 0."""

@@ -18,7 +18,9 @@ from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.exposure import INSIDE
+from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.silhouette import without_surround
 
 # The paper's mask threshold tau (section 4.1): a pixel above it belongs to the object.
@@ -30,6 +32,7 @@ class TestView:
     """A held-out photograph, composited over white (values in 0..1), its mask (0..1) and object pixels.
 
     ``unknown``: pixels at which something may hide the object, (height, width), bool; None: nothing does.
+    ``rows``: how its camera moves while the rows are read; None: not at all.
     """
 
     name: str
@@ -38,6 +41,7 @@ class TestView:
     share: np.ndarray
     object_pixels: np.ndarray
     unknown: np.ndarray | None = None
+    rows: RowMotion | None = None
 
     def target_for(self, image: np.ndarray) -> np.ndarray:
         """Return the target of a rendered image: the image itself where the photograph tells nothing."""
@@ -51,7 +55,7 @@ class TestView:
         return None if self.unknown is None else ~self.unknown
 
 
-def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
+def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) -> list[TestView]:
     """Read the held-out photographs; without a mask, every pixel of a frame belongs to the object.
 
     The white replaces the room at the rim of the object, too, see `digs_warp.train.silhouette`.
@@ -68,7 +72,7 @@ def load_test_views(frames: Sequence[Frame]) -> list[TestView]:
         views.append(
             TestView(
                 *(frame.name, frame.camera, target, share[..., 0], mask > MASK_THRESHOLD),
-                frame.load_unknown(),
+                *(frame.load_unknown(), shutter.rows_of(frame)),
             )
         )
     return views
@@ -83,7 +87,7 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
         k = view.camera.intrinsics
         if renderer is None or (renderer.image.width, renderer.image.height) != (k.width, k.height):
             renderer = SplatRenderer(gaussians, k.width, k.height)
-        renderer.forward(view.camera, near=near_plane(view.camera, center))
+        renderer.forward(view.camera, near=near_plane(view.camera, center), rows=view.rows)
         images.append(np.clip(renderer.image.to_numpy(), 0.0, 1.0))
     return images
 

@@ -18,6 +18,7 @@ from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import CourseRow
 from digs_warp.train.evaluate import TestView
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
+from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 
@@ -56,6 +57,7 @@ def train_gaussians(
     folder: Path,
     log: RunLog,
     resume: bool = False,
+    shutter: ShutterPlan = NO_SHUTTER,
 ) -> Trained:
     """Train ``seeds`` on ``frames``; also save the Gaussians and the training progress to ``folder``.
 
@@ -67,6 +69,7 @@ def train_gaussians(
         folder: where gaussians.npz, training.jsonl and checkpoint.npz go; must exist.
         log: receives the times of the stages.
         resume: continue from the folder's checkpoint if it has one, bit for bit.
+        shutter: how the cameras move while their rows are read.
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
@@ -76,7 +79,7 @@ def train_gaussians(
     checkpoint = folder / CHECKPOINT
     with log.stage("load views"):
         first_step = checkpoint_step(checkpoint) if resume else 0
-        views = open_views(frames, config, first_step)
+        views = open_views(frames, config, first_step, shutter)
         measured_views = load_measured_views(frames)
     try:
         with log.stage("prepare kernels"):

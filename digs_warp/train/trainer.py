@@ -83,6 +83,7 @@ class Trainer:
             background=background,
             sh_degree=self._sh_degree(),
             content=view.box,
+            rows=view.rows,
         )
         self.objective.compare(view, background, self._gain(view))
         self.objective.pull_back()

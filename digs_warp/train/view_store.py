@@ -18,6 +18,7 @@ from digs_warp.record.progress import progress
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.draws import VIEW_ORDER
 from digs_warp.train.half_size import may_halve
+from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.views import View, load_view
 
 _MEGABYTE = 2**20
@@ -26,24 +27,34 @@ _MEGABYTE = 2**20
 MIN_HELD = 3
 
 
-def open_views(frames: Sequence[Frame], config: TrainConfig, first_step: int = 0) -> "ViewStore":
+def open_views(
+    frames: Sequence[Frame],
+    config: TrainConfig,
+    first_step: int = 0,
+    shutter: ShutterPlan = NO_SHUTTER,
+) -> "ViewStore":
     """Open the views of a run in the form that its settings require.
 
     Args:
         frames: the training frames; may differ in size.
         config: seed, device, memory, and which layers of a frame are needed.
         first_step: the step that the run starts at.
+        shutter: how the cameras move while their rows are read.
 
     Raises:
         DigsError: there is no frame, or one of the first cannot be read.
     """
-    load = partial(
-        load_view,
-        device=config.device,
-        with_depth=config.depth_weight > 0,
-        with_half=may_halve(config),
-        on_background=config.mask_role == "object",
-    )
+
+    def load(frame: Frame) -> View:
+        return load_view(
+            frame,
+            config.device,
+            with_depth=config.depth_weight > 0,
+            with_half=may_halve(config),
+            on_background=config.mask_role == "object",
+            rows=shutter.rows_of(frame),
+        )
+
     order = partial(view_index, config.seed, len(frames))
     return ViewStore(frames, order, load, config.image_memory, first_step)
 

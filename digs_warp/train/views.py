@@ -14,6 +14,7 @@ from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
+from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.exposure import ColorSamples
 from digs_warp.train.silhouette import without_surround
 
@@ -32,6 +33,7 @@ class View:
         depth: what the depth camera measured inside ``box``; None if not requested.
         half: the same view at half the size; None if not requested.
         unknown: pixels at which something may hide the object; None: there are none.
+        rows: how the camera moves while its rows are read; None: not at all.
     """
 
     name: str
@@ -43,6 +45,7 @@ class View:
     depth: DepthTarget | None = None
     half: "View | None" = None
     unknown: UnknownPixels | None = None
+    rows: RowMotion | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -68,6 +71,7 @@ def load_view(
     with_depth: bool = False,
     with_half: bool = False,
     on_background: bool = True,
+    rows: RowMotion | None = None,
 ) -> View:
     """Read one frame; without a mask, every pixel belongs to the object.
 
@@ -78,6 +82,7 @@ def load_view(
         with_half: also prepare the view at half the size.
         on_background: the object will be shown over other backgrounds, so its rim gets the object's color
             alone, see `digs_warp.train.silhouette`.
+        rows: how the camera moves while its rows are read.
 
     Raises:
         CaptureError: a file is missing, broken, or its size differs from the index.
@@ -88,6 +93,7 @@ def load_view(
     unknown = frame.load_unknown()
     photo = without_surround(image, mask) if on_background else image
     view = packed_view(frame.name, frame.camera, photo, mask, device, unknown)
+    view = replace(view, rows=rows)
     if with_depth:
         confidence = frame.load_confidence() if frame.has(Layer.CONFIDENCE) else None
         depth = frame.load_depth()
@@ -100,7 +106,7 @@ def load_view(
             smaller = half_size(photo, mask)
             small_unknown = None if unknown is None else any_of_four(unknown)
             half = packed_view(frame.name, camera, *smaller, device, small_unknown)
-            view = replace(view, half=half)
+            view = replace(view, half=replace(half, rows=rows))
     return view
 
 

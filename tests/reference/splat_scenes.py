@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import look_at
+from digs_warp.splat.row_motion import STILL, RowMotion
 
 BACKGROUND = np.array([0.2, 0.5, 0.9])
 NEAR = 0.05
@@ -17,6 +18,7 @@ class SplatScene:
     gaussians: Gaussians
     camera: Camera
     near: float = NEAR
+    rows: RowMotion = STILL
 
 
 def camera(width: int = 41, height: int = 37, **intrinsics: float) -> Camera:
@@ -39,6 +41,13 @@ def random_gaussians(count: int, seed: int, degree: int = 1) -> Gaussians:
 
 def random_scene(seed: int, count: int = 16) -> SplatScene:
     return SplatScene(random_gaussians(count, seed, degree=seed % 4), camera())
+
+
+def rolling_scene(seed: int) -> SplatScene:
+    """A camera that turns by a fifth of a radian and moves by centimetres while its rows are read."""
+    rng = np.random.default_rng([seed, 1])
+    rows = RowMotion(rng.normal(size=3) * 0.12, rng.normal(size=3) * 0.05)
+    return replace(random_scene(seed), rows=rows)
 
 
 def hard_cases() -> dict[str, SplatScene]:

@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Camera, pixel_centers
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.geometry import matrix_from_quat_xyzw, transform_points
+from digs_warp.geometry import matrix_from_quat_xyzw
 from digs_warp.sh import sh_basis
 from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.row_motion import STILL, RowMotion
 
 FEATURES = 7  # red, green, blue, depth, normal
 
@@ -46,6 +47,8 @@ class Decisions:
     tangent_clamped: np.ndarray  # (x, y)
     color_clamped: np.ndarray  # (r, g, b)
     compensation_clamped: bool | np.ndarray
+    row_clamped: bool | np.ndarray  # the center lies above or below the image ...
+    row_edge: float | np.ndarray  # ... -1/2 or 1/2
     normal_axis: int
     normal_sign: float
     drawn: np.ndarray  # pixels it contributes to
@@ -130,19 +133,39 @@ class TwinView:
     world_from_cam: np.ndarray  # (..., 4, 4)
     width: int
     height: int
+    rows: RowMotion = STILL
 
     @staticmethod
-    def of(camera: Camera, changes: np.ndarray | None = None) -> "TwinView":
+    def of(
+        camera: Camera, rows: RowMotion = STILL, changes: np.ndarray | None = None
+    ) -> "TwinView":
         """The camera after motions in its own frame and changes of intrinsics, shape (..., 10)."""
         i = camera.intrinsics
         k = np.array([i.fx, i.fy, i.cx, i.cy])
         if changes is None:
-            return TwinView(k, camera.world_from_cam, i.width, i.height)
+            return TwinView(k, camera.world_from_cam, i.width, i.height, rows)
         motions = np.zeros((len(changes), 4, 4))
         motions[:, :3, :3] = Rotation.from_rotvec(changes[:, :3]).as_matrix()
         motions[:, :3, 3] = changes[:, 3:6]
         motions[:, 3, 3] = 1
-        return TwinView(k + changes[:, 6:], camera.world_from_cam @ motions, i.width, i.height)
+        world_from_cam = camera.world_from_cam @ motions
+        return TwinView(k + changes[:, 6:], world_from_cam, i.width, i.height, rows)
+
+    def at(self, moment: np.ndarray) -> np.ndarray:
+        """The poses that rows are read from at these moments, shape (..., 4, 4)."""
+        x, y, z = self.rows.turn
+        half = 0.5 * moment[..., None, None] * np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        motion = np.zeros((*moment.shape, 4, 4))
+        # Cayley's rotation, whose angle is 2 atan(|turn| / 2).
+        motion[..., :3, :3] = (np.eye(3) + half) @ np.linalg.inv(np.eye(3) - half)
+        motion[..., :3, 3] = moment[..., None] * self.rows.shift
+        motion[..., 3, 3] = 1
+        return self.world_from_cam @ motion
+
+
+def _seen_from(world_from_cam: np.ndarray, points: np.ndarray) -> np.ndarray:
+    rotation_cw = np.swapaxes(world_from_cam[..., :3, :3], -1, -2)
+    return np.einsum("...ij,...j->...i", rotation_cw, points - world_from_cam[..., :3, 3])
 
 
 def cut_share(raw: np.ndarray, min_alpha: float, cut_width: float) -> np.ndarray:
@@ -167,9 +190,14 @@ def layer_of(
     it [px].
     """
     fx, fy, cx, cy = np.moveaxis(view.k, -1, 0)
-    rotation_cw = np.swapaxes(view.world_from_cam[..., :3, :3], -1, -2)
+    _, y, z = np.moveaxis(_seen_from(view.world_from_cam, p.means), -1, 0)
+    moment = (fy * y / z + cy) / view.height - 0.5
+    off = np.abs(moment) >= 0.5 if frozen is None else frozen.row_clamped
+    edge = np.copysign(0.5, moment) if frozen is None else frozen.row_edge
+    row_pose = view.at(np.where(off, edge, moment))
+    rotation_cw = np.swapaxes(row_pose[..., :3, :3], -1, -2)
     camera_center = view.world_from_cam[..., :3, 3]
-    point = np.einsum("...ij,...j->...i", rotation_cw, p.means - camera_center)
+    point = _seen_from(row_pose, p.means)
     x, y, z = np.moveaxis(point, -1, 0)
     half = options.jacobian_margin * 0.5
     low = np.stack([-(cx + half * view.width) / fx, -(cy + half * view.height) / fy], axis=-1)
@@ -220,7 +248,8 @@ def layer_of(
     if frozen is None:
         sign = -1.0 if axes[:, axis] @ point > 0 else 1.0
         nothing = np.zeros(raw.shape, dtype=bool)
-        frozen = Decisions(clamped, dark, compensation_clamped, axis, sign, nothing, nothing)
+        clamps = (clamped, dark, compensation_clamped, off, edge)
+        frozen = Decisions(*clamps, axis, sign, nothing, nothing)
     parts = np.broadcast_arrays(
         *np.moveaxis(np.where(dark, 0.0, rgb), -1, 0),
         z,
@@ -237,25 +266,27 @@ def render_twin(
     background: np.ndarray,
     options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
     cut_width: float = 0.0,
+    rows: RowMotion = STILL,
 ) -> TwinImage:
     """Composite all splats; ``background`` is a color, (3,), or an image, (height, width, 3)."""
     k = camera.intrinsics
     shape = (k.height, k.width)
-    depths = transform_points(camera.cam_from_world, p.means)[:, 2]
+    view = TwinView.of(camera, rows)
+    every = [layer_of(p.splat(i), view, options, cut_width=cut_width) for i in range(len(p.means))]
+    depths = np.array([layer.features[3] for layer in every])
     opacities = 1 / (1 + np.exp(-p.opacity_logits))
     visible = [
         i for i in range(len(depths)) if depths[i] > near and opacities[i] > options.min_alpha
     ]
     order = sorted(visible, key=lambda i: (np.float32(depths[i]), i))
     layers: dict[int, Layer] = {}
-    view = TwinView.of(camera)
     sums = np.zeros((*shape, FEATURES))
     transmittance = np.ones(shape)
     median = np.zeros(shape)
     alive = np.ones(shape, dtype=bool)
     ambiguous = np.zeros(shape, dtype=bool)
     for i in order:
-        layer = layer_of(p.splat(i), view, options, cut_width=cut_width)
+        layer = every[i]
         raw = layer.raw
         capped = raw > options.max_alpha
         alpha = np.where(capped, options.max_alpha, raw) * layer.share
@@ -291,6 +322,7 @@ def twin_gradients(
     background: np.ndarray,
     adjoints: Adjoints,
     options: RasterOptions = RasterOptions(),  # noqa: B008 (frozen)
+    rows: RowMotion = STILL,
 ) -> TwinGradients:
     """Central differences of the loss with the decisions of ``twin`` frozen.
 
@@ -298,7 +330,7 @@ def twin_gradients(
     """
     gradients = Parameters(*(np.zeros_like(getattr(p, f.name)) for f in fields(Parameters)))
     centers, absolute = np.zeros((len(p.means), 2)), np.zeros((len(p.means), 2))
-    view, shape = TwinView.of(camera), twin.transmittance.shape
+    view, shape = TwinView.of(camera, rows), twin.transmittance.shape
     cut = twin.cut_width
     behind = {len(twin.order): (np.zeros((*shape, FEATURES)), np.ones(shape))}
     for position in range(len(twin.order) - 1, -1, -1):
@@ -331,7 +363,7 @@ def twin_gradients(
         through = through * (1 - alpha)
 
     size = np.array([1e-6] * 6 + [1e-5] * 4)
-    moved = TwinView.of(camera, _steps(size))
+    moved = TwinView.of(camera, rows, _steps(size))
     features, left = np.zeros((20, *shape, FEATURES)), np.ones((20, *shape))
     for i in reversed(twin.order):
         layer = layer_of(p.splat(i), moved, options, twin.layers[i].decisions, None, cut)

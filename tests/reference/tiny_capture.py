@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
+from digs_warp.data.about import About
+from digs_warp.data.camera_motion import UNKNOWN, CameraMotion, Exposure
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.gaussians import Gaussians
@@ -12,6 +14,7 @@ from digs_warp.data.images import to_uint8
 from digs_warp.geometry import look_at
 from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.render import render
+from digs_warp.splat.row_motion import RowMotion
 
 WIDTH, HEIGHT = 72, 54
 RADIUS = 0.2  # [m]
@@ -32,22 +35,47 @@ def ball(count: int = 1500) -> Gaussians:
     )
 
 
-def write_tiny_capture(folder: Path, frames: int = 16) -> Capture:
-    """Write ``frames`` views of the ball from a ring of cameras; depth is that of the sphere."""
+# A shaking camera with a slow read-out: the image moves by 3 px meanwhile.
+SHAKE = CameraMotion(velocity=(0.2, 0.1, 0.0), angular_velocity=(1.0, -0.8, 1.5))
+READOUT_TIME = 0.04  # [s]
+
+
+def write_tiny_capture(folder: Path, frames: int = 16, rolling: bool = False) -> Capture:
+    """Write ``frames`` views of the ball from a ring of cameras; depth is that of the sphere.
+
+    ``rolling``: every row of the photographs and masks is drawn from its own pose.
+    """
     intrinsics = Intrinsics.from_fov(WIDTH, HEIGHT, 40.0)
     writer = CaptureWriter(folder, intrinsics)
     for number in range(frames):
         angle = 2 * np.pi * number / frames
         eye = 0.9 * np.array([np.cos(angle), np.sin(angle), 0.3 + 0.3 * (number % 3)])
         camera = Camera(intrinsics, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
-        view = render(ball(), camera, background=(0.0, 0.0, 0.0))
+        image, alpha = rolling_view(camera) if rolling else global_view(camera)
         # The mask is straight alpha: the photograph shows the object before black.
-        share = np.maximum(view.alpha, 1e-3)[..., None]
-        image = to_uint8(view.image / share)
-        images = FrameImages(image, sphere_depth(camera), to_uint8(view.alpha))
-        writer.write_frame(number, images)
-        writer.add_pose(number, camera.world_from_cam, 0.1 * number)
-    return writer.finish()
+        image = to_uint8(image / np.maximum(alpha, 1e-3)[..., None])
+        writer.write_frame(number, FrameImages(image, sphere_depth(camera), to_uint8(alpha)))
+        exposure = Exposure(SHAKE, 0.0) if rolling else UNKNOWN
+        writer.add_pose(number, camera.world_from_cam, 0.1 * number, exposure=exposure)
+    return writer.finish(About(readout_time=READOUT_TIME) if rolling else None)
+
+
+def global_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Image and alpha of the ball before black."""
+    view = render(ball(), camera, background=(0.0, 0.0, 0.0))
+    return view.image, view.alpha
+
+
+def rolling_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The same, each band of three rows from the pose at its moment."""
+    turn, shift = np.array(SHAKE.angular_velocity), np.array(SHAKE.velocity)
+    rows = RowMotion(READOUT_TIME * turn, READOUT_TIME * shift)
+    image, alpha = np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH))
+    for top in range(0, HEIGHT, 3):
+        band = slice(top, top + 3)
+        there = global_view(rows.at(camera, (top + 1.5) / HEIGHT - 0.5))
+        image[band], alpha[band] = there[0][band], there[1][band]
+    return image, alpha
 
 
 def sphere_depth(camera: Camera) -> np.ndarray:

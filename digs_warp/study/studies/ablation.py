@@ -1,5 +1,7 @@
 """The value of each component of the initialization, which the paper leaves to future work (its section 5).
 
+One of the training is among them: whether it draws the shutter.
+
 Each case changes one thing in the paper's Highdepth: it removes a component, or adds one of ours. Poses are
 estimated, as in the paper. Spoilt masks imitate a segmentation that fails now and then; true masks show what
 the other filters contribute.
@@ -65,6 +67,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "init.voxel_size": None,
         "init.target_points": FEW_POINTS,
     },
+    "rolling shutter ignored": {"train.rolling_shutter": "off"},
 }
 
 

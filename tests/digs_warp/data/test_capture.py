@@ -1,6 +1,7 @@
 """The capture folder: round trips, and folders made by others."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import pytest
 
 from digs_warp.checks import CaptureError
 from digs_warp.data.about import About
+from digs_warp.data.camera_motion import UNKNOWN, CameraMotion, Exposure
 from digs_warp.data.capture import read_capture
-from digs_warp.data.capture_writer import CaptureWriter
+from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.data.images import read_image, write_image
 from digs_warp.data.layers import BASIC_LAYERS, Layer
 from digs_warp.data.placed_object import PlacedObject, matrix_rows
@@ -270,4 +272,39 @@ def test_a_broken_infrared_pair_is_named(tmp_path: Path, pair: object, message: 
     index["digs_warp"]["rig"]["infrared"] = pair
     (tmp_path / "transforms.json").write_text(json.dumps(index))
     with pytest.raises(CaptureError, match=message):
+        read_capture(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "exposure",
+    [
+        UNKNOWN,
+        Exposure(exposure_time=0.0),
+        Exposure(CameraMotion((0.1, -0.2, 0.3), (1.0, 0.0, -2.5)), 0.01),
+    ],
+)
+def test_motion_and_exposure_of_a_frame_come_back(tmp_path: Path, exposure: Exposure) -> None:
+    on_disk, in_memory = CaptureWriter(tmp_path, INTRINSICS), MemoryWriter(INTRINSICS)
+    for writer in (on_disk, in_memory):
+        writer.write_frame(0, frame_images(0))
+        writer.add_pose(0, view(0), time=0.0, exposure=exposure)
+        assert writer.finish().frames[0].exposure == exposure
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("exposure_time", -0.1, "exposure_time is -0.1, expected seconds, 0 or more"),
+        ("camera_motion", {"velocity": [0, 0, 0]}, "angular_velocity"),
+        ("camera_motion", {"velocity": [0, 0], "angular_velocity": [0, 0, 0]}, "velocity"),
+        ("camera_motion", "fast", "camera_motion"),
+    ],
+)
+def test_a_broken_motion_is_named(tmp_path: Path, key: str, value: object, message: str) -> None:
+    write_capture(tmp_path, 1)
+    path = tmp_path / "transforms.json"
+    index = json.loads(path.read_text())
+    index["frames"][0][key] = value
+    path.write_text(json.dumps(index))
+    with pytest.raises(CaptureError, match=rf"frame 0.*{re.escape(message)}"):
         read_capture(tmp_path)

@@ -16,6 +16,7 @@ from digs_warp.splat.backend import VectorizedBackend
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
+from digs_warp.splat.row_motion import STILL, RowMotion
 from reference.smooth_cut import CUT_WIDTH, SMOOTH_CUT
 from reference.splat_scenes import BACKGROUND, NEAR, camera, random_gaussians
 from reference.splat_twin import Adjoints, Parameters, render_twin, twin_gradients
@@ -32,17 +33,19 @@ def gradients_of(
     """Kernel and twin gradient of every class of parameters for one scene."""
     gaussians = random_gaussians(4, seed, degree=seed % 4)
     p, options = Parameters.of(gaussians), renderer.options
-    twin = render_twin(p, VIEW, NEAR, BACKGROUND, options, cut_width)
     rng = np.random.default_rng(seed)
+    # Every fourth camera moves while its rows are read.
+    rows = RowMotion(*rng.normal(size=(2, 3)) * 0.05) if seed % 8 in (1, 6) else STILL
+    twin = render_twin(p, VIEW, NEAR, BACKGROUND, options, cut_width, rows)
     clear = ~twin.ambiguous
     image, normals = rng.normal(size=(2, 10, 12, 3)) * clear[..., None]
     transmittance, depth = rng.normal(size=(2, 10, 12)) * clear
     # The expected depth divides by the coverage, which a smooth cut lets vanish: too little for float32.
     depth *= 1 - twin.transmittance >= options.min_alpha
     adjoints = Adjoints(image, transmittance, depth, normals)
-    wanted = twin_gradients(p, VIEW, twin, BACKGROUND, adjoints, options)
+    wanted = twin_gradients(p, VIEW, twin, BACKGROUND, adjoints, options, rows)
     renderer.set_gaussians(DeviceGaussians.from_numpy(gaussians))
-    renderer.forward(VIEW, near=NEAR, background=BACKGROUND)
+    renderer.forward(VIEW, near=NEAR, background=BACKGROUND, rows=rows)
     renderer.adj_image.assign(adjoints.image)
     renderer.adj_transmittance.assign(adjoints.transmittance)
     renderer.adj_depth.assign(adjoints.depth)

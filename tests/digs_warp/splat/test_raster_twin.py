@@ -13,7 +13,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.splat.statistics import SplatStatistics
 from reference.plain_raster import ALL_BACKENDS, backend_name
-from reference.splat_scenes import BACKGROUND, SplatScene, hard_cases, random_scene
+from reference.splat_scenes import BACKGROUND, SplatScene, hard_cases, random_scene, rolling_scene
 from reference.splat_twin import (
     Adjoints,
     Parameters,
@@ -42,6 +42,7 @@ STIFF = (
 
 HARD = hard_cases()
 RANDOM = [random_scene(seed) for seed in range(4)]
+ROLLING = [rolling_scene(seed) for seed in (1, 2)]
 COLOR = RasterOptions()
 ALL = RasterOptions(outputs="normals")
 ANTIALIASED = RasterOptions(outputs="normals", antialias=True)
@@ -76,13 +77,13 @@ def random_adjoints(camera: Camera, where: np.ndarray) -> Adjoints:
 @cache
 def expected_of(scene: SplatScene, options: RasterOptions) -> Expected:
     p = Parameters.of(scene.gaussians)
-    twin = render_twin(p, scene.camera, scene.near, BACKGROUND, options)
+    twin = render_twin(p, scene.camera, scene.near, BACKGROUND, options, rows=scene.rows)
     adjoints = random_adjoints(scene.camera, ~twin.ambiguous)
     if not options.has_depth:
         adjoints.depth[:] = 0
     if not options.has_normals:
         adjoints.normals[:] = 0
-    gradients = twin_gradients(p, scene.camera, twin, BACKGROUND, adjoints, options)
+    gradients = twin_gradients(p, scene.camera, twin, BACKGROUND, adjoints, options, scene.rows)
     return Expected(twin, adjoints, gradients)
 
 
@@ -97,7 +98,7 @@ def renderer_of(scene: SplatScene, adjoints: Adjoints, **options) -> SplatRender
         **options,
     )
     renderer.statistics = SplatStatistics.zeros(len(scene.gaussians), absolute=True)
-    renderer.forward(scene.camera, near=scene.near, background=BACKGROUND)
+    renderer.forward(scene.camera, near=scene.near, background=BACKGROUND, rows=scene.rows)
     renderer.adj_image.assign(adjoints.image)
     renderer.adj_transmittance.assign(adjoints.transmittance)
     if renderer.options.has_depth:
@@ -170,6 +171,15 @@ def test_all_outputs_and_options_equal_the_twin(
     options: RasterOptions, seed: int, backend: RasterBackend
 ) -> None:
     check_against_twin(RANDOM[seed], backend, options)
+
+
+@BACKENDS
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("options", [COLOR, ALL], ids=["color", "all"])
+def test_rolling_shutters_equal_the_twin(
+    options: RasterOptions, seed: int, backend: RasterBackend
+) -> None:
+    check_against_twin(ROLLING[seed], backend, options)
 
 
 @BACKENDS

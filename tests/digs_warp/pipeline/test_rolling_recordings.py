@@ -1,0 +1,100 @@
+"""Recordings of a camera with a rolling shutter: what the reconstruction makes of them, and says."""
+
+import json
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.gaussians import FIELDS
+from digs_warp.init.config import InitConfig
+from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.sfm.config import SfmConfig
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.evaluate import load_test_views, render_views, score_views
+from digs_warp.train.trainer import Trainer
+from reference.tiny_capture import READOUT_TIME, write_tiny_capture
+
+CONFIG = ReconstructConfig(
+    init=InitConfig(voxel_size=0.012),
+    train=TrainConfig(stop=Stop(iterations=60), sh_degree=0, evaluate_at=()),
+)
+OFF = replace(CONFIG, train=replace(CONFIG.train, rolling_shutter="off"))
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("rolling") / "capture", rolling=True)
+
+
+@pytest.fixture(scope="module")
+def corrected(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Reconstruction:
+    return reconstruct(capture, CONFIG, tmp_path_factory.mktemp("corrected"))
+
+
+def psnr_of_perfect_views(result: Reconstruction, folder: Path) -> float:
+    """Against the ball as a camera sees it that does not move."""
+    views = load_test_views(write_tiny_capture(folder, 5).frames)
+    images = render_views(DeviceGaussians.from_numpy(result.gaussians), views)
+    return float(np.mean([score.psnr for score in score_views(images, views)]))
+
+
+def test_the_result_is_closer_to_what_a_perfect_camera_sees(
+    capture: Capture, corrected: Reconstruction, tmp_path: Path
+) -> None:
+    ignored = reconstruct(capture, OFF, tmp_path / "ignored")
+    with_shutter = psnr_of_perfect_views(corrected, tmp_path / "perfect")
+    without = psnr_of_perfect_views(ignored, tmp_path / "again")
+    assert with_shutter > without + 1.0
+    # The held-out photographs have the same shutter: drawn with it, they fit, too.
+    assert corrected.scores.mean.psnr > ignored.scores.mean.psnr + 1.0
+
+
+def test_the_run_says_what_was_decided_and_why(corrected: Reconstruction) -> None:
+    assert corrected.folder is not None
+    said = json.loads((corrected.folder / "run.json").read_text())["results"]["rolling_shutter"]
+    assert said["rolling"] is True
+    assert said["readout_time"] == READOUT_TIME
+    assert f"moves {said['skew_px']:.2f} px" in said["because"]
+    assert Reconstruction.load(corrected.folder).shutter == corrected.shutter
+
+
+def test_the_readout_time_of_the_settings_counts_more_than_that_of_the_recording(
+    capture: Capture, tmp_path: Path
+) -> None:
+    short = replace(CONFIG.train, stop=Stop(iterations=1))
+    found = reconstruct(
+        capture,
+        replace(CONFIG, train=short, sfm=SfmConfig(poses="capture", readout_time=0.0)),
+        tmp_path,
+    )
+    assert found.shutter is not None and not found.shutter.rolling
+
+
+def test_an_interrupted_run_resumes_to_the_same_bits(
+    capture: Capture,
+    corrected: Reconstruction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    step = Trainer.step
+
+    def step_until_interrupted(trainer: Trainer) -> None:
+        if trainer.optimizer.step == 37:
+            signal.raise_signal(signal.SIGINT)
+        step(trainer)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Trainer, "step", step_until_interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            reconstruct(capture, CONFIG, tmp_path)
+    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True)
+    for name in FIELDS:
+        np.testing.assert_array_equal(
+            getattr(resumed.gaussians, name), getattr(corrected.gaussians, name), err_msg=name
+        )
