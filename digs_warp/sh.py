@@ -14,6 +14,9 @@ from digs_warp.checks import DigsError
 
 MAX_DEGREE = 3
 
+# Enough for matte surfaces.
+USUAL_DEGREE = 1
+
 C0 = 0.28209479177387814
 C1 = 0.4886025119029199
 C2 = (

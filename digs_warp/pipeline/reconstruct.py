@@ -15,6 +15,7 @@ from digs_warp.data.posed_frames import CAMERAS
 from digs_warp.device.libraries import import_pycolmap
 from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import MAX_SCALE_RATIO, SCENE_SCALE_RATIO, seed_gaussians
+from digs_warp.init.view_dependence import view_dependence
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.front_end import (
     MASKS,
@@ -117,6 +118,11 @@ def _reconstruct(
     prepared, shutter = _with_shutter(capture, prepared, config)
     with log.stage("load views"):
         test_views = load_test_views(prepared.frames.held_out, shutter)
+    color = None
+    if config.train.sh_degree is None:
+        with log.stage("look at the color"):
+            color = view_dependence(prepared.frames.training, prepared.start.points.points_world)
+        config = replace(config, train=replace(config.train, sh_degree=color.degree))
     with log.saved(record):
         trained = _finished_training(folder, before) if before else None
         if trained is None:
@@ -135,6 +141,7 @@ def _reconstruct(
             doubts=prepared.doubts,
             subject=prepared.subject,
             shutter=shutter,
+            color=color,
         )
         log.results = result.results.to_json()
     with log.stage("evaluate"):
@@ -174,7 +181,7 @@ def _train(
     points = prepared.start.points
     largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
     start = (init.seed_opacity, init.seed_width, largest)
-    seeds = seed_gaussians(points, config.train.sh_degree, *start)
+    seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
     frames = prepared.frames.training
     return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume, shutter)
 

@@ -20,6 +20,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
+from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
 from digs_warp.record.fields import Fields
@@ -75,6 +76,7 @@ class Reconstruction:
         subject: what was reconstructed, the object in the masks or the whole scene.
         surface: how far the surface is from the true one; None where that is not known.
         shutter: whether the training drew the rolling shutter, and why; None where it is not known.
+        color: the degree of the color that the photographs called for; None where the settings said which.
     """
 
     gaussians: Gaussians
@@ -93,6 +95,7 @@ class Reconstruction:
     subject: Subject = "object"
     surface: SurfaceError | None = None
     shutter: ShutterPlan | None = None
+    color: ViewDependence | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -135,6 +138,7 @@ class Reconstruction:
             doubts=self.doubts,
             subject=self.subject,
             shutter=self.shutter,
+            color=self.color,
             gaussians=len(self.gaussians),
             iterations=last.iteration if last else None,
             stopped_by=self.stopped_by,
@@ -273,6 +277,7 @@ class Reconstruction:
             subject=results.subject,
             surface=results.surface,
             shutter=results.shutter,
+            color=results.color,
         )
 
     @staticmethod

@@ -7,10 +7,12 @@ from typing import Any, TypeVar, get_type_hints
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import DepthReport, Initialization, Subject
+from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Score
 from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
+from digs_warp.sh import MAX_DEGREE
 from digs_warp.surface.rendered import SurfaceError
 from digs_warp.train.shutter import ShutterPlan
 
@@ -30,6 +32,7 @@ class Results:
         sources: number of initial points by where they came from: "depth", "sfm", "random".
         depth: how many pixels of the depth maps were used, if the start is from depth.
         shutter: whether the training draws the rolling shutter, and why.
+        color: the degree of the color that the photographs call for; None: the settings said which.
         initial_points, gaussians: how many.
         iterations: training steps.
         stopped_by: what ended the training.
@@ -49,6 +52,7 @@ class Results:
     sources: dict[str, int] | None = None
     depth: DepthReport | None = None
     shutter: ShutterPlan | None = None
+    color: ViewDependence | None = None
     initial_points: int | None = None
     gaussians: int | None = None
     iterations: int | None = None
@@ -90,6 +94,7 @@ class Results:
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
             "rolling_shutter": asdict(self.shutter) if self.shutter else None,
+            "view_dependence": self.color.to_json() if self.color else None,
             "initial_points": self.initial_points,
             "gaussians": self.gaussians,
             "iterations": self.iterations,
@@ -125,6 +130,7 @@ class Results:
             else None,
             depth=_depth_report(start),
             shutter=_shutter(found),
+            color=_color(found),
             initial_points=found.whole("initial_points", default=None),
             gaussians=found.whole("gaussians", default=None),
             iterations=found.whole("iterations", default=None),
@@ -158,6 +164,16 @@ def _shutter(found: Fields) -> ShutterPlan | None:
         because=plan.text("because"),
         readout_time=plan.number("readout_time", 0),
         skew_px=plan.number("skew_px", 0, default=None),
+    )
+
+
+def _color(found: Fields) -> ViewDependence | None:
+    if "view_dependence" not in found:
+        return None
+    color = found.section("view_dependence")
+    errors = color.array("prediction_psnr", (-1,)).tolist()
+    return ViewDependence(
+        color.whole("degree", 0, MAX_DEGREE), tuple(errors), color.whole("points")
     )
 
 

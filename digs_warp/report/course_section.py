@@ -42,6 +42,8 @@ def _decisions(result: Reconstruction) -> list[tuple[str, str]]:
     if result.shutter is not None:
         state = "is drawn" if result.shutter.rolling else "is not drawn"
         rows.append((f"rolling shutter {state}", result.shutter.because))
+    if result.color is not None:
+        rows.append((f"color of degree {result.color.degree}", result.color.because))
     return rows
 
 

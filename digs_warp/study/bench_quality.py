@@ -211,7 +211,7 @@ class _Scene:
         """
         init = InitConfig()
         start = start or {"opacity": init.seed_opacity, "width": init.seed_width}
-        seeds = seed_gaussians(self.points, config.sh_degree, **start)
+        seeds = seed_gaussians(self.points, config.usual_sh_degree, **start)
         views = open_views(self.frames, config)
         trainer = Trainer(seeds, views, config)
         milestones = []

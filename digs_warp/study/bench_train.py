@@ -75,7 +75,7 @@ def _prepare(capture: Capture, voxel_size: float) -> Trainer:
     points = initial_points(capture.frames, init)
     config = TrainConfig(half_size_until=0.0)
     views = open_views(capture.frames, config)
-    seeds = seed_gaussians(points, config.sh_degree, init.seed_opacity, init.seed_width)
+    seeds = seed_gaussians(points, config.usual_sh_degree, init.seed_opacity, init.seed_width)
     trainer = Trainer(seeds, views, config)
     # The middle of a run: the color has all its bands.
     trainer.optimizer.step = config.stop.iterations // 2

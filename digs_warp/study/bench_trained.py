@@ -85,7 +85,7 @@ def trained_object() -> TrainedObject:
         surface = read_true_surface(capture.folder)
         assert surface is not None  # it was simulated
         points = initial_points(capture.frames, init)
-        seeds = seed_gaussians(points, train.sh_degree, init.seed_opacity, init.seed_width)
+        seeds = seed_gaussians(points, train.usual_sh_degree, init.seed_opacity, init.seed_width)
         trainer = Trainer(seeds, open_views(capture.frames, train), train)
         with progress(TRAINING_STEPS, "Training", "step") as bar:
             for _ in range(TRAINING_STEPS):

@@ -11,6 +11,7 @@ from tyro.conf import arg
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.record.durations import DURATION
+from digs_warp.sh import USUAL_DEGREE
 
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 
@@ -125,8 +126,9 @@ class TrainConfig:
     rates: Rates = field(default_factory=Rates)
     density: Density = field(default_factory=Density)
 
-    sh_degree: int = 1
-    """View-dependent color: degree of the spherical harmonics, 0 (none) to 3."""
+    sh_degree: int | None = None
+    """View-dependent color: degree of the spherical harmonics, 0 (none) to 3. Default: 1 for matte objects, 3
+    for shiny ones, as the photographs show before the training."""
 
     background: Literal["random", "white", "black"] = "random"
     """Color behind the object during training. random also penalizes stray Gaussians of any color."""
@@ -199,6 +201,11 @@ class TrainConfig:
                 "--coverage-weight: keeps the area outside the masks empty, but --mask-role ignore says that "
                 "nothing is known there; leave one of the two out"
             )
+
+    @property
+    def usual_sh_degree(self) -> int:
+        """The degree of the color; that of matte objects where the recording is to decide."""
+        return USUAL_DEGREE if self.sh_degree is None else self.sh_degree
 
     @property
     def learning_rates(self) -> LearningRates:

@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.measure.color_gain import ColorGain
+from digs_warp.sh import degree_from_count
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -180,4 +181,4 @@ class Trainer:
 
     def _sh_degree(self) -> int:
         wait = max(1.0, SH_WARM_UP_SHARE * self.config.stop.iterations)
-        return min(self.config.sh_degree, int(self.optimizer.step / wait))
+        return min(degree_from_count(self.gaussians.sh.shape[1]), int(self.optimizer.step / wait))

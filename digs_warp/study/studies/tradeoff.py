@@ -38,7 +38,7 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     ),
     "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
     "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
-    "SH degree": ("reconstruction", "train.sh_degree", (0, 2, 3)),
+    "SH degree": ("reconstruction", "train.sh_degree", (0, 1, 2, 3)),
     "poses": ("reconstruction", "sfm.poses", ("sfm",)),
     "features per image": ("reconstruction", "sfm.features", (1000, 6000)),
     "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),

@@ -55,7 +55,7 @@ class Walk:
                 write_image(path, depth)
                 frames.append(frame.with_layer(Layer.DEPTH, path))
         points = initial_points(frames, INIT)
-        seeds = seed_gaussians(points, TRAIN.sh_degree, INIT.seed_opacity, INIT.seed_width)
+        seeds = seed_gaussians(points, TRAIN.usual_sh_degree, INIT.seed_opacity, INIT.seed_width)
         trainer = Trainer(seeds, open_views(frames, TRAIN), TRAIN)
         for _ in range(STEPS):
             trainer.step()

@@ -1,0 +1,77 @@
+"""The degree of the color that photographs call for: shiny surfaces, matte ones, noise and too few views."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.init.view_dependence import chosen, prediction_error, view_dependence
+from digs_warp.sh import sh_basis
+from reference.tiny_capture import RADIUS, ball, write_tiny_capture
+
+RNG = np.random.default_rng(0)
+
+
+def walk(count: int = 52) -> np.ndarray:
+    """Directions to cameras on three rings, (count, 3)."""
+    angle = np.linspace(0, 6 * np.pi, count, endpoint=False)
+    height = np.repeat([0.2, 0.5, 0.8], -(-count // 3))[:count]
+    across = np.sqrt(1 - height**2)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=-1)
+
+
+def seen(degree: int, points: int = 60, noise: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
+    """Directions and colors of points whose color has this degree, each seen by half of the cameras."""
+    directions = np.broadcast_to(-walk(), (points, 52, 3))
+    sh = RNG.normal(size=(points, (degree + 1) ** 2, 3)) * 0.15
+    colors = 0.5 + np.einsum("nmk,nkc->nmc", sh_basis(directions, degree), sh)
+    colors = colors + RNG.normal(size=colors.shape) * noise
+    normal = RNG.normal(size=(points, 3))
+    away = np.einsum("nmc,nc->nm", directions, normal) > 0
+    return directions, np.where(away[..., None], np.nan, colors)
+
+
+@pytest.mark.parametrize(("shown", "used"), [(1, 1), (2, 3), (3, 3)])
+def test_color_beyond_the_usual_degree_is_found(shown: int, used: int) -> None:
+    found = chosen(*seen(shown))
+    assert found.degree == used
+    assert found.points == 60 and len(found.errors) == 4
+
+
+def test_noise_is_no_dependence_on_the_view() -> None:
+    matte = chosen(*seen(0, noise=0.1))
+    assert matte.degree == 1
+    assert matte.errors[3] < matte.errors[0]  # it predicts worse
+    assert "used from 0.8 dB on" in matte.because
+
+
+def test_predictions_are_those_of_fits_without_the_color() -> None:
+    directions, colors = seen(1, points=1)
+    basis = sh_basis(directions, 1)
+    some = np.flatnonzero(np.isfinite(colors[0, :, 0]))
+    rows, values = basis[0, some], colors[0, some]
+    ridge = 0.3 * np.diag([0.0, 1.0, 1.0, 1.0])
+    errors = []
+    for left_out in range(len(some)):
+        others = np.arange(len(some)) != left_out
+        normal = rows[others].T @ rows[others] + ridge
+        fit = np.linalg.solve(normal, rows[others].T @ values[others])
+        errors.append(values[left_out] - rows[left_out] @ fit)
+    assert prediction_error(basis, colors) == pytest.approx(np.mean(np.square(errors)), rel=1e-6)
+
+
+def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
+    capture = write_tiny_capture(tmp_path / "capture")
+    found = view_dependence(capture.frames, ball(400).means)
+    assert found.degree == 1
+    assert found.points > 40
+
+
+def test_points_that_few_views_see_decide_nothing(tmp_path: Path) -> None:
+    capture = write_tiny_capture(tmp_path / "capture", frames=4)
+    for frames, points in ((capture.frames, ball(50).means), (capture.frames[:1], ball(50).means)):
+        found = view_dependence(frames, points)
+        assert found.degree == 1 and found.errors == ()
+        assert "too few points" in found.because
+    away = np.full((5, 3), 10 * RADIUS)
+    assert view_dependence(capture.frames, away).degree == 1
