@@ -3,7 +3,8 @@
 Every tier senses frames of four sample meshes, or of the built-in object where there is no sample data, and
 a real pair with true disparity. The matcher is the yardstick: it searches the full range and is told nothing.
 The tables show, for each tier, time and errors; for each cause, the share of the frame that it takes; for
-each effect on matched depth, its time and what it changes; for each scene, what planning costs and saves.
+each effect on matched depth, its time and what it changes; for each scene, what planning costs and saves. The
+last one shows how fast whole recordings are.
 """
 
 import time
@@ -30,6 +31,7 @@ from digs_warp.sim.sensor.tiers import apply_effects, sense
 from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
 from digs_warp.sim.session import Session, load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
+from digs_warp.study.bench_recording import WIDTHS, bench_recording
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
@@ -94,7 +96,10 @@ class Case:
 
 
 def bench_sim(
-    data: Path | None = None, meshes: Sequence[str] = MESHES, width: int = WIDTH
+    data: Path | None = None,
+    meshes: Sequence[str] = MESHES,
+    width: int = WIDTH,
+    recordings: Sequence[int] = WIDTHS,
 ) -> list[Result]:
     """Return times and scores of the tiers on every scene, and of causes and effects in the mean.
 
@@ -102,6 +107,7 @@ def bench_sim(
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
         meshes: names of sample meshes.
         width: of the rendered images [px].
+        recordings: widths of the recordings that are timed [px].
     """
     data = data or sample_data()
     results: list[Result] = []
@@ -114,7 +120,8 @@ def bench_sim(
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
     plans = [result for case in cases for result in _plan_results(case)]
-    return results + plans + _cause_results(cases) + _effect_results(cases)
+    results += plans + _cause_results(cases) + _effect_results(cases)
+    return results + bench_recording(recordings)
 
 
 def _rendered(data: Path, mesh: str | None, width: int = WIDTH) -> Case:

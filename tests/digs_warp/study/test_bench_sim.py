@@ -12,7 +12,7 @@ from digs_warp.study.results import Result, format_tables
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> list[Result]:
     """Without sample data: the built-in object, small."""
-    return bench_sim(tmp_path_factory.mktemp("nothing"), width=160)
+    return bench_sim(tmp_path_factory.mktemp("nothing"), width=160, recordings=())
 
 
 def test_every_tier_has_a_time_and_all_scores(results: list[Result]) -> None:
