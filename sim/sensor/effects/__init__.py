@@ -12,6 +12,7 @@ from digs_warp.sim.sensor.effects.transparency import Transparency
 
 # Surfaces behind or in front of the first one, which the images show, too.
 SECOND_SURFACES: tuple[SensorEffect, ...] = (Transparency(), Mirror())
+SECOND_SURFACE_NAMES = frozenset(effect.name for effect in SECOND_SURFACES)
 
 # What no image shows, in the order in which it acts: the error of the lenses, then how disparity is reported.
 AFTER_MATCHING: tuple[DepthEffect, ...] = (

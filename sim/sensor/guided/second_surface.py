@@ -4,17 +4,14 @@ from collections.abc import Collection
 
 import numpy as np
 
-from digs_warp.sim.sensor.effects import SECOND_SURFACES
 from digs_warp.sim.sensor.effects.mirror import Mirror
 from digs_warp.sim.sensor.effects.transparency import Transparency
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.materials import is_mirror, is_thin_glass
 from digs_warp.sim.sensor.virtual_image import virtual_disparity
 
-ALL_KINDS = frozenset(effect.name for effect in SECOND_SURFACES)
 
-
-def second_disparity(truth: FrameTruth, kinds: Collection[str]) -> np.ndarray | None:
+def second_disparity(truth: FrameTruth, effects: Collection[str]) -> np.ndarray | None:
     """Return the disparity [px] of what lies behind glass or appears in mirrors, as the images show it.
 
     Shape (height, width), float32, NaN where there is no such material; None where none is in view: then
@@ -22,10 +19,10 @@ def second_disparity(truth: FrameTruth, kinds: Collection[str]) -> np.ndarray | 
 
     Args:
         truth: its rays find what lies behind and what is reflected.
-        kinds: names of the effects whose surfaces to look for; other names change nothing.
+        effects: names of those whose surfaces to look for; other names change nothing.
     """
-    glass = _if_any(truth.pixels_of(is_thin_glass)) if Transparency.name in kinds else None
-    mirrors = _if_any(truth.pixels_of(is_mirror)) if Mirror.name in kinds else None
+    glass = _if_any(truth.pixels_of(is_thin_glass)) if Transparency.name in effects else None
+    mirrors = _if_any(truth.pixels_of(is_mirror)) if Mirror.name in effects else None
     if glass is None and mirrors is None:
         return None
     second = (

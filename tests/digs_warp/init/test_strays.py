@@ -1,9 +1,13 @@
 """Points alone in the air are dropped; surfaces, however thin or coarse, are not."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from digs_warp.init.recipes import InitConfig, initial_points
 from digs_warp.init.strays import in_company
+from reference.ball_capture import RADIUS, ball_views, write_capture
 
 VOXEL = 0.004
 
@@ -51,3 +55,15 @@ def test_where_the_origin_lies_makes_no_difference() -> None:
     points = np.concatenate([plate(), [[0.5, 0.5, 0.5]]])
     for offset in ([0, 0, 0], [100.013, -50.7, 3.3]):
         assert in_company(points + offset, VOXEL).tolist() == [True] * len(plate()) + [False]
+
+
+def test_a_wrong_pixel_of_a_recording_leaves_no_point_in_the_air(tmp_path: Path) -> None:
+    """It lies 0.2 m before one camera, where no other looks; support cannot tell it from the ball."""
+    (camera, images), *others = ball_views()
+    images.depth[30, 40] = 0.2
+    capture = write_capture(tmp_path, [(camera, images), *others])
+    config = InitConfig(
+        voxel_size=0.02, min_support=0.0, edge_filter=False, foreground_filter=False
+    )
+    points = initial_points(capture.frames, config)
+    assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)

@@ -8,8 +8,9 @@ from scipy.ndimage import gaussian_filter
 
 from digs_warp.sim.scene import Material
 from digs_warp.sim.sensor.drift import Drift
+from digs_warp.sim.sensor.effects import SECOND_SURFACE_NAMES
 from digs_warp.sim.sensor.frame import FrameTruth
-from digs_warp.sim.sensor.guided.second_surface import ALL_KINDS, second_disparity
+from digs_warp.sim.sensor.guided.second_surface import second_disparity
 from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 from digs_warp.sim.sensor.matcher import sense_by_matching
 from reference.stereo_frames import CountedRays, broadband, make_frame, make_rig
@@ -44,7 +45,7 @@ class Rays(CountedRays):
 def fine_texture(seed: int) -> np.ndarray:
     """A texture of nothing but details, which a coarse search does not see; round 0, [DN]."""
     texture = broadband(SHAPE, seed)[..., 0].astype(np.float64)
-    return texture - gaussian_filter(texture, 1.5)
+    return texture - gaussian_filter(texture, 1.2)
 
 
 def layered_frame(material: Material, share: float) -> FrameTruth:
@@ -81,7 +82,7 @@ def test_the_second_surface_is_found_where_a_full_search_finds_it(material: Mate
     found = shares(sense_by_guided_matching(truth).disparity)
     assert full[1] > 0.9
     assert found == pytest.approx(full, abs=0.03)
-    missed = shares(sense_by_guided_matching(truth, seconds=frozenset()).disparity)
+    missed = shares(sense_by_guided_matching(truth, effects=frozenset()).disparity)
     assert missed[1] < 0.7, "or the coarse search is enough"
 
 
@@ -94,12 +95,12 @@ def test_the_images_decide_which_surface_it_is() -> None:
 def test_second_disparity_is_that_of_the_formulas_and_of_the_drifted_images() -> None:
     for material, kind in ((CHROME, "mirror"), (GLASS, "transparency")):
         truth = layered_frame(material, 0.5)
-        second = second_disparity(truth, ALL_KINDS)
+        second = second_disparity(truth, SECOND_SURFACE_NAMES)
         assert second is not None
         np.testing.assert_allclose(second, BEHIND, rtol=1e-4)
-        assert second_disparity(truth, ALL_KINDS - {kind}) is None
+        assert second_disparity(truth, SECOND_SURFACE_NAMES - {kind}) is None
         drifted = replace(truth, drift=Drift(yaw_deg=0.1))
-        shown = second_disparity(drifted, ALL_KINDS)
+        shown = second_disparity(drifted, SECOND_SURFACE_NAMES)
         expected = drifted.drift.shown_disparity(second, truth.rig.intrinsics)
         np.testing.assert_array_equal(shown, expected)
         assert np.abs(expected - BEHIND).max() > 0.5
@@ -108,12 +109,12 @@ def test_second_disparity_is_that_of_the_formulas_and_of_the_drifted_images() ->
 def test_what_a_body_of_glass_bends_has_no_disparity_of_its_own() -> None:
     body = replace(GLASS, absorption=(0.0, 0.0, 0.0), transmission=1.0)
     assert body.is_transparent
-    assert second_disparity(layered_frame(body, 0.5), ALL_KINDS) is None
+    assert second_disparity(layered_frame(body, 0.5), SECOND_SURFACE_NAMES) is None
 
 
 def test_where_nothing_is_clear_or_mirrors_no_ray_is_cast() -> None:
     truth = make_frame(SURFACE)
     rays = CountedRays(truth.depth.shape)
     truth = replace(truth, rays=rays, materials=(*truth.materials, GLASS, CHROME))  # not in view
-    assert second_disparity(truth, ALL_KINDS) is None
+    assert second_disparity(truth, SECOND_SURFACE_NAMES) is None
     assert rays.asked == []
