@@ -1,6 +1,6 @@
 """Small frames with the images that a camera would record, for tests that compare sensors."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,12 @@ from digs_warp.sim.sensor.tiers import sense
 from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import load_inputs, prepare_session
 from digs_warp.sim.shutter import Shutter
+from digs_warp.sim.walk.framing import half_angles
+from digs_warp.sim.walk.settings import WalkSettings
 
 WIDTH = 480
 FRAMES, NUMBER = 60, 17  # of a walk; the one that is taken
+MARGIN = 1.1  # around the object in the image
 
 
 @dataclass(eq=False)
@@ -62,9 +65,13 @@ def record_scene(
         width=WIDTH,
         frames=FRAMES,
         tier="guided",
-        ground="none",  # what the figures of the tests were set for
+        ground="none",  # what the figures of the tests were set for, as the distance
     )
-    session = prepare_session(config, load_inputs(config))
+    inputs = load_inputs(config)
+    half_angle = half_angles(inputs.rig.image_intrinsics).min()
+    distance = MARGIN * inputs.scene.object_radius / float(np.sin(half_angle))
+    config = replace(config, walk=WalkSettings(distance=distance, unsteadiness=0.0))
+    session = prepare_session(config, inputs)
     truth, objects = session.truth(NUMBER, Shutter())
     plan = plan_for_facts(measure_facts([truth], truth.rig), session.rig, config)
     if drifts:

@@ -108,9 +108,13 @@ def test_failures_are_strips_of_the_same_length(scene: RecordedScene) -> None:
 
 
 def test_holes_are_as_large(scene: RecordedScene) -> None:
-    guided, matcher, _ = both(scene)
+    """In the mean over the draws: a single one has few holes of a size."""
+    guided, matcher = frames(scene, "guided"), frames(scene, "matcher")
     for size in (3, 10, 30):
-        mine, full = small_hole_share(guided, size), small_hole_share(matcher, size)
+        mine, full = (
+            float(np.mean([small_hole_share(each, size) for each in tier]))
+            for tier in (guided, matcher)
+        )
         assert mine == pytest.approx(full, abs=0.004 + 0.3 * full)
 
 
