@@ -113,7 +113,11 @@ def test_held_out_photographs_are_measured_raw_and_aligned(
     score = score_views([true], views)[0]
     assert score.psnr_frame_aligned > 38 > 25 > score.psnr_frame
     assert score.psnr_object_aligned > 33 > 20 > score.psnr_object
-    np.testing.assert_allclose(color_aligned(true, views[0]), views[0].target, atol=0.02)
+    off = np.abs(color_aligned(true, views[0]) - views[0].target)
+    solid = frames[0].load_mask() == 255
+    assert off[solid].max() < 0.02
+    # At the rim the share of the room is taken out, and with it the 8 bits of a dark photograph grow.
+    assert off.max() < 0.03
 
 
 def test_samples_are_inside_the_mask_and_few() -> None:
