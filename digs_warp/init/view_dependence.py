@@ -16,7 +16,7 @@ import numpy as np
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.threads import default_threads
 from digs_warp.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
 
 # Points and photographs that are looked at, evenly chosen.

@@ -40,7 +40,8 @@ from digs_warp.record.lock import sole_writer
 from digs_warp.record.manifest import is_kept, recorded_files
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.surface.rendered import SurfaceError, surface_error
+from digs_warp.surface.error import SurfaceError
+from digs_warp.surface.rendered import surface_error
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course

@@ -37,7 +37,7 @@ from digs_warp.record.layout import (
 )
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
-from digs_warp.surface.rendered import SurfaceError
+from digs_warp.surface.error import SurfaceError
 from digs_warp.train.course import CourseRow, read_course, write_course
 from digs_warp.train.shutter import ShutterPlan
 from digs_warp.train.snapshots import load_snapshots

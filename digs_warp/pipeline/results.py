@@ -13,7 +13,7 @@ from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.sh import MAX_DEGREE
-from digs_warp.surface.rendered import SurfaceError
+from digs_warp.surface.error import SurfaceError
 from digs_warp.train.shutter import ShutterPlan
 
 T = TypeVar("T")

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Intrinsics
 from digs_warp.sim.walk.settings import WalkSettings
@@ -38,6 +37,8 @@ class TimedPoses:
 
 def recorded_walk(data: Path) -> TimedPoses:
     """Return the recorded walk in the folder of the sample data."""
+    from scipy.spatial.transform import Rotation
+
     rows = np.loadtxt(data / RECORDED)
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3] = Rotation.from_quat(rows[:, 4:8]).as_matrix()

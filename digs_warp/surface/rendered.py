@@ -1,7 +1,6 @@
 """Distance of the surface that the Gaussians show to the true one: no mesh is made, so it takes no Open3D."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.surface.depth_views import DepthView, depth_views
+from digs_warp.surface.error import SurfaceError
 from digs_warp.surface.extract import within_mask
 
 # Of all around the object; the figures hardly change with more views or points.
@@ -20,19 +20,6 @@ POINTS = 40_000
 
 # Only its share of points uses this distance [m]; the figures here do not.
 _NEAR = 0.005
-
-
-@dataclass(frozen=True)
-class SurfaceError:
-    """Distances between the rendered and the true surface [m].
-
-    Attributes:
-        accuracy: mean distance of the rendered surface to the true one.
-        completeness: mean distance of the true surface to the rendered one; what no camera saw counts.
-    """
-
-    accuracy: float
-    completeness: float
 
 
 def surface_error(

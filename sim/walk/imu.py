@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from digs_warp.data.imu import ImuTrack
 from digs_warp.sim.walk.walk import Walk
@@ -62,6 +61,8 @@ def imu_facts(strength: float) -> dict[str, Any]:
 
 def true_imu(walk: Walk, end: float, rate: float = RATE) -> ImuTrack:
     """Return what a sensor without errors measures from 0 to ``end`` [s], at a rate [Hz]."""
+    from scipy.spatial.transform import Rotation
+
     times = np.arange(int(end * rate + 1e-6) + 1) / rate
     # Derivatives need a step on either side.
     middles = np.clip(times, STEP, walk.end - STEP)

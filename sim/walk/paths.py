@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from digs_warp.sim.walk.noise import SAMPLE_RATE
 from digs_warp.sim.walk.settings import PathName
@@ -65,6 +64,8 @@ class Path:
             return Path(
                 *(np.full(count, each[0]) for each in (self.azimuth, self.elevation, self.reach))
             )
+        from scipy.interpolate import CubicSpline
+
         curve = CubicSpline(lengths, np.stack([self.azimuth, self.elevation, self.reach], axis=1))
         return Path(*curve(_to_and_fro(times, speed, float(lengths[-1]))).T)
 
@@ -105,6 +106,8 @@ def _through(levels: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Return a smooth course through evenly spaced levels at shares of 0 to 1."""
     if len(levels) == 1:
         return np.full_like(share, levels[0])
+    from scipy.interpolate import PchipInterpolator
+
     return PchipInterpolator(np.linspace(0.0, 1.0, len(levels)), levels)(share)
 
 

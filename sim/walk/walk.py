@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError, check_positive
@@ -16,6 +15,9 @@ from digs_warp.sim.walk.paths import Path, path_named, place
 from digs_warp.sim.walk.settings import HOVERING, WalkSettings
 from digs_warp.sim.walk.shake import PEAK, POSITION_SHAKE, shake_tracks
 from digs_warp.sim.walk.wander import AIM_LIMIT, AIM_RMS_DEG, distance_limits, wander
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 # Camera motion counts as constant over this time [s]: about the longest exposure or read-out of a frame.
 MOTION_SPAN = 1.0 / 30.0
@@ -128,14 +130,18 @@ class Walk:
         Both have shape (3,), are in the camera's own axes, and are means over ``span`` seconds around the
         moment (less at the ends of the walk).
         """
+        from scipy.spatial.transform import Rotation
+
         before, after = max(moment - 0.5 * span, 0.0), min(moment + 0.5 * span, self.end)
         start_from_end = invert_rigid(self.pose(before)) @ self.pose(after)
         turn = Rotation.from_matrix(start_from_end[:3, :3]).as_rotvec()
         return start_from_end[:3, 3] / (after - before), turn / (after - before)
 
     @cached_property
-    def _curve(self) -> CubicSpline:
+    def _curve(self) -> "CubicSpline":
         """Eye, offset and turn as a curve whose acceleration has no jumps."""
+        from scipy.interpolate import CubicSpline
+
         return CubicSpline(self.times, np.hstack([self.eyes, self.offsets, self.turns]))
 
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import is_dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import get_args
 
@@ -58,9 +59,9 @@ def test_help_explains_every_flag_and_names_no_empty_default(
     lines = help_lines([*command, "--help-all"], capsys)
     numbers = [n for n, line in enumerate(lines) if re.match(r"  (--[a-z]|[A-Z]{4,} )", line)]
     assert numbers
-    for number in numbers:
-        # The explanation stands behind the flag or, behind a long one, in the next line.
-        words = f"{lines[number]} {lines[number + 1]}".split("(")[0].split()
+    for number, following in pairwise([*numbers, len(lines)]):
+        # The explanation stands behind the flag or, behind a long one, in the next lines.
+        words = " ".join(lines[number:following]).split("(")[0].split()
         assert len(words) >= 4, f"{command}: no help for '{lines[number]}'"
     text = " ".join(line.strip() for line in lines)
     assert not re.search(r"\(default: *(None|''|\"\")?\)", text)
@@ -200,7 +201,13 @@ def test_refused_settings_are_explained_in_one_line(
 REQUIRED = {
     **dict.fromkeys(("run", "simulate"), "--out x"),
     **dict.fromkeys(("reconstruct", "export-usd", "render", "mesh"), "a --out x"),
-    **{"convert": "a b", "info": "a", "usd info": "a", "usd validate": "a", "usd diff": "a b"},
+    **{
+        "convert": "a --out b",
+        "info": "a",
+        "usd info": "a",
+        "usd validate": "a",
+        "usd diff": "a b",
+    },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
     **{"preference make": "a --out x", "preference evaluate": "a --key k"},
 }

@@ -26,7 +26,7 @@ def true_surface(capture: Capture) -> np.ndarray:
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
-@pytest.mark.sensor_noise(frames=4, width=240, height=136)
+@pytest.mark.sensor_noise(frames=4, width=280, height=158)
 def test_points_stay_near_the_surface(sensor_noise: NoiseSeries, strategy: StrategyName) -> None:
     surface = KDTree(true_surface(sensor_noise.capture(0.0)))
     sfm = sfm_from_truth(sensor_noise.capture(0.0).frames, 1.0, points=1500)

@@ -87,7 +87,7 @@ WRONG: dict[str, tuple[Callable[[Capture], Capture], str]] = {
     "late poses": (lambda c: wrong.poses_of(c, [0, *range(17)]), "those 1 frame.s. later fit"),
     "shuffled": (
         lambda c: wrong.poses_of(c, np.random.default_rng(1).permutation(18).tolist()),
-        "images, depth and poses do not belong together",
+        "images, depth and poses do not belong together|much better with the poses of other frames",
     ),
     "masks": (wrong.inverted_masks, "masks .* seem to be inverted"),
 }
