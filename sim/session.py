@@ -125,7 +125,7 @@ class Session:
             shutter: through which both eyes look.
             drift: of the right eye.
             projects: whether the projector is on, if the camera has one.
-            both_eyes: whether to render the right image; else, the left one stands in for it.
+            both_eyes: whether to render the right image; if not, the left one is used for both.
 
         Returns:
             The truth of the frame, and where the left eye sees the objects.

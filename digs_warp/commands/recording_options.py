@@ -10,8 +10,8 @@ class RecordingOptions:
     """How a recording becomes a capture."""
 
     frames: int | None = None
-    """For recordings: take at most so many frames, evenly spread; of a film, the sharpest near each of these
-    moments. Default: all, of a film 120."""
+    """For recordings: take at most this number of frames, evenly spread; of a film, the sharpest near each of
+    these moments. Default: all, of a film 120."""
 
     fov_deg: float | None = None
     """For recordings with lens distortion, such as fisheye: horizontal field of view of the undistorted

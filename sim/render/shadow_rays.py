@@ -13,7 +13,7 @@ from digs_warp.sim.render.view import FAR
 
 wp.set_module_options({"enable_backward": False})
 
-# A corner asks one in so many points of a spot; its neighbors ask others.
+# A corner asks every n-th point of a spot; its neighbors ask the others.
 TURNS = wp.constant(2)
 
 # The lattice is shrunk by this part of a step: at the edge itself the next triangle may hide the spot.

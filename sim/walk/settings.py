@@ -98,7 +98,7 @@ class WalkSettings:
             )
 
     def for_frames(self, beats: int) -> "WalkSettings":
-        """Return the settings with the duration of so many frames, where --fps says their distance."""
+        """Return the settings with the duration that a number of frames takes, if --fps is given."""
         if self.fps is None or self.duration is not None:
             return self
         return replace(self, duration=beats / self.fps)

@@ -1,4 +1,4 @@
-"""Shadows of bright spots: penumbrae against a double-precision twin, alike for both eyes, exact store."""
+"""Shadows of bright spots: penumbrae against a float64 twin, the same in both eyes, exact store."""
 
 import numpy as np
 import pytest

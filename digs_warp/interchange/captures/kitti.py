@@ -6,7 +6,7 @@
     training/flow_occ/000000_10.png       red, green: flow * 64 + 2^15; blue: 1 where known; flow_noc likewise
     training/calib_cam_to_cam/000000.txt  projections of the rectified cameras 2 and 3
 
-A scene is a frame and the next one. Without flow every frame is a scene of its own, without files _11.
+A scene is a frame and the next one. Without flow each scene is a single frame, and there are no files _11.
 See the development kit of https://www.cvlibs.net/datasets/kitti/eval_scene_flow.php.
 """
 
