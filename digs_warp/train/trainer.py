@@ -59,9 +59,7 @@ class Trainer:
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
-            options=RasterOptions(
-                outputs="depth" if config.depth_weight > 0 else "color", depth_of="skin"
-            ),
+            options=RasterOptions(outputs="depth" if config.depth_weight > 0 else "color"),
         )
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, self._extent)
