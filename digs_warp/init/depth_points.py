@@ -32,6 +32,12 @@ logger = logging.getLogger(__name__)
 DISAGREEMENT = 0.25
 
 
+# What to do when no pixel has depth.
+CHECK_DEPTH = (
+    "check the depth maps: metres in EXR, millimetres in 16-bit PNG, and the sensor's range"
+)
+
+
 class NoPointsError(DigsError):
     """No depth of any view passes the filters."""
 
@@ -148,9 +154,7 @@ def _no_points_error(frames: int, pixels: dict[str, int], config: InitConfig) ->
     if in_mask == 0:
         hint = f"check the masks: 255 marks the object, values up to {config.mask_threshold} do not"
     elif with_depth == 0:
-        hint = (
-            "check the depth maps: metres in EXR, millimetres in 16-bit PNG, and the sensor's range"
-        )
+        hint = CHECK_DEPTH
     elif smooth == 0:
         hint = "the depth is too sparse for the edge filter, turn it off"
     else:

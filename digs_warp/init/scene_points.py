@@ -20,7 +20,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
-from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
+from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, drawn, require_layers
 from digs_warp.init.in_order import in_order
 from digs_warp.init.levels import Grid, Levels, count, finest_of
 from digs_warp.init.point_shapes import shaped_points
@@ -30,6 +30,7 @@ from digs_warp.init.strays import in_company
 from digs_warp.init.visibility import not_seen_through
 from digs_warp.init.voxel_size import MOST_POINTS
 from digs_warp.record.run_log import timed
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -160,10 +161,8 @@ def _in_company(grids: Sequence[Grid]) -> list[Grid]:
 def _no_points_error(frames: int, pixels: dict[str, int]) -> NoPointsError:
     hint = "the depth is too sparse for the edge filter, turn it off"
     if not pixels["with depth"]:
-        hint = (
-            "check the depth maps: metres in EXR, millimetres in 16-bit PNG, and the sensor's range"
-        )
+        hint = CHECK_DEPTH
     return NoPointsError(
-        f"initialization: no points in {frames} frames: {pixels['with depth']} pixels with depth, "
+        f"initialization: no points in {counted(frames, 'frame')}: {pixels['with depth']} pixels with depth, "
         f"{pixels['away from edges']} after the edge filter; {hint}"
     )

@@ -18,7 +18,7 @@ def subject_of(capture: Capture, choice: SubjectChoice, masks: SegmentConfig) ->
     """Return what a run reconstructs; 'auto' decides by the masks.
 
     Raises:
-        DigsError: masks are to be made, or an object is chosen, for a whole scene.
+        DigsError: a whole scene, together with --masks or --instance.
     """
     makes_masks = masks.source != "capture"
     if choice == "scene" and makes_masks:

@@ -31,7 +31,7 @@ def resting_turn(vertices: np.ndarray) -> np.ndarray:
     """Return the rotation after which an object rests, shape (3, 3); the identity if it rests already.
 
     Args:
-        vertices: those that its faces use, as it would stand in the world, z up [m], shape (n, 3), finite.
+        vertices: of its faces, in the pose it would have in the world, z up [m], shape (n, 3), finite.
     """
     hull = hull_of(vertices)
     if hull is None or _rests(hull, UP):  # a flat sheet has no stable pose
