@@ -31,6 +31,7 @@ SMALLEST_MIN_ALPHA = 1.0 / 255.0
 MIN_COMPENSATION = 0.005
 
 Outputs = Literal["color", "depth", "normals"]
+DepthOf = Literal["center", "skin"]
 
 # The channels of rendered depth.
 EXPECTED, MEDIAN = 0, 1
@@ -59,6 +60,8 @@ class RasterOptions:
         max_sh_degree: bands of the view-dependent color that are used, 0 to 3.
         outputs: what a view gives beside color and transmittance: "color" nothing, "depth" expected and
             median depth, "normals" these and normals. Each costs time only when asked for.
+        depth_of: the place of a splat that its depth is that of: its "center", or its "skin", which is what a
+            depth camera measures (`digs_warp.splat.skin`).
     """
 
     min_alpha: float = SMALLEST_MIN_ALPHA
@@ -70,6 +73,7 @@ class RasterOptions:
     near_share: float = 0.05
     max_sh_degree: int = MAX_DEGREE
     outputs: Outputs = "color"
+    depth_of: DepthOf = "center"
 
     def __post_init__(self) -> None:
         """Raise a `DigsError` for a value outside of its range."""
@@ -90,6 +94,9 @@ class RasterOptions:
             raise DigsError(
                 f"raster option outputs: '{self.outputs}', expected color, depth or normals"
             )
+
+        if self.depth_of not in ("center", "skin"):
+            raise DigsError(f"raster option depth_of: '{self.depth_of}', expected center or skin")
 
     @property
     def has_depth(self) -> bool:

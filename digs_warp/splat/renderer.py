@@ -24,6 +24,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, view_params
 from digs_warp.splat.records import GradientLayout, PairGradients, Planes, Splats, TilePairs
 from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.skin import skin_launch
 from digs_warp.splat.statistics import SplatStatistics
 
 WHITE = (1.0, 1.0, 1.0)
@@ -169,6 +170,8 @@ class SplatRenderer:
         self._launches.project.run()
         self.binner.bin()
         self._record(self._degree)  # its buffers may have grown
+        if self._skin is not None:
+            self._skin.run()
         if self.backend.skips_empty_tiles:
             boxes = None if content is None else [self.binner.drawn_box(), content]
             filled = tiles_with_background(boxes, self.binner.columns, self.binner.rows)
@@ -285,6 +288,11 @@ class SplatRenderer:
             statistics=statistics.for_kernels(),
         )
         self._launches = self.backend.record(job)
+        self._skin = None
+        if self.options.has_depth and self.options.depth_of == "skin":
+            self._skin = skin_launch(
+                self.gaussians, self._views, lists.depths, self.device, self.threads
+            )
 
     def _add_background(self, behind: ImagePlanes) -> None:
         image = self.image

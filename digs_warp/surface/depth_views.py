@@ -23,8 +23,8 @@ class DepthView:
     Attributes:
         camera: the viewpoint.
         color: sRGB in 0..1 of the Gaussians alone, without background, (height, width, 3), float32.
-        depth: planar depth at which the coverage passes 1/2 [m], NaN where it does not, (height, width),
-            float32.
+        depth: planar depth of the splats' skins where the coverage passes 1/2 [m], NaN where it does not,
+            (height, width), float32.
     """
 
     camera: Camera
@@ -51,7 +51,7 @@ def depth_views(
         DeviceGaussians.from_numpy(gaussians, device),
         width,
         height,
-        options=RasterOptions(outputs="depth"),
+        options=RasterOptions(outputs="depth", depth_of="skin"),
     )
     for camera in cameras:
         near = near_plane(camera, center_world)

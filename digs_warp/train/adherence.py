@@ -76,7 +76,7 @@ def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> floa
         gaussians,
         max(k.width for k in sizes),
         max(k.height for k in sizes),
-        options=RasterOptions(outputs="depth"),
+        options=RasterOptions(outputs="depth", depth_of="skin"),
     )
     center = gaussians.means.numpy().mean(axis=0)
     distances = [_distances(renderer, view, center) for view in views]

@@ -59,7 +59,9 @@ class Trainer:
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
-            options=RasterOptions(outputs="depth" if config.depth_weight > 0 else "color"),
+            options=RasterOptions(
+                outputs="depth" if config.depth_weight > 0 else "color", depth_of="skin"
+            ),
         )
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, self._extent)

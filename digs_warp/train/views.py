@@ -18,6 +18,9 @@ from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.exposure import ColorSamples
 from digs_warp.train.silhouette import without_surround
 
+# A larger difference of depth inside a 2x2 block, as a share of it, is a step to another surface.
+JUMP = 0.02
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -106,6 +109,9 @@ def load_view(
             smaller = half_size(photo, mask)
             small_unknown = None if unknown is None else any_of_four(unknown)
             half = packed_view(frame.name, camera, *smaller, device, small_unknown)
+            if with_depth:
+                small_depth = half_depth(depth, weights)
+                half = replace(half, depth=_pack_depth(*small_depth, half.box, device))
             view = replace(view, half=replace(half, rows=rows))
     return view
 
@@ -147,6 +153,23 @@ def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarr
     total = block_sums(share)
     mixed = np.where(total > 0, block_sums(color * share) / np.maximum(total, 1e-6), 0.0)
     return np.rint(mixed).astype(np.uint8), np.rint(total[..., 0] / 4.0).astype(np.uint8)
+
+
+def half_depth(depth: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return depth [m] and its weights at half the size: means of 2x2 blocks, and the least weight.
+
+    A block with a pixel that has no weight, or across a jump in depth, has weight 0.
+    """
+    height, width = depth.shape[0] // 2, depth.shape[1] // 2
+
+    def blocks(values: np.ndarray) -> np.ndarray:
+        return values[: 2 * height, : 2 * width].reshape(height, 2, width, 2)
+
+    known = blocks(np.where(weights > 0, depth, np.float32(np.nan)))
+    with np.errstate(invalid="ignore"):
+        mean = known.mean(axis=(1, 3))
+        together = known.max(axis=(1, 3)) - known.min(axis=(1, 3)) < JUMP * mean
+    return mean, np.where(together, blocks(weights).min(axis=(1, 3)), 0).astype(np.uint8)
 
 
 def any_of_four(pixels: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from digs_warp.study.engine.records import (
 )
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import OBJECT_SIZE, VOXEL, objects, voxel_size
+from digs_warp.study.studies import held_surface
 from digs_warp.study.studies.finishes import finish_sections
 from digs_warp.study.table import Table
 
@@ -39,6 +40,7 @@ KNOBS: dict[str, tuple[str, str, Sequence[Any]]] = {
     "sensor tier": ("recording", "tier", ("truth", "law", "matcher")),
     "samples per pixel": ("recording", "samples_per_pixel", (1, 16)),
     "SH degree": ("reconstruction", "train.sh_degree", (0, 1, 2, 3)),
+    held_surface.KNOB: ("reconstruction", held_surface.SETTING, held_surface.WEIGHTS),
     "poses": ("reconstruction", "sfm.poses", ("sfm",)),
     "features per image": ("reconstruction", "sfm.features", (1000, 6000)),
     "pairs of images": ("reconstruction", "sfm.pairing", ("sequential",)),
@@ -64,6 +66,7 @@ BUYS = {
     "sensor tier": "How depth is simulated: from no error to a real matcher. It buys realism, not quality.",
     "samples per pixel": "Rays of the simulated photograph: less grain in the images, more time to record.",
     "SH degree": "View-dependent colour: glossy surfaces need it; more numbers per Gaussian.",
+    held_surface.KNOB: "How strongly the measured depth holds the surface while the images are fitted.",
     "poses": "Estimated instead of recorded poses, which a real recording needs.",
     "features per image": "In structure from motion: more points and matches, more time.",
     "pairs of images": "In structure from motion: fewer pairs save time in long recordings.",
@@ -113,7 +116,8 @@ def sections(records: Sequence[Record]) -> list[Section]:
     if (USUAL, "") not in measured:
         return [Section("Nothing to compare", "The case with the usual settings is missing.")]
     usual = [r for r in records if r["labels"].get("knob") == USUAL]
-    return [_front(_choices(measured)), *_knob_sections(measured), *finish_sections(usual)]
+    shown = [_front(_choices(measured)), *_knob_sections(measured)]
+    return [*shown, *held_surface.surface_sections(records), *finish_sections(usual)]
 
 
 def total_seconds(record: Record) -> float:

@@ -7,6 +7,7 @@ import trimesh
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
+from digs_warp.splat.skin import OVERLAP
 from digs_warp.surface.rendered import surface_error
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 
@@ -22,10 +23,12 @@ def sphere(radius: float) -> TriangleMesh:
 
 
 def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
-    exact = surface_error(ball(), capture.frames, sphere(RADIUS))
-    larger = surface_error(ball(), capture.frames, sphere(RADIUS + 0.1))
+    # The skins of its splats, 12 mm wide and nearly opaque, lie in front of their centers.
+    skin = RADIUS + OVERLAP * 0.012 * np.sqrt(2.0 * np.log(2.0 / (1.0 + np.exp(-4.0))))
+    exact = surface_error(ball(), capture.frames, sphere(skin))
+    larger = surface_error(ball(), capture.frames, sphere(skin + 0.1))
     assert exact is not None and larger is not None
-    # The splats of this ball are 12 mm wide and overlap: the nearer of them show first.
+    # They also overlap: the nearer of them show first.
     assert exact.accuracy < 0.012
     assert larger.accuracy == pytest.approx(0.1, abs=0.012)
     assert larger.completeness > exact.completeness + 0.05

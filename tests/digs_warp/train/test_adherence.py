@@ -37,7 +37,9 @@ def measured(frames: tuple[Frame, ...] | list[Frame], gaussians: Gaussians) -> f
 
 def drawn_depth(frame: Frame) -> np.ndarray:
     """The median depth of the ball of Gaussians, NaN where there is none."""
-    depth = render(ball(), frame.camera, options=RasterOptions(outputs="depth")).median_depth
+    depth = render(
+        ball(), frame.camera, options=RasterOptions(outputs="depth", depth_of="skin")
+    ).median_depth
     assert depth is not None
     return depth
 
@@ -54,9 +56,6 @@ def test_a_surface_that_slides_off_is_measured(capture: Capture) -> None:
     for off in (0.0, -0.007, 0.02):
         frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + off) for f in capture.frames]
         assert measured(frames, ball()) == pytest.approx(abs(off), abs=1e-6)
-    near, far = measured(capture.frames, ball()), measured(capture.frames, grown(ball(), 0.8))
-    assert near is not None and far is not None
-    assert far > 2 * near
 
 
 def test_wrong_pixels_do_not_change_it_much(capture: Capture) -> None:

@@ -1,0 +1,76 @@
+"""The measured depth in the training: at half size too, and where it is wrong."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.gaussians import FIELDS
+from digs_warp.data.layers import Layer
+from digs_warp.train.adherence import adherence, load_measured_views
+from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+from digs_warp.train.views import half_depth
+from reference.tiny_capture import ball, write_tiny_capture
+
+STEPS = 40
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+
+
+def trained(frames: Sequence[Frame], config: TrainConfig) -> Trainer:
+    config = replace(config, stop=Stop(iterations=STEPS))
+    views = open_views(frames, config)
+    trainer = Trainer(ball(300), views, config)
+    for _ in range(STEPS):
+        trainer.step()
+    views.close()
+    return trainer
+
+
+def test_a_strong_weight_holds_the_surface(capture: Capture) -> None:
+    views = load_measured_views(capture.frames)
+    loose, held = (
+        adherence(trained(capture.frames, TrainConfig(depth_weight=weight)).gaussians, views)
+        for weight in (0.0, 0.3)
+    )
+    assert loose is not None and held is not None
+    assert held < 0.85 * loose
+
+
+def test_half_the_depth_is_the_mean_of_blocks_on_one_surface() -> None:
+    depth = np.ones((5, 6), np.float32)
+    depth[:2, :2] = [[1.0, 1.004], [1.008, 1.012]]
+    depth[0, 2] = 1.1  # a step
+    depth[1, 4] = np.nan
+    weights = np.full((5, 6), 200, np.uint8)
+    weights[1, 4] = 0
+    weights[1, 1] = 90
+    small, share = half_depth(depth, weights)
+    assert small.shape == share.shape == (2, 3)
+    assert small[0, 0] == pytest.approx(1.006)
+    assert share.tolist() == [[90, 0, 0], [200, 200, 200]]
+
+
+@pytest.mark.parametrize("factor", [np.nan, 1e-3, 3.0, 1e6])
+def test_wrong_depth_leaves_finite_gaussians(capture: Capture, factor: float) -> None:
+    wrong = [
+        frame.with_layer(Layer.DEPTH, np.float32(factor) * frame.load_depth())
+        for frame in capture.frames
+    ]
+    gaussians = trained(wrong, TrainConfig(depth_weight=0.02)).gaussians.to_numpy()
+    assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
+
+
+def test_one_constant_frame_leaves_finite_gaussians(capture: Capture) -> None:
+    frame = capture.frames[0]
+    gray = frame.with_layer(Layer.IMAGE, np.full_like(frame.load_image(), 128))
+    gaussians = trained([gray], TrainConfig(depth_weight=0.02)).gaussians.to_numpy()
+    assert all(np.isfinite(getattr(gaussians, name)).all() for name in FIELDS)
