@@ -208,7 +208,8 @@ class FrameMaker:
         config = self.session.config
         k, noise = truth.rig.image_intrinsics, truth.rig.color_noise
         rig = replace(truth.rig, intrinsics=k, image_noise=noise)
-        alone = replace(view.as_truth(truth), right=view.image, rig=rig)
+        seen = view.as_truth(truth)
+        alone = replace(seen, right=view.image, right_highlights=view.highlights, rig=rig)
         seed = config.seed + COLOR_SEED
         effects, adapted = self.plan.pixel_effects, self._adapted(truth.number)
         return recorded_images(alone, effects, seed, config.strength, adapted)[0]

@@ -133,14 +133,16 @@ class Session:
         moment, samples, rig = self.moment(number), self.config.samples_per_pixel, self.rig
         left_shift = -rig.color_offset
         left, right = self.eyes(number, shutter, drift)
-        image, mask = left.image(samples, self._eye_seed(number, LEFT_EYE))
-        right_image, right_mask = image, None
+        image, mask, highlights = left.photograph(samples, self._eye_seed(number, LEFT_EYE))
+        right_image, right_mask, right_highlights = image, None, highlights
         if both_eyes:
-            right_image, right_mask = right.image(samples, self._eye_seed(number, RIGHT_EYE))
+            seed = self._eye_seed(number, RIGHT_EYE)
+            right_image, right_mask, right_highlights = right.photograph(samples, seed)
         seen = left.geometry()
         dots_show = None
         if rig.has_color_camera:
             image, right_image = infrared_image(image), infrared_image(right_image)
+            highlights = right_highlights = None  # of the colors
         gain = np.float32(rig.projector_power * self.renderer.exposure)
         if gain > 0 and projects:
             place = left_shift + rig.projector_offset
@@ -166,6 +168,8 @@ class Session:
             rays=left.rays(rig.baseline),
             drift=drift,
             dots_show=dots_show,
+            highlights=highlights,
+            right_highlights=right_highlights,
         )
         return truth, ObjectPixels(mask, seen.object_ids)
 
@@ -173,7 +177,9 @@ class Session:
         """Render what the color camera of a rig with an infrared pair sees; see `truth`."""
         eye, pose = self.image_eye(number, shutter), self.walk.pose(self.moment(number))
         samples, seed = self.config.samples_per_pixel, self._eye_seed(number, COLOR_CAMERA)
-        return ColorView(Camera(eye.intrinsics, pose), *eye.image(samples, seed), *eye.geometry())
+        image, mask, highlights = eye.photograph(samples, seed)
+        camera = Camera(eye.intrinsics, pose)
+        return ColorView(camera, image, mask, *eye.geometry(), highlights)
 
     def eyes(
         self, number: int, shutter: Shutter, drift: Drift = NO_DRIFT

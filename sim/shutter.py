@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
-from digs_warp.sim.render.protocol import CameraTrack, Geometry, Projected, Renderer
+from digs_warp.sim.render.protocol import CameraTrack, Geometry, Photograph, Projected, Renderer
 from digs_warp.sim.sensor.frame import FrameRays
 
 # Camera pose, ``world_from_cam``, a time [s] after the middle of the frame.
@@ -58,12 +58,17 @@ class ShutteredEye:
     def image(
         self, samples_per_pixel: int, seed: np.random.SeedSequence
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the image, (height, width, 3), and the mask, (height, width), both uint8.
+        """Return the image, (height, width, 3), and the mask, (height, width), both uint8."""
+        taken = self.photograph(samples_per_pixel, seed)
+        return taken.image, taken.mask
+
+    def photograph(self, samples_per_pixel: int, seed: np.random.SeedSequence) -> Photograph:
+        """Return what the eye takes.
 
         The samples of a pixel are divided among the views, at least one for each.
         """
         samples = max(1, samples_per_pixel // self.shutter.views)
-        return self.renderer.render_exposure(self.track, samples, int(seed.generate_state(1)[0]))
+        return self.renderer.photograph(self.track, samples, int(seed.generate_state(1)[0]))
 
     @property
     def track(self) -> CameraTrack:

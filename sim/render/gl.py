@@ -28,6 +28,7 @@ from digs_warp.sim.render.protocol import (
     CameraTrack,
     Followed,
     Geometry,
+    Photograph,
     Projected,
     RenderedView,
     exposure_by_views,
@@ -121,6 +122,10 @@ class GlRenderer:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return image and mask of a moving camera: one drawing for each pose."""
         return exposure_by_views(self, track, samples, seed)
+
+    def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
+        """Return the same; OpenGL draws eight bits, so nothing is known of the light above white."""
+        return Photograph(*self.render_exposure(track, samples, seed), None)
 
     def render_geometry(self, camera: Camera) -> Geometry:
         """Return what is at the pixel centers.

@@ -229,11 +229,12 @@ def color_kernel(
     seed: int,
     # outputs
     image: wp.array2d[wp.uint8],  # [pixels, 3] sRGB
+    unclipped: wp.array2d[float],  # [pixels, 3] the same, linear
     mask: wp.array[wp.uint8],  # [pixels] coverage 0..255
 ):
     """Average the samples of a pixel: image (box filter over pixel and exposure) and object coverage.
 
-    The sensor integrates light over the exposure and clips the result.
+    The sensor integrates light over the exposure and clips the result; what it clips is in ``unclipped``.
     """
     pixel = first + wp.tid()
     state = wp.rand_init(seed, pixel)
@@ -295,9 +296,9 @@ def color_kernel(
         total += seen_surround(view, light.panorama, start, middle, surround_level, open_way)
     count = float(samples * track.moments)
     mean = total / count
-    image[pixel, 0] = srgb_byte(mean[0])
-    image[pixel, 1] = srgb_byte(mean[1])
-    image[pixel, 2] = srgb_byte(mean[2])
+    for channel in range(3):
+        image[pixel, channel] = srgb_byte(mean[channel])
+        unclipped[pixel, channel] = mean[channel]
     mask[pixel] = wp.uint8((255.0 * covered) / count + 0.5)
 
 

@@ -11,6 +11,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import check_shape
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.frame import FrameRays
+from digs_warp.sim.sensor.highlights import Highlights
 
 
 class Geometry(NamedTuple):
@@ -27,6 +28,20 @@ class Geometry(NamedTuple):
     normals_world: np.ndarray
     material_ids: np.ndarray
     object_ids: np.ndarray
+
+
+class Photograph(NamedTuple):
+    """What a camera takes.
+
+    Attributes:
+        image: sRGB, shape (height, width, 3), uint8.
+        mask: share of each pixel that objects cover, 0..255, shape (height, width), uint8.
+        highlights: the light above white; None: unknown.
+    """
+
+    image: np.ndarray
+    mask: np.ndarray
+    highlights: Highlights | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +153,10 @@ class Renderer(Protocol):
             samples: per pixel and moment, >= 1.
             seed: of the sampling.
         """
+        ...
+
+    def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
+        """Return the same, with the light above white where the renderer knows it."""
         ...
 
     def render_geometry(self, camera: Camera) -> Geometry:

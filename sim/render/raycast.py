@@ -22,6 +22,7 @@ from digs_warp.sim.render.protocol import (
     CameraTrack,
     Followed,
     Geometry,
+    Photograph,
     Projected,
     RenderedView,
 )
@@ -30,6 +31,7 @@ from digs_warp.sim.render.shadows import prepare_shadows
 from digs_warp.sim.render.upload import upload_scene
 from digs_warp.sim.render.view import make_track, make_view
 from digs_warp.sim.scene import Scene
+from digs_warp.sim.sensor.highlights import Highlights
 
 # Pixels of an image that one thread renders before others have started: those by which a camera meters light.
 TINY = 1024
@@ -74,7 +76,12 @@ class RaycastRenderer:
     def render_exposure(
         self, track: CameraTrack, samples: int, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return image and mask of a moving camera; every ray starts from the camera's pose at its moment."""
+        """Return image and mask of a moving camera; see `photograph`."""
+        taken = self.photograph(track, samples, seed)
+        return taken.image, taken.mask
+
+    def photograph(self, track: CameraTrack, samples: int, seed: int = 0) -> Photograph:
+        """Return what a moving camera takes; every ray starts from the camera's pose at its moment."""
         k = track.intrinsics
         first = Camera(k, track.world_from_cam[0, 0])
         view = make_view(first, self.surround, samples)
@@ -87,13 +94,16 @@ class RaycastRenderer:
             surround_step = pixel_angle  # the floor may be nearer than when its picture was taken
         if not self._has_openness:
             self._measure_openness()
-        image = wp.empty((k.height * k.width, 3), dtype=wp.uint8, device="cpu")
-        mask = wp.empty(k.height * k.width, dtype=wp.uint8, device="cpu")
-        scalars = [surround_level, surround_step, samples, _int32(seed)]
-        inputs = [view, way, self._surface, self._light.struct, *scalars, image, mask]
         count = k.height * k.width
+        encoded = wp.empty((count, 3), dtype=wp.uint8, device="cpu")
+        light = wp.empty((count, 3), dtype=float, device="cpu")
+        mask = wp.empty(count, dtype=wp.uint8, device="cpu")
+        scalars = [surround_level, surround_step, samples, _int32(seed)]
+        inputs = [view, way, self._surface, self._light.struct, *scalars, encoded, light, mask]
         launch_parallel(color_kernel, count, inputs, threads=self._threads(count))
-        return image.numpy().reshape(k.height, k.width, 3), mask.numpy().reshape(k.height, k.width)
+        image = encoded.numpy().reshape(k.height, k.width, 3)
+        highlights = Highlights.of(image, light.numpy())
+        return Photograph(image, mask.numpy().reshape(k.height, k.width), highlights)
 
     def render_geometry(self, camera: Camera) -> Geometry:
         """Return what is at the pixel centers."""

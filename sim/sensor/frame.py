@@ -13,6 +13,7 @@ from digs_warp.sim.scene import Material
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import gray_of
+from digs_warp.sim.sensor.highlights import Highlights
 from digs_warp.sim.sensor.right_eye import hidden_from_right
 from digs_warp.sim.sensor.texture import gradient_in_window, noise_of
 
@@ -67,6 +68,7 @@ class FrameTruth:
         dots_show: where the center of a projected dot would stand out of the image noise, (height, width),
             bool; None: the camera has no projector, or it is off.
         right_mask: of the object in ``right``, (height, width), uint8; None: not rendered.
+        highlights, right_highlights: the light above white in the two images; None: unknown.
     """
 
     number: int
@@ -83,6 +85,8 @@ class FrameTruth:
     drift: Drift = NO_DRIFT
     dots_show: np.ndarray | None = None
     right_mask: np.ndarray | None = None
+    highlights: Highlights | None = None
+    right_highlights: Highlights | None = None
 
     # Computed once, when the first effect needs it.
 

@@ -12,11 +12,12 @@ CLIPPED = 0.995  # linear; the two highest 8-bit values: the true brightness the
 def amplified(eyes: EyeImages, gain: ByChannel, electronic: ByChannel) -> EyeImages:
     """Return both images with their channels multiplied by ``gain``, of which ``electronic`` is a part.
 
-    White stays white, because its true brightness is unknown.
+    Where images are clipped, white stays white, because its true brightness is unknown. The results are.
     """
     red, green, blue = (a * b for a, b in zip(eyes.electronic_gain, electronic, strict=True))
-    left, right = (_amplified(image, gain) for image in (eyes.left, eyes.right))
-    return replace(eyes, left=left, right=right, electronic_gain=(red, green, blue))
+    left, right = (_amplified(image, gain, eyes.is_clipped) for image in (eyes.left, eyes.right))
+    gains = (red, green, blue)
+    return replace(eyes, left=left, right=right, electronic_gain=gains, is_clipped=True)
 
 
 def times_channels(image: np.ndarray, factors: ByChannel) -> np.ndarray:
@@ -27,7 +28,8 @@ def times_channels(image: np.ndarray, factors: ByChannel) -> np.ndarray:
     return (image.reshape(height, -1) * row).reshape(image.shape)
 
 
-def _amplified(linear: np.ndarray, gain: ByChannel) -> np.ndarray:
+def _amplified(linear: np.ndarray, gain: ByChannel, is_clipped: bool) -> np.ndarray:
     result = np.minimum(times_channels(linear, gain), np.float32(1))
-    np.copyto(result, linear, where=linear >= CLIPPED)
+    if is_clipped:
+        np.copyto(result, linear, where=linear >= CLIPPED)
     return result

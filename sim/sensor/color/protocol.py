@@ -24,6 +24,7 @@ class EyeImages:
         left, right: shape (height, width, 3), float32.
         adaptation: what exposure and white balance are set to.
         electronic_gain: by which the electronics have multiplied the signal so far, and its noise.
+        is_clipped: whether light above white is lost; if not, values exceed 1 until a gain clips them.
     """
 
     intrinsics: Intrinsics
@@ -31,6 +32,7 @@ class EyeImages:
     right: np.ndarray
     adaptation: Adaptation = NOT_ADAPTED
     electronic_gain: ByChannel = (1.0, 1.0, 1.0)
+    is_clipped: bool = True
 
     def with_images(self, left: np.ndarray, right: np.ndarray) -> "EyeImages":
         """Return the same eyes with new images."""

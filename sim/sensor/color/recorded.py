@@ -1,10 +1,12 @@
 """The two images as the camera records them: the rendered images after the effects on them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
+from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.encoding import decode, encode
 from digs_warp.sim.sensor.color.protocol import EyeImages, PixelEffect
 from digs_warp.sim.sensor.frame import FrameTruth
@@ -29,8 +31,19 @@ def recorded_images(
     """
     if not effects or strength == 0:
         return truth.image, truth.right
-    eyes = EyeImages(truth.rig.intrinsics, decode(truth.image), decode(truth.right), adaptation)
+    eyes = _eyes(truth, effects, adaptation)
     for effect in effects:
         rng = effect_rng(seed, truth.number, effect.name)
         eyes = effect.apply(eyes, truth.rig, rng, strength)
     return encode(eyes.left), encode(eyes.right)
+
+
+def _eyes(truth: FrameTruth, effects: Sequence[PixelEffect], adaptation: Adaptation) -> EyeImages:
+    """Return the light on the two sensors; above white, too, if the exposure is still to be chosen."""
+    eyes = EyeImages(truth.rig.intrinsics, decode(truth.image), decode(truth.right), adaptation)
+    left, right = truth.highlights, truth.right_highlights
+    exposes = any(isinstance(effect, AutoExposure) for effect in effects)
+    if not exposes or left is None or right is None:
+        return eyes
+    bright = eyes.with_images(left.restored(eyes.left), right.restored(eyes.right))
+    return replace(bright, is_clipped=False)

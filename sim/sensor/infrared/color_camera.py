@@ -8,6 +8,7 @@ from digs_warp.camera import Camera
 from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.highlights import Highlights
 from digs_warp.sim.sensor.infrared.registration import sources_of
 from digs_warp.sim.sensor.tiers import code_missing, depth_of
 
@@ -24,6 +25,7 @@ class ColorView:
         normals_world: (height, width, 3), float32.
         material_ids: (height, width), int32.
         object_ids: number of the object, (height, width), int32; 0: none.
+        highlights: the light above white in the image; None: unknown.
     """
 
     camera: Camera
@@ -33,6 +35,7 @@ class ColorView:
     normals_world: np.ndarray
     material_ids: np.ndarray
     object_ids: np.ndarray
+    highlights: Highlights | None = None
 
     def as_truth(self, truth: FrameTruth) -> FrameTruth:
         """Return the truth of a sensor that measures from the place of the color camera."""
@@ -43,6 +46,7 @@ class ColorView:
             depth=self.depth,
             normals_world=self.normals_world,
             material_ids=self.material_ids,
+            highlights=self.highlights,
         )
 
 
