@@ -19,6 +19,8 @@ from digs_warp.splat.config import MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.row_motion import RowMotion
+from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 
 # The median hardly changes with more views, and each takes the time of a training step.
 VIEWS = 8
@@ -35,24 +37,32 @@ class MeasuredView:
         camera: of the whole image.
         box: of the object in the image.
         depth: inside the box [m], NaN where unknown or not on the object, float32.
+        rows: how the camera moves while its rows are read; None: not at all.
     """
 
     camera: Camera
     box: PixelBox
     depth: np.ndarray
+    rows: RowMotion | None = None
 
 
-def load_measured_views(frames: Sequence[Frame], most: int = VIEWS) -> list[MeasuredView]:
-    """Read the depth of at most ``most`` frames, evenly spread; frames without depth are left out.
+def load_measured_views(
+    frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER
+) -> list[MeasuredView]:
+    """Read the depth of at most `VIEWS` frames, evenly spread; frames without depth are left out.
+
+    Args:
+        frames: of the recording.
+        shutter: how the cameras move while their rows are read.
 
     Raises:
         CaptureError: a file is missing or broken.
     """
     known = [frame for frame in frames if frame.has(Layer.DEPTH)]
-    return [_measured(frame) for frame in evenly(known, most)]
+    return [_measured(frame, shutter.rows_of(frame)) for frame in evenly(known, VIEWS)]
 
 
-def _measured(frame: Frame) -> MeasuredView:
+def _measured(frame: Frame, rows: RowMotion | None) -> MeasuredView:
     depth = frame.load_depth()
     mask = np.full(depth.shape, 255, np.uint8)
     if frame.has(Layer.MASK):
@@ -61,7 +71,7 @@ def _measured(frame: Frame) -> MeasuredView:
     x0, y0, x1, y1 = box
     known = (mask >= OBJECT) & np.isfinite(depth) & (depth > 0)
     kept = np.where(known, depth, np.float32(np.nan))[y0:y1, x0:x1]
-    return MeasuredView(frame.camera, box, kept.astype(np.float32))
+    return MeasuredView(frame.camera, box, kept.astype(np.float32), rows)
 
 
 def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> float | None:
@@ -85,7 +95,7 @@ def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> floa
 
 
 def _distances(renderer: SplatRenderer, view: MeasuredView, center: np.ndarray) -> np.ndarray:
-    renderer.forward(view.camera, near=near_plane(view.camera, center))
+    renderer.forward(view.camera, near=near_plane(view.camera, center), rows=view.rows)
     x0, y0, x1, y1 = view.box
     drawn = renderer.depth.to_numpy()[y0:y1, x0:x1, MEDIAN].astype(np.float64)
     compared = np.isfinite(view.depth) & (drawn > 0)

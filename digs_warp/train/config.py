@@ -15,6 +15,9 @@ from digs_warp.sh import USUAL_DEGREE
 
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 
+# Weight of the measured depth: see "The surface" in docs/training.md.
+DEPTH_WEIGHT = 0.004
+
 # Weights of mean opacity and mean scale with density "mcmc": the values of 3dgs-mcmc and gsplat.
 MCMC_WEIGHT = 0.01
 
@@ -144,8 +147,9 @@ class TrainConfig:
     """Weight of the difference between coverage and mask: keeps the area around the object empty, even with
     a fixed background."""
 
-    depth_weight: float = 0.0
-    """Weight of the difference between rendered and measured depth: keeps untextured surfaces in place."""
+    depth_weight: float | None = None
+    """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
+    Default: 0.004 where the recording has depth."""
 
     opacity_weight: float | None = None
     """Weight of the mean opacity: fades out Gaussians that no view needs. Default: 0.01 with --density mcmc,
@@ -206,6 +210,11 @@ class TrainConfig:
     def usual_sh_degree(self) -> int:
         """The degree of the color; that of matte objects where the recording is to decide."""
         return USUAL_DEGREE if self.sh_degree is None else self.sh_degree
+
+    def depth_weight_where(self, recorded: bool) -> float:
+        """Return the weight of the measured depth, default resolved; ``recorded``: there is some."""
+        default = DEPTH_WEIGHT if recorded else 0.0
+        return default if self.depth_weight is None else self.depth_weight
 
     @property
     def learning_rates(self) -> LearningRates:

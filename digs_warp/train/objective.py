@@ -24,7 +24,8 @@ class Objective:
     """Compares a rendered image with a view, and backpropagates the loss to the Gaussians.
 
     Args:
-        renderer: draws the views; its ``gradients`` are those of the loss after `pull_back`.
+        renderer: draws the views, with depth if that is compared; its ``gradients`` are those of the loss
+            after `pull_back`.
         config: the weights.
         extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
     """
@@ -50,8 +51,9 @@ class Objective:
             self._coverage = CoverageLoss(
                 r.transmittance, self._target.mask, r.adj_transmittance, config.coverage_weight
             )
-        if config.depth_weight > 0:
-            self._depth = DepthLoss(r.depth, r.transmittance, r.adj_depth, config.depth_weight)
+        if r.options.has_depth:
+            weight = config.depth_weight_where(recorded=True)
+            self._depth = DepthLoss(r.depth, r.transmittance, r.adj_depth, weight)
         self.rebind()
 
     def rebind(self) -> None:

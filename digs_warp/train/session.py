@@ -80,7 +80,7 @@ def train_gaussians(
     with log.stage("load views"):
         first_step = checkpoint_step(checkpoint) if resume else 0
         views = open_views(frames, config, first_step, shutter)
-        measured_views = load_measured_views(frames)
+        measured_views = load_measured_views(frames, shutter)
     try:
         with log.stage("prepare kernels"):
             trainer = Trainer(seeds, views, config)

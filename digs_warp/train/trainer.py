@@ -55,13 +55,12 @@ class Trainer:
         self.gaussians = DeviceGaussians.from_numpy(gaussians, config.device)
         self._start_count = len(gaussians)
         sizes = [camera.intrinsics for camera in views.cameras]
+        with_depth = config.depth_weight_where(views.have_depth) > 0
         self.renderer = SplatRenderer(
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
-            options=RasterOptions(
-                outputs="depth" if config.depth_weight > 0 else "color", depth_of="skin"
-            ),
+            options=RasterOptions(outputs="depth" if with_depth else "color", depth_of="skin"),
         )
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, self._extent)

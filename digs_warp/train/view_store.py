@@ -13,6 +13,7 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
 from digs_warp.record.progress import progress
 from digs_warp.train.config import TrainConfig
@@ -49,7 +50,7 @@ def open_views(
         return load_view(
             frame,
             config.device,
-            with_depth=config.depth_weight > 0,
+            with_depth=config.depth_weight_where(frame.has(Layer.DEPTH)) > 0,
             with_half=may_halve(config),
             on_background=config.mask_role == "object",
             rows=shutter.rows_of(frame),
@@ -108,6 +109,11 @@ class ViewStore:
     def names(self) -> list[str]:
         """The names of all views."""
         return [frame.name for frame in self._frames]
+
+    @property
+    def have_depth(self) -> bool:
+        """Whether depth was measured in any of them."""
+        return any(frame.has(Layer.DEPTH) for frame in self._frames)
 
     def index(self, step: int) -> int:
         """Return which view ``step`` uses."""

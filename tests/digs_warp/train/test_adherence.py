@@ -1,18 +1,22 @@
 """How closely the surface keeps to the measured depth: on a ball whose depth is known exactly."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from digs_warp.data.camera_motion import CameraMotion, Exposure
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.render import render
+from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.adherence import adherence, load_measured_views
+from digs_warp.train.shutter import ShutterPlan
 from reference.tiny_capture import ball, write_tiny_capture
 
 
@@ -56,6 +60,26 @@ def test_a_surface_that_slides_off_is_measured(capture: Capture) -> None:
     for off in (0.0, -0.007, 0.02):
         frames = [f.with_layer(Layer.DEPTH, drawn_depth(f) + off) for f in capture.frames]
         assert measured(frames, ball()) == pytest.approx(abs(off), abs=1e-6)
+
+
+def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:
+    gaussians = DeviceGaussians.from_numpy(ball())
+    moving = CameraMotion.of(np.array([0.4, 0.0, 0.0]), np.array([0.0, 1.5, 0.0]))
+    plan = ShutterPlan(rolling=True, because="", readout_time=0.05)
+    frames = []
+    for frame in capture.frames:
+        frame = replace(frame, exposure=Exposure(moving))
+        k = frame.camera.intrinsics
+        options = RasterOptions(outputs="depth", depth_of="skin")
+        renderer = SplatRenderer(gaussians, k.width, k.height, options=options)
+        renderer.forward(frame.camera, near=0.01, rows=plan.rows_of(frame))
+        drawn = renderer.depth.to_numpy()[..., MEDIAN]
+        frames.append(frame.with_layer(Layer.DEPTH, np.where(drawn > 0, drawn, np.nan)))
+    known = adherence(gaussians, load_measured_views(frames, plan))
+    ignored = adherence(gaussians, load_measured_views(frames))
+    assert known is not None and ignored is not None
+    assert known == pytest.approx(0.0, abs=1e-6)
+    assert ignored > 1e-3
 
 
 def test_wrong_pixels_do_not_change_it_much(capture: Capture) -> None:

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.layers import Layer
 from digs_warp.train.adherence import adherence, load_measured_views
-from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from digs_warp.train.views import half_depth
@@ -43,6 +44,31 @@ def test_a_strong_weight_holds_the_surface(capture: Capture) -> None:
     )
     assert loose is not None and held is not None
     assert held < 0.85 * loose
+
+
+def test_it_holds_by_default_where_depth_was_measured(capture: Capture) -> None:
+    usual, named, off = (
+        trained(capture.frames, TrainConfig(depth_weight=weight)).gaussians.means.numpy()
+        for weight in (None, DEPTH_WEIGHT, 0.0)
+    )
+    assert np.array_equal(usual, named)
+    assert not np.array_equal(usual, off)
+
+
+def test_some_or_all_frames_may_lack_depth(capture: Capture) -> None:
+    bare = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
+    without = trained(bare, TrainConfig())
+    off = trained(capture.frames, TrainConfig(depth_weight=0.0))
+    assert np.array_equal(without.gaussians.means.numpy(), off.gaussians.means.numpy())
+    assert not without.renderer.options.has_depth
+    some = trained([*bare[:3], *capture.frames[3:]], TrainConfig()).gaussians.means.numpy()
+    assert np.isfinite(some).all() and not np.array_equal(some, off.gaussians.means.numpy())
+
+
+def test_a_weight_of_depth_without_depth_is_refused(capture: Capture) -> None:
+    bare = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
+    with pytest.raises(CaptureError, match="no 'depth_file_path'"):
+        trained(bare, TrainConfig(depth_weight=0.004))
 
 
 def test_half_the_depth_is_the_mean_of_blocks_on_one_surface() -> None:
