@@ -51,6 +51,7 @@ def trained(
         stop=Stop(iterations=STEPS),
         rates=Rates(colors=0.1),
         sh_degree=0,
+        depth_weight=0.0,  # depth of a sphere; the photographs show splats on it, which reach farther
         half_size_until=0,
         fit_exposure=fit_exposure,
     )
