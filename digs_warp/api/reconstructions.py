@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.data.capture import Capture, read_capture
-from digs_warp.init.strategies import StrategyName
+from digs_warp.init.strategies import StrategyChoice
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.layout import RUN_RECORD
 from digs_warp.record.replacement import check_place
@@ -19,7 +19,7 @@ def reconstruct(
     capture: Capture | Path | str,
     out: Path | str | None = None,
     *,
-    strategy: StrategyName | None = None,
+    strategy: StrategyChoice | None = None,
     iterations: int | None = None,
     seed: int = 0,
     resume: bool = False,
@@ -35,7 +35,7 @@ def reconstruct(
         capture: a recording, or its folder.
         out: folder for everything that the reconstruction leaves behind
             (docs/reconstruction-format.md). Default: none is kept.
-        strategy: which points to start from. Default: those from depth.
+        strategy: which points to start from. Default: those from depth, or sparse ones where there is none.
         iterations: training steps. Default: 1000.
         seed: decides everything random.
         resume: with ``out``: continue an interrupted run with the same settings.
@@ -50,9 +50,10 @@ def reconstruct(
 
     named = {"strategy": strategy, "iterations": iterations}
     settings |= {name: value for name, value in named.items() if value is not None}
-    config = with_settings(ReconstructionOptions(), settings).reconstruct_config(seed)
+    options = with_settings(ReconstructionOptions(), settings)
     if not isinstance(capture, Capture):
         capture = read_capture(Path(capture))
+    config = options.reconstruct_config(seed, capture)
     if out is not None:
         if (Path(out) / RUN_RECORD).exists() and not resume:
             raise DigsError(

@@ -73,7 +73,7 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
 
         start = time.perf_counter()
         capture = read_capture(self.capture)
-        config = self.reconstruct_config(self.seed)
+        config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first
         with self.output.opened([self.capture], reconstruction_files()) as folder:
             result = reconstruct(capture, config, folder, resume=self.output.resume)

@@ -7,12 +7,13 @@ import tyro
 
 from digs_warp.bounds import check_flag
 from digs_warp.init.config import InitConfig
-from digs_warp.init.strategies import STRATEGIES
+from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.config import Density, DensityStrategy, TrainConfig
 
 if TYPE_CHECKING:
+    from digs_warp.data.capture import Capture
     from digs_warp.pipeline.reconstruct import ReconstructConfig
 
 T = TypeVar("T")
@@ -38,6 +39,17 @@ class _SegmentOptions(SegmentConfig):
     """Where object masks come from."""
 
     mask_seed: Annotated[int, tyro.conf.Fixed, tyro.conf.Suppress] = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _InitOptions(InitConfig):
+    """Which points the Gaussians start from."""
+
+    strategy: StrategyChoice = "auto"  # pyright: ignore
+    """Where the points come from. auto: highdepth; without depth hull (object) or default (scene). highdepth:
+    depth maps in fine voxels; depth: in coarse voxels; hull: where all masks agree, without depth; default:
+    the paper's name for sparse points, background included, of the recording or matched in its images;
+    fusion: depth and sparse points, for fine texture; random: random points, for comparison."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,9 +82,9 @@ class ReconstructionOptions:
     segment: Annotated[_SegmentOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="masks")] = (
         field(default_factory=_SegmentOptions)
     )
-    init: Annotated[InitConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="initialization")] = (
-        field(default_factory=InitConfig)
-    )
+    init: Annotated[
+        _InitOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="initialization")
+    ] = field(default_factory=_InitOptions)
     train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="training")] = (
         field(default_factory=_TrainOptions)
     )
@@ -87,22 +99,38 @@ class ReconstructionOptions:
     def __post_init__(self) -> None:
         check_flag("--test-every", self.test_every)
 
-    def reconstruct_config(self, seed: int) -> "ReconstructConfig":
-        """Return the settings; ``seed`` serves all stages."""
+    def reconstruct_config(
+        self, seed: int, capture: "Capture | None" = None
+    ) -> "ReconstructConfig":
+        """Return the settings; ``seed`` serves all stages.
+
+        Args:
+            seed: decides everything random.
+            capture: the recording, by which 'auto' decides; None: a simulated one, which has depth.
+        """
         from digs_warp.pipeline.reconstruct import ReconstructConfig
 
+        start = self._strategy(capture)
         strategy = self.train.density.strategy
         if strategy == "auto":
-            strategy = STRATEGIES[self.init.strategy].density
+            strategy = STRATEGIES[start].density
         density = _plain(self.train.density, Density, strategy=strategy)
         return ReconstructConfig(
             sfm=_plain(self.sfm, SfmConfig, sfm_seed=seed),
             segment=_plain(self.segment, SegmentConfig, mask_seed=seed),
-            init=self.init,
+            init=_plain(self.init, InitConfig, strategy=start),
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
             subject=self.subject,
             test_every=self.test_every,
         )
+
+    def _strategy(self, capture: "Capture | None") -> StrategyName:
+        if capture is None:
+            return chosen_strategy(self.init.strategy, has_depth=True, has_masks=True)
+        from digs_warp.pipeline.subject import subject_of
+
+        subject = subject_of(capture, self.subject, self.segment)
+        return chosen_strategy(self.init.strategy, capture.has_depth, subject == "object")
 
 
 def _plain(options: Any, kind: type[T], **changes: Any) -> T:

@@ -16,6 +16,7 @@ from digs_warp.data.about import About, read_about
 from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
 from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
+from digs_warp.data.layers import Layer
 from digs_warp.data.other_folders import OF_A_CAMERA, what_it_is
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig, read_rig
@@ -60,6 +61,11 @@ class Capture:
         """Where right images are taken, along the x axis of the left camera [m]; None: there are none."""
         is_pair = self.rig is not None and self.rig.infrared is None
         return self.rig.baseline if self.rig and is_pair else None
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether any frame has a depth map."""
+        return any(frame.has(Layer.DEPTH) for frame in self.frames)
 
     @property
     def knows_poses(self) -> bool:

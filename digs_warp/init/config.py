@@ -17,9 +17,9 @@ class InitConfig:
 
     strategy: StrategyName = "highdepth"
     """Where the points come from. highdepth: depth maps in fine voxels; depth: depth maps in coarse voxels;
-    default: the paper's name for the sparse points of structure from motion, background included (our default
-    is highdepth); fusion: both, for fine texture on complete surfaces; random: random points, for comparison.
-    The last three match the images first."""
+    default: the paper's name for sparse points, background included (our default is highdepth); fusion: both,
+    for fine texture on complete surfaces; hull: the places that all masks agree on; random: random points,
+    for comparison. Default, fusion and random match the images, unless sparse points came with them."""
 
     voxel_size: float | None = None
     """Edge length of the voxel grid: one point per occupied voxel. Smaller voxels give finer detail and
@@ -99,6 +99,17 @@ class InitConfig:
         check_flag("--opacity", self.opacity)
         check_flag("--splat-width", self.splat_width)
         check_flag("--mask-threshold", self.mask_threshold)
+
+    @property
+    def needs_sfm(self) -> bool:
+        """Whether images have to be matched, unless sparse points came with the recording."""
+        is_counted = self.strategy == "random" and self.target_points is not None
+        return STRATEGIES[self.strategy].needs_sfm and not is_counted
+
+    @property
+    def takes_recorded_points(self) -> bool:
+        """Whether sparse points that came with the recording do instead; fusion asks which view saw which."""
+        return self.needs_sfm and self.strategy != "fusion"
 
     @property
     def seed_opacity(self) -> float:

@@ -22,6 +22,18 @@ def random_points(cameras: Sequence[Camera], count: int) -> PointCloud:
     Raises:
         DigsError: all cameras look in the same direction, so their axes have no nearest point.
     """
+    center, half = cube_looked_at(cameras)
+    rng = np.random.default_rng(SEED)
+    offsets = rng.uniform(-1.0, 1.0, (count, 3)) * half
+    return PointCloud(center + offsets, rng.uniform(0.0, 1.0, (count, 3)))
+
+
+def cube_looked_at(cameras: Sequence[Camera]) -> tuple[np.ndarray, float]:
+    """Return center and half the side [m] of the cube at which the cameras look, as large as they show there.
+
+    Raises:
+        DigsError: as of `looked_at`.
+    """
     center = looked_at(cameras)
     half_sides = [
         np.linalg.norm(camera.center_world - center)
@@ -29,9 +41,7 @@ def random_points(cameras: Sequence[Camera], count: int) -> PointCloud:
         for camera in cameras
         for k in [camera.intrinsics]
     ]
-    rng = np.random.default_rng(SEED)
-    offsets = rng.uniform(-1.0, 1.0, (count, 3)) * np.median(half_sides)
-    return PointCloud(center + offsets, rng.uniform(0.0, 1.0, (count, 3)))
+    return center, float(np.median(half_sides))
 
 
 def looked_at(cameras: Sequence[Camera]) -> np.ndarray:
@@ -43,7 +53,7 @@ def looked_at(cameras: Sequence[Camera]) -> np.ndarray:
     normal_matrix = across.sum(axis=0)
     if np.linalg.cond(normal_matrix) > 1e6:
         raise DigsError(
-            "initialization 'random': all cameras look in the same direction, so there is no point "
+            "initialization: all cameras look in the same direction, so there is no point "
             "that they all look at; choose another strategy"
         )
     return np.linalg.solve(normal_matrix, np.einsum("nij,nj->i", across, centers))

@@ -17,8 +17,10 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.init.config import InitConfig as InitConfig
 from digs_warp.init.depth_points import depth_points
+from digs_warp.init.hull import hull_points
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import random_points
+from digs_warp.init.reason import start_reason
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.shell import shell_points
 from digs_warp.init.start import Initialization, Subject
@@ -36,6 +38,7 @@ def initialize(
     sfm_per_metre: float | None = None,
     baseline: float | None = None,
     subject: Subject = "object",
+    recorded: PointCloud | None = None,
 ) -> Initialization:
     """Return the points of the configured strategy.
 
@@ -46,11 +49,17 @@ def initialize(
         sfm_per_metre: the scale that it had; for voxel sizes in its unit.
         baseline: of the stereo rig [m]; for shape 'ray'.
         subject: what the points from depth cover; a scene needs no masks, and gets a far shell.
+        recorded: the recording's own sparse points, which spare 'default' and 'random' those of ``sfm``.
 
     Raises:
         DigsError: something that the strategy needs is missing, or there are no points.
     """
-    start = _points(frames, config, sfm, sfm_per_metre, baseline, subject)
+    if config.strategy in ("default", "random", "hull"):
+        start = _without_depth(frames, config, sfm, recorded)
+    else:
+        start = _from_depth(frames, config, sfm, sfm_per_metre, baseline, subject)
+    has_depth = any(frame.has(Layer.DEPTH) for frame in frames)
+    start = replace(start, because=start_reason(config.strategy, start.sources, has_depth))
     if subject == "object":
         return start
     shell = shell_points(start.points, [frame.camera for frame in frames])
@@ -58,7 +67,28 @@ def initialize(
     return replace(start, points=points, sources={**start.sources, "shell": len(shell)})
 
 
-def _points(
+def _without_depth(
+    frames: Sequence[Frame],
+    config: InitConfig,
+    sfm: SfmModel | None,
+    recorded: PointCloud | None,
+) -> Initialization:
+    if config.strategy == "default":
+        if recorded is not None:
+            return Initialization(recorded, {"recorded": len(recorded)})
+        points = _needed(sfm, config).points
+        return Initialization(points, {"sfm": len(points)})
+    if config.strategy == "hull":
+        points = hull_points(frames, config)
+        return Initialization(points, {"hull": len(points)})
+    count = config.target_points
+    if count is None:
+        count = len(_needed(sfm, config).points if recorded is None else recorded)
+    points = random_points([frame.camera for frame in frames], count)
+    return Initialization(points, {"random": len(points)})
+
+
+def _from_depth(
     frames: Sequence[Frame],
     config: InitConfig,
     sfm: SfmModel | None,
@@ -66,15 +96,6 @@ def _points(
     baseline: float | None,
     subject: Subject,
 ) -> Initialization:
-    if config.strategy == "default":
-        points = _needed(sfm, config).points
-        return Initialization(points, {"sfm": len(points)})
-
-    if config.strategy == "random":
-        count = config.target_points or len(_needed(sfm, config).points)
-        points = random_points([frame.camera for frame in frames], count)
-        return Initialization(points, {"random": len(points)})
-
     if subject == "scene":
         from_depth, report = scene_points(frames, config, baseline)
     else:

@@ -1,4 +1,4 @@
-"""The five initializations of the paper (sections 3.3 and 4.1): what each needs and its defaults.
+"""The five initializations of the paper (sections 3.3 and 4.1) and one of ours: needs and defaults.
 
 To add one: give it a name and a row here, and say in `digs_warp.init.recipes.initialize` where its points
 come from. Nothing else knows the strategies by name.
@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-StrategyName = Literal["default", "random", "depth", "highdepth", "fusion"]
+StrategyName = Literal["default", "random", "depth", "highdepth", "fusion", "hull"]
+StrategyChoice = Literal["auto", StrategyName]
 VoxelUnit = Literal["metre", "object", "sfm"]
 
 # Edge lengths of the voxel grid. The paper's are in units of structure from motion; those as fractions of the
@@ -54,4 +55,12 @@ STRATEGIES: Mapping[StrategyName, Strategy] = {
     "depth": Strategy(False, COARSE_VOXELS, COARSE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
     "highdepth": Strategy(False, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
     "fusion": Strategy(True, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
+    "hull": Strategy(False, FINE_VOXELS, FINE_PIXELS, DENSE_OPACITY, DENSE_WIDTH, "fixed"),
 }
+
+
+def chosen_strategy(choice: StrategyChoice, has_depth: bool, has_masks: bool) -> StrategyName:
+    """Return the strategy that a user chose; 'auto' takes depth, else masks, else sparse points."""
+    if choice != "auto":
+        return choice
+    return "highdepth" if has_depth else "hull" if has_masks else "default"

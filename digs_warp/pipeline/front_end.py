@@ -7,23 +7,18 @@ masks; the depth maps inside them give the scale; from then on everything is met
 import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.posed_frames import CAMERAS, PosedFrames, with_cameras
-from digs_warp.data.sfm_model import SfmModel
+from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.config import InitConfig
-from digs_warp.init.local_scales import local_scales
-from digs_warp.init.random_points import looked_at
 from digs_warp.init.recipes import initialize
-from digs_warp.init.scale import ScaleEstimate, estimate_scale
+from digs_warp.init.recorded_points import recorded_points
+from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
-from digs_warp.init.strategies import STRATEGIES
+from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.subject import SubjectChoice, say_subject, subject_of
 from digs_warp.plausibility.check import check_capture
@@ -35,9 +30,6 @@ from digs_warp.segment.masks import check_inputs, segment, with_masks
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.words import counted
-
-if TYPE_CHECKING:
-    from digs_warp.sfm.estimate import SfmResult
 
 logger = logging.getLogger(__name__)
 
@@ -61,8 +53,8 @@ class FrontEndConfig:
 
     @property
     def needs_sfm(self) -> bool:
-        """Whether images are matched: for the poses, or for the sparse points that a strategy starts from."""
-        return self.sfm.poses != "capture" or STRATEGIES[self.init.strategy].needs_sfm
+        """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
+        return self.sfm.poses != "capture" or self.init.needs_sfm
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,15 +89,6 @@ class Prepared:
         start = results.start(PointCloud.load(folder / INITIAL_POINTS))
         frames = PosedFrames.load(capture, folder)
         return Prepared(frames, start, results.sfm, results.scale, results.doubts, results.subject)
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """Structure from motion in metres, and its original scale; the scale of given poses is 1."""
-
-    sfm: SfmModel
-    sfm_per_metre: float
-    estimate: ScaleEstimate | None = None
 
 
 def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
@@ -154,20 +137,22 @@ def front_end(
     say_subject(capture, config.subject, subject)
     with log.stage("check"):
         doubts = _doubts(capture, config)
-    sparse = None
-    if config.needs_sfm:
+    sparse, own = None, None
+    if config.sfm.poses == "capture" and config.init.takes_recorded_points:
+        own = recorded_points(capture, [frame.camera for frame in frames.training])
+    if config.needs_sfm and own is None:
         with log.stage("structure from motion"):
-            sparse = _structure_from_motion(capture, config.sfm, folder / SFM)
+            sparse = match_images(capture, config.sfm, folder / SFM)
     if config.segment.source != "capture":
         with log.stage("masks"):
             frames = _masked(frames, config.segment, folder / MASKS)
     if subject == "scene":
         frames = _without_masks(frames)
-    model: _Model | None = None
+    model: MetricModel | None = None
     if sparse is not None:
         with log.stage("scale"):
-            model = _in_metres(sparse, capture, frames, config.init)
-        frames = _registered(frames, model)
+            model = in_metres(sparse, capture, frames, config.init)
+        frames = registered(frames, model)
     with log.stage("initialize"):
         start = initialize(
             frames.training,
@@ -176,7 +161,9 @@ def front_end(
             sfm_per_metre=model.sfm_per_metre if model else None,
             baseline=capture.right_offset,
             subject=subject,
+            recorded=own,
         )
+    logger.info("%s: starting from %s", capture, start.because)
     prepared = Prepared(
         frames,
         start,
@@ -219,15 +206,6 @@ def _split(capture: Capture, test_every: int) -> PosedFrames:
     return PosedFrames(tuple(training), tuple(held_out))
 
 
-def _structure_from_motion(capture: Capture, config: SfmConfig, workspace: Path) -> "SfmResult":
-    """Estimate the poses of all frames, held-out ones included: evaluation needs their poses."""
-    from digs_warp.sfm.estimate import structure_from_motion
-
-    if config.readout_time is None:
-        config = replace(config, readout_time=capture.readout_time)
-    return structure_from_motion(capture.frames, config, workspace)
-
-
 def _masked(frames: PosedFrames, config: SegmentConfig, folder: Path) -> PosedFrames:
     """Make masks for the frames. Held-out frames keep theirs: the evaluation must not use our own masks.
 
@@ -251,43 +229,3 @@ def _without_masks(frames: PosedFrames) -> PosedFrames:
         for group in (frames.training, frames.held_out)
     )
     return replace(frames, training=training, held_out=held_out)
-
-
-def _in_metres(
-    sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig
-) -> _Model:
-    """Scale the model by the depth maps (eq. 6 and 7), and choose its world."""
-    if sparse.is_metric:
-        return _Model(sparse.model, 1.0)
-    ratios = local_scales(sparse.model, frames.training, config)
-    scale = estimate_scale(ratios, config.scale)
-    sfm = sparse.model.in_metres(scale.sfm_per_metre)
-    return _Model(sfm.moved(_world(sfm, capture)), scale.sfm_per_metre, scale)
-
-
-def _world(sfm: SfmModel, capture: Capture) -> np.ndarray:
-    """Return the rigid motion, (4, 4), into the recording's world, or into an upright one."""
-    from digs_warp.sfm.world import upright_world, world_as_recorded
-
-    if not capture.knows_poses:
-        return upright_world(sfm.cameras, looked_at(sfm.cameras))
-    recorded = {frame.name: frame.camera for frame in capture.frames}
-    return world_as_recorded(sfm.cameras, [recorded[name] for name in sfm.names])
-
-
-def _registered(frames: PosedFrames, model: _Model) -> PosedFrames:
-    """Return the frames that the model has a camera for, with that camera; warn about the others."""
-    training, held_out = (
-        tuple(with_cameras(group, model.sfm)) for group in (frames.training, frames.held_out)
-    )
-    every = (*frames.training, *frames.held_out)
-    lost = [frame.name for frame in every if frame.name not in model.sfm.names]
-    if lost:
-        logger.warning(
-            "not registered and left out: %s (%s)", counted(len(lost), "frame"), lost[:5]
-        )
-    if not training:
-        raise DigsError(
-            f"structure from motion: none of the {len(frames.training)} training frames was registered"
-        )
-    return PosedFrames(training, held_out, model.sfm_per_metre)

@@ -29,7 +29,8 @@ class Results:
         subject: what was reconstructed, the object in the masks or the whole scene.
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses, where there are such.
-        sources: number of initial points by where they came from: "depth", "sfm", "random".
+        sources: number of initial points by where they came from; see `Initialization`.
+        because: what they are and why, in words.
         depth: how many pixels of the depth maps were used, if the start is from depth.
         shutter: whether the training draws the rolling shutter, and why.
         color: the degree of the color that the photographs call for; None: the settings said which.
@@ -50,6 +51,7 @@ class Results:
     sfm: SfmQuality | None = None
     scale: ScaleEstimate | None = None
     sources: dict[str, int] | None = None
+    because: str | None = None
     depth: DepthReport | None = None
     shutter: ShutterPlan | None = None
     color: ViewDependence | None = None
@@ -75,17 +77,24 @@ class Results:
         if start is None:
             return known
         count = len(start.points)
-        return replace(known, sources=start.sources, depth=start.depth, initial_points=count)
+        return replace(
+            known,
+            sources=start.sources,
+            because=start.because or None,
+            depth=start.depth,
+            initial_points=count,
+        )
 
     def start(self, points: PointCloud) -> Initialization:
         """Return the initial points with what is known about their origin."""
-        return Initialization(points, self.sources or {}, self.depth)
+        return Initialization(points, self.sources or {}, self.depth, self.because or "")
 
     def to_json(self) -> dict[str, Any]:
         """Return what is known as JSON values, by the names that run.json has for them."""
         start = None
         if self.sources is not None:
             start = {"sources": self.sources, **(asdict(self.depth) if self.depth else {})}
+            start |= {"because": self.because} if self.because else {}
         content = {
             "capture": str(self.capture) if self.capture else None,
             "doubts": list(self.doubts) or None,
@@ -128,6 +137,7 @@ class Results:
             sources={name: sources.whole(name) for name in sources.values}
             if "sources" in start
             else None,
+            because=start.text("because", None),
             depth=_depth_report(start),
             shutter=_shutter(found),
             color=_color(found),

@@ -9,6 +9,8 @@ from digs_warp.sfm.quality import SfmQuality
 _SOURCES = {
     "depth": "from the depth maps",
     "sfm": "from structure from motion",
+    "recorded": "that came with the recording",
+    "hull": "on the hull of the masks",
     "random": "at random",
     "shell": "on a far shell",
 }
@@ -60,7 +62,8 @@ def _scale_rows(scale: ScaleEstimate | None) -> list[tuple[str, str]]:
 def _point_rows(start: Initialization | None) -> list[tuple[str, str]]:
     if start is None:
         return []
-    rows = [(_SOURCES.get(name, name), f"{count:,}") for name, count in start.sources.items()]
+    rows = [("chosen", start.because)] if start.because else []
+    rows += [(_SOURCES.get(name, name), f"{count:,}") for name, count in start.sources.items()]
     if start.depth is None:
         return rows
     if start.depth.voxel_size:

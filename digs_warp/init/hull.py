@@ -1,0 +1,206 @@
+"""The visual hull: a start for an object with masks and without depth (Laurentini 1994).
+
+A place that lies inside the masks of all views that show it may belong to the object. The skin of all such
+places encloses the object; it misses hollows that no silhouette tells of, which the training then finds.
+"""
+
+import logging
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.device.parallel import default_threads
+from digs_warp.init.config import InitConfig
+from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
+from digs_warp.init.in_order import in_order
+from digs_warp.init.local_scales import pixels_at
+from digs_warp.init.random_points import cube_looked_at
+from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
+
+# The first grid fills this many times the cube that the cameras look at, with as many cells along a side.
+AROUND, COARSE = 1.5, 64
+
+# The second one fills the object with at most this many: masks and poses are no more precise.
+FINEST = 128
+
+# A cell belongs to the hull if at least this share of the views that show it have it in their mask, so that a
+# mask with a gap does not cut the object, and at least this share of all views show it.
+AGREEING, SHOWING = 0.95, 0.5
+
+# Mask values above it are at least half object: unlike in other stages a soft rim must not widen the object.
+HALF = 127
+
+# A view tells the color of a place whose outward normal points towards it, to this cosine.
+FACING = 0.3
+
+# Points that a thread looks at together.
+POINTS_AT_ONCE = 100_000
+
+# Masks of more pixels along a side are thinned: a cell of the finest grid then still covers several.
+MASK_SIDE = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A mask, thinned to at most `MASK_SIDE` pixels, with its camera."""
+
+    camera: Camera
+    mask: np.ndarray
+
+
+def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
+    """Return the skin of the visual hull, one point per cell, colored as the views that face it see it.
+
+    Args:
+        frames: with image and mask, at least two that look from different directions.
+        config: the edge of a cell: its voxel size, by default two pixels at the object's distance; and
+            how many points at most.
+
+    Raises:
+        DigsError: a frame without mask, or cameras that all look in the same direction.
+        NoPointsError: no place is inside the masks of the views that show it.
+    """
+    require_layers(frames, config, (Layer.MASK,))
+    views = _load(frames)
+    center, half = cube_looked_at([frame.camera for frame in frames])
+    edge = 2 * AROUND * half / COARSE
+    low = center - AROUND * half
+    cells = _cells(low, edge, (COARSE,) * 3)
+    # Half a cell of slack: a thin part may lie between the centers of cells.
+    inside = _inside(cells, views, edge / 2).reshape((COARSE,) * 3)
+    if not inside.any():
+        raise NoPointsError(
+            f"initialization: no place lies inside the masks of the {counted(len(frames), 'view')} that show "
+            "it: masks or poses are wrong, or the masks show other objects; look at the masks, check the "
+            "poses, or start with --strategy default"
+        )
+    found = np.argwhere(inside)
+    low, high = low + edge * (found.min(axis=0) - 1), low + edge * (found.max(axis=0) + 2)
+    pixel = np.median([_pixel_at(frame.camera, center) for frame in frames])
+    edge = _edge(config, float(pixel), float((high - low).max()))
+    shape = tuple(np.ceil((high - low) / edge).astype(int) + 2)
+    low = low - edge
+    inside = _inside(_cells(low, edge, shape), views, 0.0).reshape(shape)
+    if not inside.any():
+        raise NoPointsError("initialization: the object is thinner than a cell of its hull")
+    skin, normals = _skin(inside)
+    points = low + edge * (skin + 0.5)
+    cloud = PointCloud(points, _colors(points, normals, frames))
+    most = config.target_points or config.max_points
+    return cloud if most is None or len(cloud) <= most else cloud.select(drawn(len(cloud), most))
+
+
+def _edge(config: InitConfig, pixel: float, longest: float) -> float:
+    """Return the edge of a cell [m]; ``pixel``: width of one there, ``longest``: side of the object."""
+    wanted = config.voxel_pixels * pixel
+    if config.voxel_edge is not None:
+        if config.voxel_unit == "sfm":
+            raise DigsError("--voxel-unit sfm: a hull has no such unit; choose metre or object")
+        wanted = config.voxel_edge * (longest if config.voxel_unit == "object" else 1.0)
+    return max(wanted, longest / FINEST)
+
+
+def _load(frames: Sequence[Frame]) -> list[_View]:
+    def load(frame: Frame) -> _View:
+        mask = frame.load_mask()
+        step = -(-max(mask.shape) // MASK_SIDE)
+        mask = mask[::step, ::step] > HALF
+        return _View(frame.camera.resized(mask.shape[1], mask.shape[0]), mask)
+
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return list(pool.map(load, frames))
+
+
+def _cells(low: np.ndarray, edge: float, shape: Sequence[int]) -> np.ndarray:
+    """Return the centers of the cells of a grid, (n, 3)."""
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    return low + edge * (index.reshape(-1, 3) + 0.5)
+
+
+def _inside(points: np.ndarray, views: Sequence[_View], slack: float) -> np.ndarray:
+    """Return which points enough views have in their masks, (n,), bool; masks grow by ``slack`` [m]."""
+    masks = [_mask_grown(view, slack, points.mean(axis=0)) for view in views]
+    parts = np.array_split(points, max(1, len(points) // POINTS_AT_ONCE))
+
+    def work(part: np.ndarray) -> np.ndarray:
+        showing, missing = np.zeros((2, len(part)), dtype=np.int32)
+        left = np.arange(len(part))  # those that may still belong to the hull
+        for view, mask in zip(views, masks, strict=True):
+            shown, masked = _seen(part[left], view.camera, mask)
+            showing[left] += shown
+            missing[left] += shown & ~masked
+            left = left[missing[left] <= (1 - AGREEING) * len(views)]
+        agrees = missing <= (1 - AGREEING) * showing
+        return agrees & (showing >= SHOWING * len(views))
+
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return np.concatenate(list(pool.map(work, parts)))
+
+
+def _seen(points: np.ndarray, camera: Camera, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which points the view shows, and which of them are in its mask."""
+    height, width = mask.shape
+    px, z = camera.project(points)
+    with np.errstate(invalid="ignore"):
+        shown = (z > 0) & np.all((px >= 0) & (px < [width, height]), axis=1)
+    columns, rows = pixels_at(np.where(shown[:, None], px, 0.0), width, height)
+    return shown, shown & mask[rows, columns]
+
+
+def _mask_grown(view: _View, slack: float, center: np.ndarray) -> np.ndarray:
+    """Return the mask, grown by a length at the distance of ``center`` [m]."""
+    if slack == 0:
+        return view.mask
+    return _grown(view.mask, slack / _pixel_at(view.camera, center))
+
+
+def _grown(mask: np.ndarray, radius: float) -> np.ndarray:
+    from scipy.ndimage import maximum_filter
+
+    return maximum_filter(mask, size=2 * int(np.ceil(radius)) + 1)
+
+
+def _skin(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cells with a neighbor outside, (n, 3), and their outward normals, (n, 3)."""
+    from scipy.ndimage import binary_erosion, gaussian_filter
+
+    cells = np.argwhere(inside & np.logical_not(binary_erosion(inside)))
+    soft = np.asarray(gaussian_filter(inside.astype(np.float32), 2.0))
+    slopes = [np.gradient(soft, axis=axis) for axis in range(3)]
+    normals = -np.stack([np.asarray(slope)[tuple(cells.T)] for slope in slopes], axis=1)
+    return cells, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+
+
+def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) -> np.ndarray:
+    """Return the mean color of each point in the views that it faces, (n, 3); the mean of all for others."""
+    sums, counts = np.zeros((len(points), 3)), np.zeros(len(points))
+
+    def work(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        image, mask = frame.load_image(), frame.load_mask() > HALF
+        rays = frame.camera.center_world - points
+        facing = (normals * rays).sum(axis=1) > FACING * np.linalg.norm(rays, axis=1)
+        px, z = frame.camera.project(points)
+        inside = (z > 0) & np.all((px >= 0) & (px < mask.shape[::-1]), axis=1)
+        columns, rows = pixels_at(np.where(inside[:, None], px, 0.0), mask.shape[1], mask.shape[0])
+        use = facing & inside & mask[rows, columns]
+        return use, image[rows[use], columns[use]] / 255.0
+
+    for use, colors in in_order(frames, work):
+        sums[use] += colors
+        counts += use
+    typical = sums.sum(axis=0) / counts.sum() if counts.any() else np.full(3, 0.5)
+    return np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], typical)
+
+
+def _pixel_at(camera: Camera, center: np.ndarray) -> float:
+    """Return the width of a pixel at the distance of a place [m]."""
+    return float(np.linalg.norm(camera.center_world - center)) / camera.intrinsics.fx

@@ -1,0 +1,29 @@
+"""What a training starts from and why, in words: for the log, run.json and the report."""
+
+from digs_warp.init.strategies import StrategyName
+
+_FROM_DEPTH = "points from the depth maps"
+
+
+def start_reason(strategy: StrategyName, sources: dict[str, int], has_depth: bool) -> str:
+    """Return a phrase such as "the sparse points of the recording, which has no depth".
+
+    Args:
+        strategy: how the points were made.
+        sources: number of points by where they came from, as in `Initialization`.
+        has_depth: whether a frame has a depth map.
+    """
+    if strategy == "fusion":
+        return f"{_FROM_DEPTH}, and sparse points matched in the images"
+    if strategy in ("depth", "highdepth"):
+        return _FROM_DEPTH
+    if strategy == "hull":
+        return "the visual hull of the masks" + (
+            "" if has_depth else "; the recording has no depth"
+        )
+    if strategy == "random":
+        return "random points" if has_depth else "random points; the recording has no depth"
+    if "recorded" in sources:
+        return "the sparse points of the recording" + ("" if has_depth else ", which has no depth")
+    lacks = "" if has_depth else "; the recording has neither depth nor usable sparse points"
+    return "sparse points matched in the images" + lacks
