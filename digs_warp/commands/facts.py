@@ -21,5 +21,7 @@ def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     depth = result.start.depth if result.start else None
     voxels = f" in voxels of {1e3 * depth.voxel_size:.3g} mm" if depth else ""
     gaussians = counted(len(result.gaussians), "Gaussian")
+    scale = result.metric_scale
+    unknown = [] if scale is None or scale.known else ["scale unknown"]
     words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", str(result.scores)]
-    return ", ".join(words + surface_words(result))
+    return ", ".join(words + surface_words(result) + unknown)

@@ -24,6 +24,7 @@ class About:
     Attributes:
         recorded_as: form of the recording that the capture was converted from.
         poses_known: False: the poses of all frames are the identity and mean nothing.
+        poses_in_metres: False: the unit of the poses is arbitrary.
         tier: kind of simulated sensor.
         seed: seed of the simulation.
         object_radius: radius of the simulated object [m].
@@ -43,6 +44,7 @@ class About:
 
     recorded_as: str | None = None
     poses_known: bool | None = None
+    poses_in_metres: bool | None = None
     tier: str | None = None
     seed: int | None = None
     object_radius: float | None = None
@@ -119,6 +121,7 @@ def _are_labels(value: Any) -> bool:
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "recorded_as": (is_text, "a name"),
     "poses_known": (lambda value: isinstance(value, bool), "true or false"),
+    "poses_in_metres": (lambda value: isinstance(value, bool), "true or false"),
     "tier": (is_text, "a name"),
     "seed": (lambda value: type(value) is int and value >= 0, "an integer, 0 or more"),
     "object_radius": (_is_positive, "metres"),

@@ -17,6 +17,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.frame_reader import path_inside, read_frame
 from digs_warp.data.index_rules import INDEX_NAME, POINTS_KEY, check_section
 from digs_warp.data.layers import Layer
+from digs_warp.data.metric_scale import BY_DEPTH, BY_POSES, UNKNOWN, MetricScale
 from digs_warp.data.other_folders import OF_A_CAMERA, what_it_is
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.rig import Rig, read_rig
@@ -66,6 +67,13 @@ class Capture:
     def has_depth(self) -> bool:
         """Whether any frame has a depth map."""
         return any(frame.has(Layer.DEPTH) for frame in self.frames)
+
+    @property
+    def metric_scale(self) -> MetricScale:
+        """Whether the poses are in metres: depth is, and poses that go with it; else the recorder says it."""
+        if self.has_depth:
+            return BY_DEPTH
+        return BY_POSES if self.about.poses_in_metres else UNKNOWN
 
     @property
     def knows_poses(self) -> bool:

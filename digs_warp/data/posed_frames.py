@@ -16,7 +16,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.data.sfm_model import SfmModel
+from digs_warp.data.sfm_model import SfmModel, scaled_pose
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
 
@@ -31,8 +31,8 @@ class PosedFrames:
     Attributes:
         training: used for initialization and training.
         held_out: used to measure the result.
-        sfm_per_metre: the scale of the structure from motion that gave the poses; None: the recording's
-            own poses.
+        sfm_per_metre: the scale of the structure from motion that gave the poses, or of a recording whose
+            poses were not in metres; None: the recording's own poses.
     """
 
     training: tuple[Frame, ...]
@@ -47,6 +47,16 @@ class PosedFrames:
             *((frame, True) for frame in self.held_out),
         ]
         return sorted(frames, key=lambda entry: (entry[0].time, entry[0].name))
+
+    def in_metres(self, units_per_metre: float) -> "PosedFrames":
+        """Return the frames with the places of their cameras in metres."""
+
+        def scaled(frame: Frame) -> Frame:
+            pose = scaled_pose(frame.camera, units_per_metre)
+            return replace(frame, camera=replace(frame.camera, world_from_cam=pose))
+
+        training, held_out = tuple(map(scaled, self.training)), tuple(map(scaled, self.held_out))
+        return PosedFrames(training, held_out, (self.sfm_per_metre or 1.0) * units_per_metre)
 
     def save(self, folder: Path) -> None:
         """Write cameras.json into the reconstruction's ``folder``."""

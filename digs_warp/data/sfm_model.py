@@ -70,7 +70,7 @@ class SfmModel:
             DigsError: the scale is not a finite number above 0.
         """
         scale = check_positive("sfm_per_metre", sfm_per_metre)
-        cameras = tuple(replace(c, world_from_cam=_scaled(c, scale)) for c in self.cameras)
+        cameras = tuple(replace(c, world_from_cam=scaled_pose(c, scale)) for c in self.cameras)
         points = PointCloud(self.points.points_world / np.float32(scale), self.points.colors)
         return replace(self, cameras=cameras, points=points)
 
@@ -83,7 +83,8 @@ class SfmModel:
         return replace(self, cameras=cameras, points=PointCloud(points, self.points.colors))
 
 
-def _scaled(camera: Camera, sfm_per_metre: float) -> np.ndarray:
+def scaled_pose(camera: Camera, sfm_per_metre: float) -> np.ndarray:
+    """Return ``world_from_cam`` of a camera, (4, 4), with its place in metres."""
     matrix = camera.world_from_cam.copy()
     matrix[:3, 3] /= sfm_per_metre
     return matrix

@@ -11,6 +11,7 @@ from pathlib import Path
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.config import InitConfig
@@ -18,6 +19,7 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
+from digs_warp.pipeline.known_distance import check_scale_from, in_true_size, metric_scale_of
 from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.subject import SubjectChoice, say_subject, subject_of
@@ -50,6 +52,8 @@ class FrontEndConfig:
     the recording has masks or --masks makes some, else the scene."""
     test_every: int = 8
     """Every n-th view, from the first on, is held out for the evaluation."""
+    scale_from: str | None = None
+    """Without depth: two frames and the distance of their cameras, such as 0000,0031=0.30m."""
 
     @property
     def needs_sfm(self) -> bool:
@@ -68,6 +72,7 @@ class Prepared:
         scale: of the estimated poses; None for given ones.
         doubts: what does not fit together in the capture; see `digs_warp.plausibility`.
         subject: what is reconstructed; the frames of a scene have no masks.
+        metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
     """
 
     frames: PosedFrames
@@ -76,6 +81,7 @@ class Prepared:
     scale: ScaleEstimate | None = None
     doubts: tuple[str, ...] = ()
     subject: Subject = "object"
+    metric_scale: MetricScale | None = None
 
     @staticmethod
     def load(capture: Capture, folder: Path) -> "Prepared":
@@ -88,7 +94,15 @@ class Prepared:
         results = Results.read(record, folder / RUN_RECORD) if record else Results()
         start = results.start(PointCloud.load(folder / INITIAL_POINTS))
         frames = PosedFrames.load(capture, folder)
-        return Prepared(frames, start, results.sfm, results.scale, results.doubts, results.subject)
+        return Prepared(
+            frames,
+            start,
+            results.sfm,
+            results.scale,
+            results.doubts,
+            results.subject,
+            results.metric_scale,
+        )
 
 
 def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
@@ -101,6 +115,7 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
         raise DigsError(
             f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
         )
+    check_scale_from(capture, config.scale_from)
     _check_instance(capture, config.segment.instance)
     training = _split(capture, config.test_every).training
     subject_of(capture, config.subject, config.segment)
@@ -153,6 +168,11 @@ def front_end(
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
+    if config.scale_from is not None:
+        frames, model, own = in_true_size(frames, model, own, config.scale_from)
+    scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
+    if not scale.known:
+        logger.warning("%s: the scale is %s", capture, scale)
     with log.stage("initialize"):
         start = initialize(
             frames.training,
@@ -171,6 +191,7 @@ def front_end(
         scale=model.estimate if model else None,
         doubts=doubts,
         subject=subject,
+        metric_scale=scale,
     )
     _save(prepared, capture, folder, log)
     return prepared
@@ -179,7 +200,12 @@ def front_end(
 def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> None:
     """Save everything to the folder; the points come last, to tell a resumed run that all is there."""
     results = Results.of_start(capture.stored_in, prepared.start, prepared.sfm, prepared.scale)
-    results = replace(results, doubts=prepared.doubts, subject=prepared.subject)
+    results = replace(
+        results,
+        doubts=prepared.doubts,
+        subject=prepared.subject,
+        metric_scale=prepared.metric_scale,
+    )
     log.results = results.to_json()
     log.save(folder / RUN_RECORD)
     prepared.frames.save(folder)

@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class MetricModel:
-    """Structure from motion in metres, and its original scale; the scale of given poses is 1."""
+    """Structure from motion in metres, and its original scale; 1 for given poses and for an unknown one."""
 
     sfm: SfmModel
     sfm_per_metre: float
@@ -45,9 +45,11 @@ def match_images(capture: Capture, config: SfmConfig, workspace: Path) -> "SfmRe
 def in_metres(
     sparse: "SfmResult", capture: Capture, frames: PosedFrames, config: InitConfig
 ) -> MetricModel:
-    """Scale the model by the depth maps (eq. 6 and 7), and choose its world."""
+    """Scale the model by the depth maps (eq. 6 and 7), and choose its world; without depth its unit stays."""
     if sparse.is_metric:
         return MetricModel(sparse.model, 1.0)
+    if not capture.has_depth:
+        return MetricModel(sparse.model.moved(_world(sparse.model, capture)), 1.0)
     ratios = local_scales(sparse.model, frames.training, config)
     scale = estimate_scale(ratios, config.scale)
     sfm = sparse.model.in_metres(scale.sfm_per_metre)

@@ -141,6 +141,7 @@ def _reconstruct(
             capture=capture.stored_in,
             doubts=prepared.doubts,
             subject=prepared.subject,
+            metric_scale=prepared.metric_scale,
             shutter=shutter,
             color=color,
         )

@@ -16,6 +16,7 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import read_image, to_uint8, write_image
 from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.scale import ScaleEstimate
@@ -58,7 +59,7 @@ class Reconstruction:
     A finished reconstruction has everything; for Gaussians from elsewhere only the Gaussians are known.
 
     Attributes:
-        gaussians: the result, in metres.
+        gaussians: the result, in metres unless ``metric_scale`` says otherwise.
         frames: training and held-out views with the cameras and masks that were used, where these were not
             stored those of the capture; None where the capture is not known.
         start: the points that the training started from, and where they come from.
@@ -74,6 +75,7 @@ class Reconstruction:
         capture: folder of the recording; None if it is not known, or only in memory.
         doubts: what does not fit together in the recording; empty for a good one.
         subject: what was reconstructed, the object in the masks or the whole scene.
+        metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
         surface: how far the surface is from the true one; None where that is not known.
         shutter: whether the training drew the rolling shutter, and why; None where it is not known.
         color: the degree of the color that the photographs called for; None where the settings said which.
@@ -93,6 +95,7 @@ class Reconstruction:
     capture: Path | None = None
     doubts: tuple[str, ...] = ()
     subject: Subject = "object"
+    metric_scale: MetricScale | None = None
     surface: SurfaceError | None = None
     shutter: ShutterPlan | None = None
     color: ViewDependence | None = None
@@ -137,6 +140,7 @@ class Reconstruction:
             Results.of_start(self.capture, self.start, self.sfm, self.scale),
             doubts=self.doubts,
             subject=self.subject,
+            metric_scale=self.metric_scale,
             shutter=self.shutter,
             color=self.color,
             gaussians=len(self.gaussians),
@@ -275,6 +279,7 @@ class Reconstruction:
             capture=place,
             doubts=results.doubts,
             subject=results.subject,
+            metric_scale=results.metric_scale,
             surface=results.surface,
             shutter=results.shutter,
             color=results.color,

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
+from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import DepthReport, Initialization, Subject
@@ -27,6 +28,7 @@ class Results:
         capture: folder of the recording.
         doubts: what does not fit together in the recording.
         subject: what was reconstructed, the object in the masks or the whole scene.
+        metric_scale: whether lengths are in metres, and how that is known.
         sfm: quality of structure from motion, where images were matched.
         scale: of the estimated poses, where there are such.
         sources: number of initial points by where they came from; see `Initialization`.
@@ -48,6 +50,7 @@ class Results:
     capture: Path | None = None
     doubts: tuple[str, ...] = ()
     subject: Subject = "object"
+    metric_scale: MetricScale | None = None
     sfm: SfmQuality | None = None
     scale: ScaleEstimate | None = None
     sources: dict[str, int] | None = None
@@ -99,6 +102,7 @@ class Results:
             "capture": str(self.capture) if self.capture else None,
             "doubts": list(self.doubts) or None,
             "subject": self.subject,
+            "metric_scale": asdict(self.metric_scale) if self.metric_scale else None,
             "sfm": asdict(self.sfm) if self.sfm else None,
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
@@ -132,6 +136,7 @@ class Results:
             capture=Path(capture) if capture else None,
             doubts=found.texts("doubts"),
             subject="scene" if found.text("subject", None) == "scene" else "object",
+            metric_scale=_dataclass(MetricScale, found, "metric_scale"),
             sfm=_dataclass(SfmQuality, found, "sfm"),
             scale=_dataclass(ScaleEstimate, found, "scale"),
             sources={name: sources.whole(name) for name in sources.values}
@@ -161,7 +166,7 @@ def _dataclass(kind: type[T], found: Fields, name: str) -> T | None:
         return None
     section = found.section(name)
     hints = get_type_hints(kind)
-    readers = {int: section.whole, float: section.number, str: section.text}
+    readers = {int: section.whole, float: section.number, str: section.text, bool: section.flag}
     return kind(**{field: readers[hint](field) for field, hint in hints.items()})
 
 

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,6 +81,9 @@ def scene_metadata(result: Reconstruction) -> dict[str, Any]:
     }
     if result.run.versions:
         metadata |= {"settings": result.settings, "versions": result.run.versions}
+    if result.metric_scale is not None:
+        # A stage has to name a unit: without a scale, its metersPerUnit of 1 means nothing.
+        metadata["metric_scale"] = asdict(result.metric_scale)
     if result.scores.views:
         metadata["held_out"] = result.scores.mean.to_json()
     return metadata

@@ -1,5 +1,6 @@
 """What the training started from: camera poses, their scale, and the points."""
 
+from digs_warp.data.metric_scale import MetricScale
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization
 from digs_warp.pipeline.reconstruction import Reconstruction
@@ -21,6 +22,7 @@ def start_section(result: Reconstruction) -> str:
     parts = [
         *_table("Poses from structure from motion", _sfm_rows(result.sfm)),
         *_table("Scale of the poses, from the depth maps", _scale_rows(result.scale)),
+        *_table("Unit of lengths", _unit_rows(result.metric_scale)),
         *_table("Points to start from", _point_rows(result.start)),
     ]
     if not parts:
@@ -57,6 +59,10 @@ def _scale_rows(scale: ScaleEstimate | None) -> list[tuple[str, str]]:
         ("measurements", f"{scale.values:,}"),
         ("peaks of their distribution", str(scale.modes)),
     ]
+
+
+def _unit_rows(scale: MetricScale | None) -> list[tuple[str, str]]:
+    return [] if scale is None else [("scale", str(scale))]
 
 
 def _point_rows(start: Initialization | None) -> list[tuple[str, str]]:

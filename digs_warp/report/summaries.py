@@ -76,10 +76,13 @@ def of_capture(folder: Path) -> Facts:
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
         "baseline": _baseline(capture),
         "layers": ", ".join(layer.label for layer in Layer if first.has(layer)),
-        "camera path": _extent(np.stack([f.camera.center_world for f in capture.frames]))
-        if capture.knows_poses
-        else "unknown; reconstruct with --poses sfm",
+        "camera path": "unknown; reconstruct with --poses sfm",
     }
+    if capture.knows_poses:
+        facts["scale"] = str(capture.metric_scale)
+        facts["camera path"] = _extent(
+            np.stack([f.camera.center_world for f in capture.frames]), capture.metric_scale.unit
+        )
     if (points := capture.load_points()) is not None:
         facts["sparse points"] = f"{len(points):,}"
     return (
@@ -161,7 +164,7 @@ def of_ply(path: Path) -> Facts:
     return of_splat_file(path) if holds_gaussians(path) else of_mesh(path)
 
 
-def _of_gaussians(gaussians: Gaussians, path: Path) -> Facts:
+def _of_gaussians(gaussians: Gaussians, path: Path, unit: str = "m") -> Facts:
     facts = {
         "kind": "Gaussians",
         "number": counted(len(gaussians), "Gaussian"),
@@ -169,9 +172,10 @@ def _of_gaussians(gaussians: Gaussians, path: Path) -> Facts:
         "file size": _megabytes(path),
     }
     if len(gaussians):
-        size_mm = np.exp(gaussians.log_scales.mean(axis=1)) * 1e3
-        facts["extent"] = _extent(gaussians.means)
-        facts["size"] = f"{np.median(size_mm):.2f} mm standard deviation (median)"
+        size = float(np.median(np.exp(gaussians.log_scales.mean(axis=1))))
+        words = f"{1e3 * size:.2f} mm" if unit == "m" else f"{size:.3g} {unit}"
+        facts["extent"] = _extent(gaussians.means, unit)
+        facts["size"] = f"{words} standard deviation (median)"
         facts["opacity"] = f"{np.median(gaussians.opacities):.2f} (median)"
     return facts
 
@@ -179,7 +183,11 @@ def _of_gaussians(gaussians: Gaussians, path: Path) -> Facts:
 def of_reconstruction(folder: Path) -> Facts:
     """The Gaussians, how well they match the held-out views, and how long it took."""
     result = Reconstruction.load(folder, partial=True)
-    facts = _of_gaussians(result.gaussians, folder / layout.GAUSSIANS) | {"kind": "reconstruction"}
+    unit = result.metric_scale.unit if result.metric_scale else "m"
+    facts = _of_gaussians(result.gaussians, folder / layout.GAUSSIANS, unit)
+    facts["kind"] = "reconstruction"
+    if result.metric_scale:
+        facts["scale"] = str(result.metric_scale)
     if result.scores.views:
         facts["quality"] = str(result.scores)
     if distances := surface_words(result):
@@ -245,7 +253,7 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
         "Gaussians": f"{scene['splats']:,} at {scene['prim_path']}",
         "spherical harmonics": f"degree {scene['sh_degree']}",
         "precision": scene["precision"],
-        "axes and unit": f"{scene['up_axis']} up, {scene['meters_per_unit']:g} m per unit",
+        "axes and unit": f"{scene['up_axis']} up, {_unit_words(scene)}",
         "file size": f"{scene['bytes'] / 1e6:.1f} MB",
     }
     if scene["extent"]:
@@ -255,6 +263,14 @@ def facts_of_usd(scene: dict[str, Any]) -> Facts:
     if scene["cameras"]:
         facts["cameras"] = f"{', '.join(scene['cameras'])}; {counted(scene['views'], 'view')}"
     return facts
+
+
+def _unit_words(scene: dict[str, Any]) -> str:
+    """Return what a unit of a scene is; one of our reconstructions may not know it."""
+    scale = scene["metadata"].get("metric_scale")
+    if isinstance(scale, dict) and scale.get("known") is False:
+        return f"scale unknown ({scene['meters_per_unit']:g} m per unit means nothing)"
+    return f"{scene['meters_per_unit']:g} m per unit"
 
 
 def of_mesh(path: Path) -> Facts:
@@ -298,12 +314,12 @@ def _baseline(capture: Capture) -> str:
     return f"{capture.rig.baseline * 1e3:.1f} mm{eyes}"
 
 
-def _extent(points: np.ndarray) -> str:
-    return _sides(points.max(axis=0) - points.min(axis=0))
+def _extent(points: np.ndarray, unit: str = "m") -> str:
+    return _sides(points.max(axis=0) - points.min(axis=0), unit)
 
 
-def _sides(size: Iterable[float]) -> str:
-    return " x ".join(f"{value:.3f}" for value in size) + " m"
+def _sides(size: Iterable[float], unit: str = "m") -> str:
+    return " x ".join(f"{value:.3f}" for value in size) + f" {unit}"
 
 
 def _megabytes(path: Path) -> str:

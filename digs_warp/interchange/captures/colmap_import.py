@@ -71,7 +71,7 @@ def read_colmap(folder: Path) -> Recording:
         _frame(number, row, model, place, images, images.parent / "masks")
         for number, row in enumerate(found)
     ]
-    return Recording(folder, tuple(frames), points=_points(model))
+    return Recording(folder, tuple(frames), points=_points(model), poses_in_metres=False)
 
 
 def _largest_model(folder: Path) -> tuple[Path, ColmapFiles]:

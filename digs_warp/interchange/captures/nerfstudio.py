@@ -62,7 +62,13 @@ def read_nerfstudio(folder: Path) -> Recording:
     frames = tuple(_frame(folder, row, i, scale) for i, row in enumerate(rows))
     rig = shared.section("digs_warp", optional=True).section("rig", optional=True)
     baseline = rig.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
-    return Recording(folder, frames, baseline=baseline, points=_points(folder, shared, scale))
+    return Recording(
+        folder,
+        frames,
+        baseline=baseline,
+        points=_points(folder, shared, scale),
+        poses_in_metres=any(frame.depth is not None for frame in frames),
+    )
 
 
 def _points(folder: Path, shared: Fields, scale: float) -> PointCloud | None:

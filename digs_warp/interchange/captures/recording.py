@@ -86,6 +86,7 @@ class Recording:
         frames: in order of time.
         depth_camera: of the depth images where it is not that of the color images.
         baseline: distance between the two eyes [m], or None.
+        poses_in_metres: whether the unit of the poses is the metre; in some formats it is arbitrary.
         points: in the world of the poses, from which a reconstruction can start, or None.
     """
 
@@ -94,6 +95,7 @@ class Recording:
     depth_camera: DepthCamera | None = None
     baseline: float | None = None
     points: PointCloud | None = None
+    poses_in_metres: bool = True
 
     def thinned(self, count: int) -> "Recording":
         """Return the recording with at most ``count`` frames, evenly spread from the first to the last."""

@@ -16,6 +16,7 @@ from digs_warp.data.images import read_image
 from digs_warp.data.rig import Rig
 from digs_warp.geometry import rigid
 from digs_warp.interchange.captures.frames import for_each_frame
+from digs_warp.interchange.captures.matched_depth import matched_depth
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.interchange.captures.resample import register_depth, resample_depth
 from digs_warp.record.arrays import read_array
@@ -53,7 +54,9 @@ def write_capture(recording: Recording, form: str, folder: Path) -> Capture:
         pose = np.eye(4) if frame.world_from_cam is None else frame.world_from_cam
         own = None if frame.intrinsics == writer.intrinsics else frame.intrinsics
         writer.add_pose(number, pose, frame.time - frames[0].time, own)
-    return writer.finish(About(recorded_as=form, poses_known=known), recording.points)
+    metric = known and recording.poses_in_metres
+    about = About(recorded_as=form, poses_known=known, poses_in_metres=metric)
+    return writer.finish(about, recording.points)
 
 
 def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
@@ -73,7 +76,10 @@ def load_frame(frame: RecordedFrame, recording: Recording) -> FrameImages:
         rgb = frame.view.apply(rgb)
         mask = None if mask is None else frame.view.apply(mask)
         depth = None if depth is None else frame.view.apply(depth, nearest=True)
-    return FrameImages(image=rgb, depth=depth, mask=mask, right=right)
+    confidence = None
+    if depth is None and right is not None and recording.baseline is not None:
+        depth, confidence = matched_depth(rgb, right, frame.intrinsics, recording.baseline)
+    return FrameImages(image=rgb, depth=depth, mask=mask, right=right, confidence=confidence)
 
 
 def load_color(path: Path, what: str, k: Intrinsics) -> tuple[np.ndarray, np.ndarray | None]:
