@@ -1,6 +1,7 @@
 """The commands, in the order in which the help shows them."""
 
 from digs_warp.commands.bench import BENCH
+from digs_warp.commands.check import Check
 from digs_warp.commands.command import Group
 from digs_warp.commands.convert import Convert
 from digs_warp.commands.export_usd import ExportUsd
@@ -30,6 +31,7 @@ details, --version prints the version.""",
         "run": Run,
         "plan": Plan,
         "simulate": Simulate,
+        "check": Check,
         "reconstruct": Reconstruct,
         "export-usd": ExportUsd,
         "convert": Convert,

@@ -12,6 +12,7 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.data.viewpoints import looked_at
 
 SEED = 0
 
@@ -34,7 +35,10 @@ def cube_looked_at(cameras: Sequence[Camera]) -> tuple[np.ndarray, float]:
     Raises:
         DigsError: as of `looked_at`.
     """
-    center = looked_at(cameras)
+    try:
+        center = looked_at(cameras)
+    except DigsError as error:
+        raise DigsError(f"initialization: {error}; choose another strategy") from error
     half_sides = [
         np.linalg.norm(camera.center_world - center)
         * min(k.width / (2 * k.fx), k.height / (2 * k.fy))
@@ -42,18 +46,3 @@ def cube_looked_at(cameras: Sequence[Camera]) -> tuple[np.ndarray, float]:
         for k in [camera.intrinsics]
     ]
     return center, float(np.median(half_sides))
-
-
-def looked_at(cameras: Sequence[Camera]) -> np.ndarray:
-    """Return the point with the smallest summed squared distance to all optical axes [m], shape (3,)."""
-    axes = np.stack([camera.world_from_cam[:3, 2] for camera in cameras])
-    centers = np.stack([camera.center_world for camera in cameras])
-    # The distance of x to an axis is |(I - a a^T) (x - c)|: linear least squares.
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    normal_matrix = across.sum(axis=0)
-    if np.linalg.cond(normal_matrix) > 1e6:
-        raise DigsError(
-            "initialization: all cameras look in the same direction, so there is no point "
-            "that they all look at; choose another strategy"
-        )
-    return np.linalg.solve(normal_matrix, np.einsum("nij,nj->i", across, centers))

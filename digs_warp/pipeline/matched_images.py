@@ -11,9 +11,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames, with_cameras
 from digs_warp.data.sfm_model import SfmModel
+from digs_warp.data.viewpoints import looked_at
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
-from digs_warp.init.random_points import looked_at
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.words import counted

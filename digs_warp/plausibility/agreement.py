@@ -49,11 +49,12 @@ class Agreement:
 def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> Agreement:
     """Return how well the pairs agree, each looked at from both sides; zeros if too little is in common."""
     seen = [
-        _reproject(frames[first], frames[second])
+        reproject(frames[first], frames[second])
         for pair in pairs
         for first, second in (pair, pair[::-1])
     ]
-    nearer, here, there = (np.concatenate([part[i] for part in seen]) for i in range(3))
+    nearer, here = (np.concatenate([part[i] for part in seen]) for i in range(2))
+    there = np.concatenate([_as_exposed_here(*part[:3]) for part in seen])
     looked_at = sum(part[3] for part in seen)
     if len(nearer) < FEW or here.std() < DULL:
         return Agreement(0.0, 0.0, 0.0)
@@ -63,7 +64,7 @@ def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]
     return Agreement(len(nearer) / max(looked_at, 1), depth, brightness)
 
 
-def _reproject(
+def reproject(
     first: SmallFrame, second: SmallFrame
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Return what the second frame says about points of the first.
@@ -91,6 +92,14 @@ def _reproject(
     known = np.isfinite(nearer)
     here = first.green[rows, columns][inside]
     return nearer[known], here[known], second.green[at][known], len(z)
+
+
+def _as_exposed_here(nearer: np.ndarray, here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Return the brightness in the second frame as if it had the exposure of the first."""
+    close = np.abs(nearer) < COARSE
+    if close.sum() < ENOUGH:
+        return there
+    return there * (np.median(here[close]) / max(float(np.median(there[close])), 1.0))
 
 
 def _share(nearer: np.ndarray, tolerance: float) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from digs_warp.plausibility.finding import Finding
 from digs_warp.plausibility.small_frames import SmallFrame
 
 # Offsets up to this many thumbnail pixels are tried.
@@ -26,8 +27,8 @@ CONTRAST, BETTER, MARGIN = 0.25, 1.3, 0.12
 PEAK, AROUND = 0.1, 4
 
 
-def alignment_doubts(frames: Sequence[SmallFrame]) -> list[str]:
-    """Return a doubt if depth edges meet image edges much better after a shift."""
+def alignment_doubts(frames: Sequence[SmallFrame]) -> list[Finding]:
+    """Return a finding if depth edges meet image edges much better after a shift."""
     contrasts = [found for frame in frames if (found := _contrast(frame)) is not None]
     if 2 * len(contrasts) < len(frames):
         return []
@@ -39,12 +40,25 @@ def alignment_doubts(frames: Sequence[SmallFrame]) -> list[str]:
         return []
     if best < _around(contrast, int(row), int(column)) + PEAK:
         return []
-    width = frames[0].depth.shape[1]
-    return [
-        f"The depth fits the images better if it is moved by {abs(right) / width:.1%} of the width to the "
-        f"{'right' if right > 0 else 'left'} and {abs(down) / width:.1%} {'down' if down > 0 else 'up'}: "
-        "depth and images do not have the same camera. Export depth that is registered to the color image."
-    ]
+    return [not_aligned(right, down, frames[0])]
+
+
+def not_aligned(right: int, down: int, frame: SmallFrame) -> Finding:
+    """Return the finding that the depth fits after a move by thumbnail pixels."""
+    what = (
+        f"The depth fits the images better if it is moved by {moved_by(right, down, frame)}: depth and "
+        "images do not have the same camera."
+    )
+    return Finding("alignment", what, "Export depth that is registered to the color image.")
+
+
+def moved_by(right: int, down: int, frame: SmallFrame) -> str:
+    """Say how far a move by thumbnail pixels is."""
+    width = frame.depth.shape[1]
+    return (
+        f"{abs(right) / width:.1%} of the width to the {'right' if right > 0 else 'left'} and "
+        f"{abs(down) / width:.1%} {'down' if down > 0 else 'up'}"
+    )
 
 
 def _contrast(frame: SmallFrame) -> np.ndarray | None:

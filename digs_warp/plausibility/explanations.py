@@ -7,6 +7,7 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics, pixel_centers
 from digs_warp.geometry import OPENCV_FROM_OPENGL, invert_rigid
+from digs_warp.plausibility.finding import Kind
 from digs_warp.plausibility.small_frames import SmallFrame
 
 # Factor that corrects the depth -> what is wrong then. A wrong unit of the poses looks the same.
@@ -42,12 +43,14 @@ class Explanation:
     """Something that may be wrong.
 
     Attributes:
+        kind: of the finding.
         cause: for the user, a clause.
         advice: what to do, a sentence.
         corrected: a frame as it would be right if this is the cause.
         delays: whether it only takes the poses of other frames.
     """
 
+    kind: Kind
     cause: str
     advice: str
     corrected: Callable[[SmallFrame], SmallFrame]
@@ -58,28 +61,35 @@ def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:
     """Yield everything that the checks try; ``cameras`` are those of all frames."""
     for factor, unit in UNITS.items():
         advice = "Write depth and poses in metres, or 16-bit depth in millimetres."
-        yield Explanation(unit, advice, _scaled_depth(factor))
+        yield Explanation("depth unit", unit, advice, _scaled_depth(factor))
     for factor in SCALES:
         yield Explanation(
+            "scale",
             f"depth and poses are in different units (depth x {factor:g} fits)",
             "Both are in metres. Poses without a metric scale: use --poses sfm.",
             _scaled_depth(factor),
         )
     for factor in FOCAL_FACTORS:
         yield Explanation(
+            "focal length",
             f"the focal length (about {factor:g} times the given one fits)",
             "Check fl_x and fl_y; they belong to images of the size w x h.",
             _other_focal(factor),
         )
     axes = "Poses are world from camera, with OpenGL camera axes (x right, y up, z backward)."
-    yield Explanation("the poses have OpenCV camera axes", axes, _moved(_opencv_axes))
-    yield Explanation("the poses are inverted (camera from world)", axes, _moved(_inverted))
+    convention = "pose convention"
+    yield Explanation(convention, "the poses have OpenCV camera axes", axes, _moved(_opencv_axes))
     yield Explanation(
+        convention, "the poses are inverted (camera from world)", axes, _moved(_inverted)
+    )
+    yield Explanation(
+        convention,
         "the poses are inverted (camera from world) and have OpenCV camera axes",
         axes,
         _moved(invert_rigid),
     )
     yield Explanation(
+        "depth along rays",
         "the depth is the distance along the ray instead of along the optical axis",
         "Divide it by the length of the ray (x, y, 1) of each pixel.",
         _planar,
@@ -87,6 +97,7 @@ def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:
     for delay in DELAYS:
         when = "later" if delay > 0 else "earlier"
         yield Explanation(
+            "time stamps",
             f"each image has the pose of another moment; those {abs(delay)} frame(s) {when} fit",
             "Check the timestamps.",
             _delayed(delay, cameras),

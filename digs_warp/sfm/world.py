@@ -6,6 +6,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
+from digs_warp.data.viewpoints import upward
 from digs_warp.geometry import rigid
 from digs_warp.sfm.evaluate import umeyama
 
@@ -27,19 +28,17 @@ def world_as_recorded(cameras: Sequence[Camera], recorded: Sequence[Camera]) -> 
 def upright_world(cameras: Sequence[Camera], center: np.ndarray) -> np.ndarray:
     """Return the rigid motion, (4, 4), to a world with z up and ``center`` at the origin.
 
-    Up is where the tops of the images point on average: people hold cameras upright. The first camera
-    lies above the negative y axis.
+    The first camera lies above the negative y axis.
 
     Raises:
         DigsError: the cameras are turned about their axes in all directions: there is no up.
     """
-    up = -np.mean([camera.world_from_cam[:3, 1] for camera in cameras], axis=0)
-    if np.linalg.norm(up) < 0.1:
+    z = upward(cameras)
+    if z is None:
         raise DigsError(
             "structure from motion: the images are turned in all directions, so nothing tells where up is; "
             "give the recording's poses, or leave out the images that are turned"
         )
-    z = up / np.linalg.norm(up)
     ahead = center - cameras[0].center_world
     y = ahead - (ahead @ z) * z
     # Straight above the center any direction will do.

@@ -9,6 +9,7 @@ from digs_warp.camera import Intrinsics, pixel_centers
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry import OPENCV_FROM_OPENGL, invert_rigid
 
 
@@ -84,3 +85,60 @@ def depth_of_next(capture: Capture) -> Capture:
 
 def inverted_masks(capture: Capture) -> Capture:
     return each_frame(capture, lambda f: f.with_layer(Layer.MASK, 255 - f.load_mask()))
+
+
+def eroded_masks(capture: Capture, pixels: int) -> Capture:
+    import cv2
+
+    kernel = np.ones((2 * pixels + 1, 2 * pixels + 1), np.uint8)
+    return each_frame(capture, lambda f: f.with_layer(Layer.MASK, cv2.erode(f.load_mask(), kernel)))
+
+
+def moved_masks(capture: Capture, columns: int) -> Capture:
+    return each_frame(
+        capture, lambda f: f.with_layer(Layer.MASK, np.roll(f.load_mask(), columns, axis=1))
+    )
+
+
+def blurred(capture: Capture, sigma: float) -> Capture:
+    import cv2
+
+    return each_frame(
+        capture,
+        lambda f: f.with_layer(Layer.IMAGE, cv2.GaussianBlur(f.load_image(), (0, 0), sigma)),
+    )
+
+
+def other_exposures(capture: Capture, stops: float) -> Capture:
+    """Each frame brighter or darker by up to so many stops."""
+    rng = np.random.default_rng(0)
+
+    def change(frame: Frame) -> Frame:
+        light = (frame.load_image() / 255.0) ** 2.2 * 2 ** rng.uniform(-stops, stops)
+        image = (255 * np.minimum(light, 1.0) ** (1 / 2.2)).astype(np.uint8)
+        return frame.with_layer(Layer.IMAGE, image)
+
+    return each_frame(capture, change)
+
+
+def with_passing_balls(capture: Capture, radius: float) -> Capture:
+    """A red disc in front of everything, elsewhere in each frame; radius as a share of the height."""
+    rng = np.random.default_rng(1)
+
+    def change(frame: Frame) -> Frame:
+        image, depth = frame.load_image(), frame.load_depth()
+        height, width = depth.shape
+        v, u = np.mgrid[:height, :width]
+        x, y = rng.uniform(0.2, 0.8) * width, rng.uniform(0.3, 0.7) * height
+        disc = np.hypot(u - x, v - y) < radius * height
+        depth[disc] = 0.6 * np.nanmedian(depth)
+        image[disc] = (200, 40, 40)
+        return frame.with_layer(Layer.IMAGE, image).with_layer(Layer.DEPTH, depth)
+
+    return each_frame(capture, change)
+
+
+def without_half_of_the_circle(capture: Capture) -> Capture:
+    center = looked_at([frame.camera for frame in capture.frames])
+    kept = [f for f in capture.frames if f.camera.center_world[0] > center[0]]
+    return replace(capture, frames=tuple(kept))

@@ -15,11 +15,12 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
+from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry import look_at
 from digs_warp.init import voxel_size
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
-from digs_warp.init.random_points import looked_at, random_points
+from digs_warp.init.random_points import random_points
 from digs_warp.init.recipes import Initialization, initialize
 from digs_warp.init.scale import estimate_scale
 from digs_warp.study.synthetic_sfm import sfm_from_truth

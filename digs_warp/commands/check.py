@@ -1,0 +1,81 @@
+"""`digs-warp check`: what is wrong with a capture, and how to mend it, before anyone waits for a result."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from digs_warp.checks import CaptureError
+from digs_warp.commands.command import Command
+from digs_warp.commands.output import check_output_file
+from digs_warp.record.files import to_json, write_atomically
+from digs_warp.words import counted
+
+if TYPE_CHECKING:
+    from digs_warp.plausibility.finding import Finding
+    from digs_warp.plausibility.full_check import FullCheck
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check(Command):
+    """Say what is wrong with a capture, and how to mend it; the exit code is 1 if there is an error.
+
+    Errors: wrong units, focal length, pose convention or order; depth or masks that do not lie over the
+    images; masks that are inverted or cut the object. Warnings: few views, a gap in the way around the
+    object, things that move, blur, changes of the exposure.
+    """
+
+    capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
+    """A capture folder."""
+
+    json: Path | None = None
+    """Also write the findings to this file, with what was measured."""
+
+    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Replace that file if it exists."""
+
+    def execute(self) -> str:
+        """Look; a capture with errors is raised, so that the exit code tells."""
+        from digs_warp.data.capture import read_capture
+        from digs_warp.plausibility.full_check import check_fully
+
+        if self.json is not None:
+            check_output_file(self.json, self.overwrite, [self.capture], flag="--json")
+        capture = read_capture(self.capture)
+        found = check_fully(capture)
+        if self.json is not None:
+            write_atomically(self.json, to_json(found.as_json()).encode())
+        text = "\n".join([f"{capture}: {counted(len(capture), 'frame')}", *_lines(found)])
+        if any(each.is_error for each in found.findings):
+            raise CaptureError(text)
+        return text
+
+
+def _lines(found: "FullCheck") -> list[str]:
+    """Return findings, measured values, and what could not be looked at."""
+    findings = [line for each in found.findings for line in _of_finding(each)]
+    return [
+        *(findings or ["nothing wrong was found"]),
+        *(f"measured: {each}" for each in _measured(found)),
+        *(f"not checked: {each}" for each in found.not_checked),
+    ]
+
+
+def _of_finding(finding: "Finding") -> tuple[str, str]:
+    degree = "error" if finding.is_error else "warning"
+    return f"{degree}: {finding.kind}: {finding.what}", f"  to mend it: {finding.mend}"
+
+
+def _measured(found: "FullCheck") -> list[str]:
+    agreement, photographs = found.plausibility.agreement, found.photographs
+    words = []
+    if agreement is not None:
+        words.append(f"neighboring frames agree to {agreement.score:.0%}")
+    if photographs.sharpness is not None:
+        words.append(f"the sharpest edges have {photographs.sharpness:.0%} of the steepest slope")
+    if photographs.exposure_change is not None:
+        words.append(
+            f"the exposure changes by {photographs.exposure_change:.2f} stops from frame to frame"
+        )
+    return words

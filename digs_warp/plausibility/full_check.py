@@ -1,0 +1,76 @@
+"""Everything that can be found wrong with a capture before any work, and what could not be looked at."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
+from digs_warp.plausibility.check import Plausibility, check_capture
+from digs_warp.plausibility.finding import Finding
+from digs_warp.plausibility.photographs import Photographs, look_at_photographs
+from digs_warp.plausibility.view_doubts import few_views, gap_in_views
+
+
+@dataclass(frozen=True)
+class FullCheck:
+    """What was found.
+
+    Attributes:
+        plausibility: whether depth, poses, focal length and masks fit together.
+        gaps: sides of the object that nobody looked at.
+        photographs: what the photographs are like.
+        not_checked: what could not be looked at, and why.
+    """
+
+    plausibility: Plausibility
+    gaps: tuple[Finding, ...]
+    photographs: Photographs
+    not_checked: tuple[str, ...]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What does not fit or could be better, the gravest first."""
+        found = self.plausibility.findings
+        more = (*self.gaps, *self.photographs.findings)
+        if any(each.is_error for each in found):
+            # What needs right poses and depth says nothing then.
+            more = tuple(each for each in more if each.kind == "blur")
+        return (*found, *more)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything as JSON values."""
+        agreement = self.plausibility.agreement
+        return {
+            "findings": [asdict(each) | {"is_error": each.is_error} for each in self.findings],
+            "agreement": None if agreement is None else asdict(agreement),
+            "photographs": asdict(self.photographs),
+            "not_checked": list(self.not_checked),
+        }
+
+
+def check_fully(capture: Capture) -> FullCheck:
+    """Look at a whole capture; this takes seconds.
+
+    Raises:
+        DigsError: a file that cannot be read.
+    """
+    return FullCheck(
+        check_capture(capture),
+        () if few_views(capture) else tuple(gap_in_views(capture)),
+        look_at_photographs(capture),
+        _not_checked(capture),
+    )
+
+
+def _not_checked(capture: Capture) -> tuple[str, ...]:
+    has_depth, has_masks = (
+        any(frame.has(layer) for frame in capture.frames) for layer in (Layer.DEPTH, Layer.MASK)
+    )
+    missing = []
+    if not has_depth:
+        missing.append("units, focal length, pose convention, exposure, moving things: need depth")
+    elif not capture.knows_poses:
+        missing.append("focal length, pose convention, exposure, moving things: need poses")
+    if not has_masks:
+        missing.append("masks, and gaps in the way around the object: need masks")
+    return tuple(missing)

@@ -1,0 +1,105 @@
+"""Things that move: a frame sees through what another one saw standing there.
+
+Wrong depth looks the same: glass, mirrors, plain surfaces. But there the other frame explains the color: it
+shows what is really behind, and the pixel has its color. Something that moved has a color of its own.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.geometry import invert_rigid, transform_points
+from digs_warp.plausibility.brightness import brightness_ratio
+from digs_warp.plausibility.small_frames import SmallFrame
+
+# The other frame sees through a point if all it measures around there is farther by this share ...
+FARTHER = 0.1
+
+# ... within this many thumbnail pixels: poses and edges of depth are not exact.
+AROUND = 2
+
+# Points at steps of depth within AROUND pixels, by this share, are left out: they may hang in the air.
+STEP = 0.1
+
+# The pixel is unlike what is behind it if it is brighter or darker by this [of 255] than all that the other
+# frame shows within AROUND pixels.
+UNLIKE = 20.0
+
+# Fewer points in common than this do not make a large share.
+FEW = 500
+
+
+def moved_share(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> float:
+    """Return the share of points that are gone in the other frame, 0 to 1: the mean over the pairs."""
+    shares = [
+        _share(frames[first], frames[second])
+        for pair in pairs
+        for first, second in (pair, pair[::-1])
+    ]
+    return float(np.mean(shares)) if shares else 0.0
+
+
+def _share(first: SmallFrame, second: SmallFrame) -> float:
+    rows, columns = np.nonzero(_solid(first.depth))
+    pixel, depth = _seen_by(first, rows, columns, second.camera)
+    inside = pixel >= 0
+    nearest = _least_around(_known(second.depth)).reshape(-1)[pixel[inside]]
+    known = np.isfinite(nearest)
+    through = nearest[known] > (1 + FARTHER) * depth[inside][known]
+    places = (each[inside][known][through] for each in (rows, columns))
+    gone = _unlike(first, second)[tuple(places)]
+    return np.count_nonzero(gone) / max(len(through), FEW)
+
+
+def _seen_by(
+    frame: SmallFrame, rows: np.ndarray, columns: np.ndarray, camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where another camera sees pixels: the index of its pixel, -1 outside; the depth [m], (n,)."""
+    centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
+    points = frame.camera.unproject(centers, frame.depth[rows, columns].astype(np.float64))
+    x, y, depth = transform_points(invert_rigid(camera.world_from_cam), points).T
+    k = camera.intrinsics
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = k.fx * x / depth + k.cx, k.fy * y / depth + k.cy
+        inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
+    pixel = np.full(len(depth), -1)
+    pixel[inside] = v[inside].astype(np.intp) * k.width + u[inside].astype(np.intp)
+    return pixel, depth
+
+
+def _unlike(first: SmallFrame, second: SmallFrame) -> np.ndarray:
+    """Return where the first frame has another brightness than what the second one shows there.
+
+    Bool, (height, width); False where the second frame shows nothing.
+    """
+    rows, columns = np.nonzero(np.isfinite(second.depth))
+    pixel, _ = _seen_by(second, rows, columns, first.camera)
+    ratio = brightness_ratio(first, second) or 1.0  # the exposure may differ
+    brightness = second.green[rows, columns][pixel >= 0] / ratio
+    darkest, brightest = np.full((2, first.depth.size), [[np.inf], [-np.inf]])
+    np.minimum.at(darkest, pixel[pixel >= 0], brightness)
+    np.maximum.at(brightest, pixel[pixel >= 0], brightness)
+    shape = first.depth.shape
+    darkest = _least_around(darkest.reshape(shape))
+    brightest = -_least_around(-brightest.reshape(shape))
+    unlike = (first.green < darkest - UNLIKE) | (first.green > brightest + UNLIKE)
+    return unlike & (brightest >= darkest)
+
+
+def _solid(depth: np.ndarray) -> np.ndarray:
+    """Return where the depth is known and steps nowhere near, (height, width) bool."""
+    nearest, farthest = _least_around(_known(depth)), -_least_around(_known(-depth))
+    return np.isfinite(nearest) & np.isfinite(farthest) & (farthest < (1 + STEP) * nearest)
+
+
+def _known(values: np.ndarray) -> np.ndarray:
+    """Return the values with -infinity where unknown, so that the least around there is."""
+    return np.where(np.isfinite(values), values, -np.inf)
+
+
+def _least_around(values: np.ndarray) -> np.ndarray:
+    """Return the least value within AROUND pixels, (height, width)."""
+    from scipy.ndimage import minimum_filter
+
+    return minimum_filter(values, size=2 * AROUND + 1)
