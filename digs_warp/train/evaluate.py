@@ -13,7 +13,7 @@ from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.measure.color_gain import fit_color_gain
-from digs_warp.measure.metrics import psnr, ssim
+from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
@@ -110,13 +110,13 @@ def color_aligned(image: np.ndarray, view: TestView) -> np.ndarray:
 
 def _score(image: np.ndarray, view: TestView) -> ViewScore:
     target, known = view.target_for(image), view.known
-    aligned = color_aligned(image, view)
+    aligned, similarity = color_aligned(image, view), ssim_map(image, target)
     return ViewScore(
         name=view.name,
         psnr_object=psnr(image, target, view.object_pixels),
-        ssim_object=ssim(image, target, view.object_pixels),
+        ssim_object=mean_over(similarity, view.object_pixels),
         psnr_object_aligned=psnr(aligned, target, view.object_pixels),
         psnr_frame=psnr(image, target, known),
-        ssim_frame=ssim(image, target, known),
+        ssim_frame=mean_over(similarity, known),
         psnr_frame_aligned=psnr(aligned, target, known),
     )
