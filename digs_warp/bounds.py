@@ -129,6 +129,7 @@ FLAGS: dict[str, tuple[float, float]] = {
     "--opacity": (1e-6, 1 - 1e-6),
     "--opacity-weight": (0, _MANY),
     "--overlap": (1, 1000),
+    "--port": (1, 65_535),
     "--quats-rate": (1e-12, 1000),
     "--rates-end": (1e-6, 1000),
     "--rotation-error-deg": (0, 180),

@@ -40,6 +40,7 @@ FLOORS = {
             "digs_warp.__main__",
             "digs_warp.commands",
             "digs_warp.study",
+            "digs_warp.view",
         ),
         7,
     ),

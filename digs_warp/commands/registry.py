@@ -17,6 +17,7 @@ from digs_warp.commands.sensor import SENSOR
 from digs_warp.commands.simulate import Simulate
 from digs_warp.commands.study import STUDY
 from digs_warp.commands.usd_scene import USD
+from digs_warp.commands.view import View
 
 COMMANDS = Group(
     """Simulate a handheld stereo depth camera, reconstruct what it recorded as
@@ -35,6 +36,7 @@ details, --version prints the version.""",
         "reconstruct": Reconstruct,
         "export-usd": ExportUsd,
         "convert": Convert,
+        "view": View,
         "render": Render,
         "mesh": Mesh,
         "info": Info,

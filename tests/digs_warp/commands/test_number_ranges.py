@@ -21,6 +21,7 @@ NEEDED = {
     "reconstruct": ["capture", "--out", "out"],
     "convert": ["in", "--out", "out"],
     "render": ["scene", "--out", "out.mp4"],
+    "view": ["scene"],
     "mesh": ["scene", "--out", "out.ply"],
     "export-usd": ["scene", "--out", "out.usd"],
     "sensor fit": ["capture", "--out", "profile.yaml"],

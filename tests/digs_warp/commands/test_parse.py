@@ -204,6 +204,7 @@ REQUIRED = {
     **{
         "convert": "a --out b",
         "info": "a",
+        "view": "a",
         "usd info": "a",
         "usd validate": "a",
         "usd diff": "a b",

@@ -1,0 +1,58 @@
+"""`digs-warp view`: look at files and folders in the browser."""
+
+import sys
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
+from digs_warp.commands.command import Command
+from digs_warp.commands.splat_options import SplatOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class View(Command):
+    """Look at captures, reconstructions, Gaussians and meshes in the browser.
+
+    Prints the address of a page and serves it until Ctrl-C: Gaussians along the training, cameras with their
+    pictures, measured depth, the start, the true surface. The page can draw with the program's own
+    rasterizer, and crop and save.
+    """
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH...")]
+    """Captures, folders of 'digs-warp reconstruct' or 'run', Gaussians (.npz, .ply, .spz, .splat, USD) or
+    meshes (.glb, .gltf, .obj, .stl). Several stand side by side."""
+
+    host: str = "127.0.0.1"
+    """The address to listen on. 0.0.0.0 lets everyone in the network look; there is no password."""
+
+    port: int = 8080
+    """The port of the page; if it is taken, the next free one."""
+
+    scene: Annotated[SplatOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SplatOptions)
+
+    def __post_init__(self) -> None:
+        check_flag("--port", self.port)
+        if not self.paths:
+            raise DigsError("view: no PATH; name a capture, a reconstruction, Gaussians or a mesh")
+
+    def execute(self) -> str:
+        """Read, serve, and end with Ctrl-C."""
+        from digs_warp.view.contents import read_contents
+        from digs_warp.view.server import started
+
+        contents = [
+            read_contents(path, self.scene.up, self.scene.drop_broken) for path in self.paths
+        ]
+        try:
+            with started(contents, self.host, self.port) as (_, address):
+                sys.stdout.write(f"{address}  (Ctrl-C ends it)\n")
+                sys.stdout.flush()
+                threading.Event().wait()
+        except KeyboardInterrupt:
+            pass  # the usual end
+        return "closed"

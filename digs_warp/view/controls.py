@@ -1,0 +1,160 @@
+"""The switches beside the scene: what they are called, and what they say now."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from digs_warp.view import nodes
+from digs_warp.view.camera_views import Picture, pictures_of
+from digs_warp.view.contents import Contents
+from digs_warp.view.crop import Box
+from digs_warp.view.placement import RADIUS
+from digs_warp.view.true_render import Shown
+
+if TYPE_CHECKING:
+    import viser
+
+# The browser draws the Gaussians itself.
+BY_BROWSER = "in the browser"
+
+Action = Callable[[], None]
+
+
+class Controls:
+    """The switches of a page.
+
+    Args:
+        gui: of the server.
+        contents: what the page shows.
+
+    Attributes:
+        layers: what is shown and hidden, by name.
+        stage: the place in the training, from 0 to 1.
+        drawn: by whom, and what.
+        cuts: whether Gaussians outside of the box are left out.
+        box_center: of the box [page units].
+        box_size: of the box [page units].
+    """
+
+    def __init__(self, gui: "viser.GuiApi", contents: Sequence[Contents]) -> None:
+        self._gui = gui
+        self._many = [each.name for each in contents] if len(contents) > 1 else []
+        for each in contents:
+            gui.add_markdown(f"**{each.name}**  \n" + "  \n".join(each.facts))
+        self._contents_shown = [gui.add_checkbox(name, True) for name in self._many]
+        has_gaussians = any(each.stages for each in contents)
+        self.layers = self._add_layers(contents, has_gaussians)
+        frames = tuple(frame for each in contents for frame in each.frames)
+        self._pictures = gui.add_dropdown(
+            "In the cameras",
+            pictures_of(frames),
+            hint="What the cameras show. A click on a camera goes there.",
+            visible=bool(frames),
+        )
+        most = max(len(each.stages) for each in contents)
+        self.stage = gui.add_slider(
+            *("Training", 0.0, 1.0, 1.0 / max(1, most - 1), 1.0),
+            hint="From the start of the training (left) to the result (right).",
+            visible=most > 1,
+        )
+        self._label = gui.add_text(
+            "Shown", _label_of(contents, 1.0), disabled=True, visible=most > 1
+        )
+        self._labels = contents
+        self.drawn = gui.add_dropdown(
+            "Drawn",
+            [BY_BROWSER, "color", "depth", "normals"],
+            hint="Color, depth and normals are drawn by the rasterizer that trained the Gaussians.",
+            visible=has_gaussians,
+        )
+        self._add_crop(has_gaussians)
+
+    @property
+    def true_render(self) -> Shown | None:
+        """What our rasterizer draws; None: nothing."""
+        value = self.drawn.value
+        return None if value == BY_BROWSER else cast(Shown, value)
+
+    @property
+    def pictures(self) -> Picture:
+        """What the cameras show."""
+        return cast(Picture, self._pictures.value)
+
+    @property
+    def box(self) -> Box | None:
+        """What the Gaussians are cut to; None: nothing is cut."""
+        if not self.cuts.value:
+            return None
+        return Box(self.box_center.value, self.box_size.value)
+
+    def stage_of(self, count: int) -> int:
+        """Return which of ``count`` stages is shown."""
+        return round(self.stage.value * (count - 1))
+
+    def shows(self, number: int, layer: str) -> bool:
+        """Return whether a layer of the contents with this number is to be seen."""
+        chosen = not self._many or self._contents_shown[number].value
+        return chosen and self.layers[layer].value
+
+    def on_stage(self, action: Action) -> None:
+        """Call ``action`` when another stage is chosen."""
+
+        @self.stage.on_update
+        def _(_: object) -> None:
+            self._label.value = _label_of(self._labels, self.stage.value)
+            action()
+
+    def on_choice(self, action: Action) -> None:
+        """Call ``action`` when something is shown, hidden or drawn in another way."""
+        for switch in (*self._contents_shown, *self.layers.values(), self.drawn):
+            switch.on_update(lambda _: action())
+
+    def on_pictures(self, action: Action) -> None:
+        """Call ``action`` when the cameras are to show something else."""
+        self._pictures.on_update(lambda _: action())
+
+    def on_crop(self, action: Action) -> None:
+        """Call ``action`` when the box has changed."""
+        for switch in (self.cuts, self.box_center, self.box_size):
+            switch.on_update(lambda _: action())
+
+    def on_save(self, save: Callable[[Path], str]) -> None:
+        """Call ``save`` with the file's name when the button is pressed, and show what it returns."""
+
+        @self._save.on_click
+        def _(_: object) -> None:
+            self._saved.content = save(Path(self._target.value).expanduser())
+
+    def _add_layers(
+        self, contents: Sequence[Contents], has_gaussians: bool
+    ) -> "dict[str, viser.GuiCheckboxHandle]":
+        names = [nodes.GAUSSIANS] if has_gaussians else []
+        names += [nodes.CAMERAS] if any(each.frames for each in contents) else []
+        names += [name for each in contents for name in (*each.points, *each.meshes)]
+        layers = {}
+        for name in dict.fromkeys(names):
+            # Points and meshes would cover the Gaussians.
+            first = name in (nodes.GAUSSIANS, nodes.CAMERAS) or not has_gaussians
+            layers[name] = self._gui.add_checkbox(name.capitalize(), first)
+        return layers
+
+    def _add_crop(self, visible: bool) -> None:
+        gui = self._gui
+        with gui.add_folder("Crop and save", expand_by_default=False, visible=visible):
+            self.cuts = gui.add_checkbox("Crop to the box", False)
+            step = RADIUS / 100
+            self.box_center = gui.add_vector3("Center", (0.0, 0.0, 0.0), step=step)
+            self.box_size = gui.add_vector3("Size", (2 * RADIUS, 2 * RADIUS, 2 * RADIUS), step=step)
+            self._target = gui.add_text(
+                "File", "cropped.usdz", hint="Its suffix decides the format."
+            )
+            self._save = gui.add_button("Save what is shown")
+            self._saved = gui.add_markdown("")
+
+
+def _label_of(contents: Sequence[Contents], place: float) -> str:
+    """Return what is shown at a place in 0..1 of the slider."""
+    labels = [
+        each.stages[round(place * (len(each.stages) - 1))].label for each in contents if each.stages
+    ]
+    return ", ".join(dict.fromkeys(labels))

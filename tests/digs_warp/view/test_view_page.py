@@ -1,0 +1,98 @@
+"""The page in a real browser: what its switches show, by its pixels."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from headless_browser import Browser, NoBrowserError, browser
+
+from digs_warp.data.gaussians import Gaussians
+from digs_warp.pipeline.scene_files import read_scene
+from digs_warp.view.contents import Contents, Stage
+from digs_warp.view.page import Page
+from digs_warp.view.server import started
+from reference.tiny_capture import ball
+
+# The scene's part of the window, without the panel at its right and the notes at its left.
+SCENE = (slice(150, 600), slice(150, 600))
+
+
+def tinted(color: tuple[float, float, float]) -> Gaussians:
+    from digs_warp.sh import sh_from_rgb
+
+    plain = ball()
+    sh = np.tile(sh_from_rgb(np.array(color)), (len(plain), 1, 1)).astype(np.float32)
+    opaque = np.full(len(plain), 4.0)
+    return Gaussians(plain.means, plain.log_scales, plain.quats, opaque, sh)
+
+
+@pytest.fixture
+def page() -> Iterator[tuple[Page, str]]:
+    stages = (
+        Stage("iteration 0", tinted((0.9, 0.1, 0.1))),
+        Stage("result", tinted((0.1, 0.1, 0.9))),
+    )
+    with started([Contents("ball", ("a fact",), stages)], "127.0.0.1", 8080) as (page, address):
+        yield page, address
+
+
+def colored(picture: np.ndarray) -> np.ndarray:
+    """How many pixels of the scene are red, and how many blue."""
+    r, _, b = np.moveaxis(picture[SCENE].astype(int), -1, 0)
+    return np.array([np.count_nonzero(r - b > 60), np.count_nonzero(b - r > 60)])
+
+
+def wait_until(
+    tab: Browser, is_so: Callable[[np.ndarray], bool], seconds: float = 60.0
+) -> np.ndarray:
+    end = time.monotonic() + seconds
+    while True:
+        picture = tab.screenshot()
+        if is_so(colored(picture)):
+            return picture
+        assert time.monotonic() < end, f"red, blue: {colored(picture)}"
+        time.sleep(0.3)
+
+
+@pytest.fixture
+def tab(tmp_path: Path) -> Iterator[Browser]:
+    try:
+        with browser(tmp_path / "profile") as opened:
+            yield opened
+    except NoBrowserError as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.slow
+def test_the_page_shows_what_its_switches_say(page: tuple[Page, str], tab: Browser) -> None:
+    shown, address = page
+    controls = shown.controls
+    tab.visit(address)
+    wait_until(tab, lambda found: found[1] > 1000 and found[0] == 0)
+    controls.stage.value = 0.0
+    wait_until(tab, lambda found: found[0] > 1000 and found[1] == 0)
+    browsers_own = tab.screenshot()
+    controls.drawn.value = "color"
+    ours = wait_until(tab, lambda found: found[0] > 1000)
+    # Both draw the same scene: the browser sorts and rounds in other ways.
+    difference = np.abs(browsers_own[SCENE].astype(int) - ours[SCENE].astype(int))
+    assert difference.mean() < 6
+    controls.drawn.value = "depth"
+    wait_until(tab, lambda found: found.min() > 1000)  # near is yellow, far is blue
+    controls.layers["gaussians"].value = False
+    wait_until(tab, lambda found: found.sum() == 0)
+
+
+def test_the_box_cuts_and_the_button_saves(page: tuple[Page, str], tmp_path: Path) -> None:
+    shown, _ = page
+    controls = shown.controls
+    controls.box_center.value = (4.0, 0.0, 0.0)
+    controls.cuts.value = True
+    target = tmp_path / "half.ply"
+    said = shown.save(target)
+    assert target.is_file(), said
+    saved = read_scene(target).gaussians
+    assert 0.3 < len(saved) / len(ball()) < 0.7
+    assert "exists" in shown.save(target)
