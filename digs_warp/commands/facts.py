@@ -19,9 +19,13 @@ def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     from digs_warp.report.summaries import surface_words
 
     depth = result.start.depth if result.start else None
-    voxels = f" in voxels of {1e3 * depth.voxel_size:.3g} mm" if depth else ""
-    gaussians = counted(len(result.gaussians), "Gaussian")
     scale = result.metric_scale
-    unknown = [] if scale is None or scale.known else ["scale unknown"]
+    is_known = scale is None or scale.known
+    voxels = ""
+    if depth:
+        size = f"{1e3 * depth.voxel_size:.3g} mm" if is_known else f"{depth.voxel_size:.3g} units"
+        voxels = f" in voxels of {size}"
+    gaussians = counted(len(result.gaussians), "Gaussian")
+    unknown = [] if is_known else ["scale unknown"]
     words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", str(result.scores)]
     return ", ".join(words + surface_words(result) + unknown)

@@ -7,6 +7,7 @@ import tyro
 
 from digs_warp.bounds import check_flag
 from digs_warp.init.config import InitConfig
+from digs_warp.init.mono_config import MonoDepthConfig
 from digs_warp.init.strategies import STRATEGIES, StrategyChoice, StrategyName, chosen_strategy
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
@@ -85,6 +86,9 @@ class ReconstructionOptions:
     init: Annotated[
         _InitOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="initialization")
     ] = field(default_factory=_InitOptions)
+    mono: Annotated[
+        MonoDepthConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="depth by a network")
+    ] = field(default_factory=MonoDepthConfig)
     train: Annotated[_TrainOptions, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="training")] = (
         field(default_factory=_TrainOptions)
     )
@@ -128,6 +132,7 @@ class ReconstructionOptions:
             segment=_plain(self.segment, SegmentConfig, mask_seed=seed),
             init=_plain(self.init, InitConfig, strategy=start),
             train=_plain(self.train, TrainConfig, seed=seed, density=density),
+            mono=self.mono,
             subject=self.subject,
             test_every=self.test_every,
             scale_from=self.scale_from,
@@ -139,7 +144,8 @@ class ReconstructionOptions:
         from digs_warp.pipeline.subject import subject_of
 
         subject = subject_of(capture, self.subject, self.segment)
-        return chosen_strategy(self.init.strategy, capture.has_depth, subject == "object")
+        has_depth = capture.has_depth or self.mono.mono_depth is not None
+        return chosen_strategy(self.init.strategy, has_depth, subject == "object")
 
 
 def _plain(options: Any, kind: type[T], **changes: Any) -> T:

@@ -15,6 +15,8 @@ from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.config import InitConfig
+from digs_warp.init.mono_config import MonoDepthConfig
+from digs_warp.init.mono_depth import check_mono_depth, guessed_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.scale import ScaleEstimate
@@ -50,6 +52,7 @@ class FrontEndConfig:
     subject: SubjectChoice = "auto"
     """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
     the recording has masks or --masks makes some, else the scene."""
+    mono: MonoDepthConfig = field(default_factory=MonoDepthConfig)
     test_every: int = 8
     """Every n-th view, from the first on, is held out for the evaluation."""
     scale_from: str | None = None
@@ -58,7 +61,15 @@ class FrontEndConfig:
     @property
     def needs_sfm(self) -> bool:
         """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
-        return self.sfm.poses != "capture" or self.init.needs_sfm
+        is_scaled = self.mono.mono_depth is not None
+        return self.sfm.poses != "capture" or self.init.needs_sfm or is_scaled
+
+    @property
+    def takes_recorded_points(self) -> bool:
+        """Whether sparse points that came with the recording do instead."""
+        is_scaled = self.mono.mono_depth is not None and not self.init.needs_sfm
+        given = self.sfm.poses == "capture"
+        return given and (self.init.takes_recorded_points or is_scaled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +127,7 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
             f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
         )
     check_scale_from(capture, config.scale_from)
+    check_mono_depth(capture, config.mono)
     _check_instance(capture, config.segment.instance)
     training = _split(capture, config.test_every).training
     subject_of(capture, config.subject, config.segment)
@@ -153,7 +165,7 @@ def front_end(
     with log.stage("check"):
         doubts = _doubts(capture, config)
     sparse, own = None, None
-    if config.sfm.poses == "capture" and config.init.takes_recorded_points:
+    if config.takes_recorded_points:
         own = recorded_points(capture, [frame.camera for frame in frames.training])
     if config.needs_sfm and own is None:
         with log.stage("structure from motion"):
@@ -173,9 +185,14 @@ def front_end(
     scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
     if not scale.known:
         logger.warning("%s: the scale is %s", capture, scale)
+    start_from = frames.training
+    if config.mono.mono_depth is not None:
+        with log.stage("depth by a network"):
+            sfm = model.sfm if model else None
+            start_from = guessed_depth(frames.training, config.mono, sfm, own)
     with log.stage("initialize"):
         start = initialize(
-            frames.training,
+            start_from,
             config.init,
             sfm=model.sfm if model else None,
             sfm_per_metre=model.sfm_per_metre if model else None,
@@ -183,6 +200,9 @@ def front_end(
             subject=subject,
             recorded=own,
         )
+    if config.mono.mono_depth is not None and start.depth is not None:
+        because = f"{start.because}, guessed by {config.mono.mono_depth.name}"
+        start = replace(start, because=because)
     logger.info("%s: starting from %s", capture, start.because)
     prepared = Prepared(
         frames,

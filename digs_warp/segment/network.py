@@ -8,12 +8,11 @@ Lanczos back.
 
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from digs_warp.checks import DigsError, require_file
-from digs_warp.device.libraries import MissingLibraryError
+from digs_warp.device.onnx_network import open_network
 
 MODEL_FILE = "isnet-general-use.onnx"
 MODEL_URL = "https://github.com/danielgatis/rembg/releases/download/v0.0.0/" + MODEL_FILE
@@ -48,7 +47,9 @@ class MaskNetwork:
     def __init__(self, path: Path, threads: int) -> None:
         require_network(path)
         self._path = path
-        self._session = _open_session(path, threads)
+        self._session = open_network(
+            path, threads, "mask network", f"download it again from {MODEL_URL}"
+        )
         self._input = self._session.get_inputs()[0].name
 
     def mask(self, image: np.ndarray) -> np.ndarray:
@@ -83,22 +84,3 @@ def mask_from_output(output: np.ndarray, width: int, height: int) -> np.ndarray:
     stretched = ((output - low) / (high - low) * 255).astype(np.uint8)
     resized = Image.fromarray(stretched).resize((width, height), Image.Resampling.LANCZOS)
     return np.asarray(resized)
-
-
-def _open_session(path: Path, threads: int) -> Any:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise MissingLibraryError(
-            f"masks by a network need onnxruntime ({error}): pip install 'digs-warp[masks]'"
-        ) from error
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.log_severity_level = 3  # errors only
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's errors share no base class but Exception
-        raise DigsError(
-            f"mask network '{path}': not a network that onnxruntime can load ({error}); download it again "
-            f"from {MODEL_URL}"
-        ) from error
