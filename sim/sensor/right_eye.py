@@ -60,7 +60,8 @@ float* nearest = scratch.data + first_scratch;
 float leftmost = FAR, least = FAR;  // where points have landed so far; disparity of points that may be hidden
 int x = width;
 while (x % 16) {
-    const float landing = --x - own[x];
+    --x;
+    const float landing = x - own[x];
     const bool may_be = leftmost < landing + BETWEEN && landing >= -0.5f && wanted[x];
     found[x] = may_be ? UNSURE : SEEN;
     least = may_be && own[x] < least ? own[x] : least;
