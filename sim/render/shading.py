@@ -12,7 +12,12 @@ highlights, and smooth metal reflects the object itself; see `digs_warp.sim.rend
 import numpy as np
 import warp as wp
 
-from digs_warp.sim.render.key_lights import RIM_POINTS, SPOT_RADIUS_DEGREES, key_light
+from digs_warp.sim.render.key_lights import (
+    RIM_POINTS,
+    SPOT_RADIUS_DEGREES,
+    KeyLights,
+    key_light,
+)
 from digs_warp.sim.render.light_map import openness_on, plane_distance
 from digs_warp.sim.render.lighting import PI, TWO_PI, Light, diffuse_light, specular_light
 from digs_warp.sim.render.look import Look, look_at_hit
@@ -186,56 +191,61 @@ def lobe_area(alpha2: float) -> float:
 
 
 @wp.func
-def seen_highlights(
-    surface: Surface, light: Light, look: Look, place: Place, mirrored: wp.vec3, share: float
+def highlight_of(
+    keys: KeyLights, spot: int, mirrored: wp.vec3, alpha2: float, scale: float
 ) -> float:
-    """Share of the bright spots in the lobe around the reflected ray that the hit sees.
+    """Light of a spot in the lobe around the reflected ray; 0: too faint to count."""
+    strength = scale * keys.strengths[spot]
+    nearest = wp.min(wp.dot(mirrored, keys.vectors[spot]) + SPOT_RADIUS, 1.0)
+    weight = wp.float32(0.0)
+    if strength * lobe_at(nearest, alpha2) > FAINT_KEY:
+        for p in range(RIM_POINTS):
+            weight += lobe_at(wp.dot(mirrored, keys.rims[spot, p]), alpha2)
+    return weight * strength
 
-    Spots that add less than a faint light to the ``share`` of the lobe that is reflected do not count.
-    """
-    keys = light.keys
-    width = wp.clamp(look.roughness, SHARPEST_LOBE, WIDEST_LOBE)
-    alpha2 = wp.pow(width, 4.0)
-    scale = PI * share / lobe_area(alpha2)
-    total = wp.float32(0.0)
-    seen = wp.float32(0.0)
-    for k in range(keys.count):
-        strength = scale * keys.strengths[k]
-        nearest = wp.min(wp.dot(mirrored, keys.vectors[k]) + SPOT_RADIUS, 1.0)
-        if strength * lobe_at(nearest, alpha2) > FAINT_KEY:
-            weight = wp.float32(0.0)
-            for p in range(RIM_POINTS):
-                weight += lobe_at(wp.dot(mirrored, keys.rims[k, p]), alpha2)
-            weight *= strength
-            total += weight
-            if wp.dot(look.normal, keys.vectors[k]) > 0.0:
-                open_share = look.spots_seen
-                if look.on_table == 0 or surface.table.is_soft == 0:
-                    open_share = seen_share(surface, keys, k, place)
-                seen += weight * open_share
-    return wp.where(total > 0.0, seen / wp.max(total, 1.0e-9), 1.0)
+
+@wp.struct
+class SpotLight:
+    """What the bright spots give a hit."""
+
+    diffuse: wp.vec3  # reflected by the matte base
+    highlights: float  # share of the spots in the lobe around the reflected ray that the hit sees
 
 
 @wp.func
-def shadowed_key_diffuse(surface: Surface, light: Light, look: Look, place: Place) -> wp.vec3:
-    """Light of the bright spots that reaches the hit, reflected by the matte base.
+def spot_light(
+    surface: Surface, light: Light, look: Look, place: Place, mirrored: wp.vec3, reflected: float
+) -> SpotLight:
+    """Measure the light of the bright spots with shadows; ``reflected``: share of the lobe that is.
 
     Where a spot hardly matters, openness replaces its rays.
     """
+    keys = light.keys
     albedo = (1.0 - look.metallic) * look.color
-    if look.on_table == 1 and surface.table.is_soft == 1:
-        return look.spots_seen * key_diffuse(light, look)
     brightest = wp.max(albedo)
-    total = wp.vec3(0.0)
-    if light.keys.count > 0 and brightest > FAINT_KEY:
-        for k in range(light.keys.count):
-            incoming = wp.dot(look.normal, light.keys.vectors[k])
-            if incoming > 0.0:
-                seen = look.openness
-                if brightest * incoming * light.keys.strengths[k] >= FAINT_KEY:
-                    seen = seen_share(surface, light.keys, k, place)
-                total += (seen * incoming) * light.keys.colors[k]
-    return wp.cw_mul(albedo, total)
+    alpha2 = wp.pow(wp.clamp(look.roughness, SHARPEST_LOBE, WIDEST_LOBE), 4.0)
+    scale = PI * reflected / lobe_area(alpha2)
+    is_kept = look.on_table == 1 and surface.table.is_soft == 1
+    total = wp.float32(0.0)
+    seen = wp.float32(0.0)
+    diffuse = wp.vec3(0.0)
+    for k in range(keys.count):
+        incoming = wp.dot(look.normal, keys.vectors[k])
+        highlight = highlight_of(keys, k, mirrored, alpha2, scale)
+        total += highlight
+        if incoming > 0.0 and (highlight > 0.0 or brightest > FAINT_KEY):
+            matters = brightest * incoming * keys.strengths[k] >= FAINT_KEY
+            share = look.openness
+            if is_kept:
+                share = look.spots_seen
+            elif matters or highlight > 0.0:
+                share = seen_share(surface, keys, k, place)
+            seen += highlight * share
+            diffuse += (share * incoming) * keys.colors[k]
+    found = SpotLight()
+    found.diffuse = wp.cw_mul(albedo, diffuse)
+    found.highlights = wp.where(total > 0.0, seen / wp.max(total, 1.0e-9), 1.0)
+    return found
 
 
 @wp.func
@@ -264,8 +274,9 @@ def shade(
         cosine = wp.max(wp.abs(wp.dot(look.facet_normal, direction)), MIN_COSINE)
         across = distance * view.pixel_angle / wp.sqrt(cosine)
         place = shadow_place(surface, hit, look.facet_normal, look.side, across)
-        diffuse += shadowed_key_diffuse(surface, light, look, place)
-        spots = seen_highlights(surface, light, look, place, mirrored, wp.max(reflected))
+        keyed = spot_light(surface, light, look, place, mirrored, wp.max(reflected))
+        diffuse += keyed.diffuse
+        spots = keyed.highlights
     width = distance * view.pixel_cone
     around = mirrored_light(view, surface, light, look, point, mirrored, width, spots)
     return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)
