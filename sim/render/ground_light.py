@@ -147,20 +147,28 @@ def seen_spots(surface: Surface, keys: KeyLights, point: wp.vec3, number: int) -
 
 
 @wp.func
-def floor_share(surface: Surface, light: Light, point: wp.vec3, number: int) -> wp.vec3:
-    """Share of the open floor's light that arrives at a point; ``number`` of the sample in its pixel."""
-    found = light_on(surface.floor, point[0], point[1])
-    visible = found[0]
-    if spots_matter(surface.floor):
-        visible = found[1]
-        if surface.floor.is_soft == 0:
-            visible = seen_spots(surface, light.keys, point, number)
-    return arriving(surface.floor, found[0], visible)
+def has_sharp_shadows(plane: LightMap) -> bool:
+    """Whether the grids cannot hold the shadows on the plane: every sample of a pixel asks the spots."""
+    return plane.exists == 1 and plane.is_soft == 0 and spots_matter(plane)
+
+
+@wp.func
+def soft_floor_share(floor: LightMap, point: wp.vec3) -> wp.vec3:
+    """Share of the open floor's light that arrives at a point, where no shadow is sharp."""
+    found = light_on(floor, point[0], point[1])
+    return arriving(floor, found[0], wp.where(spots_matter(floor), found[1], found[0]))
+
+
+@wp.func
+def sharp_floor_share(surface: Surface, light: Light, point: wp.vec3, number: int) -> wp.vec3:
+    """The same where shadows are sharp; ``number`` of the sample in its pixel."""
+    openness = light_on(surface.floor, point[0], point[1])[0]
+    return arriving(surface.floor, openness, seen_spots(surface, light.keys, point, number))
 
 
 @wp.func
 def may_be_shaded(surface: Surface, light: Light, point: wp.vec3, margin: float) -> bool:
-    """Whether the objects may take light from the floor within ``margin`` [m] of a point."""
+    """Whether the objects may take light from a floor with sharp shadows within ``margin`` [m] of a point."""
     grid = surface.floor.coarse
     if (
         point[0] > grid.low[0] - margin
@@ -169,14 +177,13 @@ def may_be_shaded(surface: Surface, light: Light, point: wp.vec3, margin: float)
         and point[1] < grid.low[1] + grid.size[1] + margin
     ):
         return True
-    if spots_matter(surface.floor) and surface.floor.is_soft == 0:
-        for k in range(light.keys.count):
-            # Within 18 degrees of the middle of a spot: see SPOT_RADIUS_DEGREES.
-            toward = light.keys.vectors[k]
-            along = -wp.dot(point, toward)
-            nearest = wp.length(point + along * toward)
-            if toward[2] > 0.0 and along > 0.0 and nearest < surface.radius + margin + 0.33 * along:
-                return True
+    for k in range(light.keys.count):
+        # Within 18 degrees of the middle of a spot: see SPOT_RADIUS_DEGREES.
+        toward = light.keys.vectors[k]
+        along = -wp.dot(point, toward)
+        nearest = wp.length(point + along * toward)
+        if toward[2] > 0.0 and along > 0.0 and nearest < surface.radius + margin + 0.33 * along:
+            return True
     return False
 
 

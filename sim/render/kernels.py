@@ -7,8 +7,13 @@ the number of threads.
 import warp as wp
 
 from digs_warp.sim.render.glass import Bend, bend
-from digs_warp.sim.render.ground_light import floor_share, may_be_shaded
-from digs_warp.sim.render.lighting import Light, Panorama, sample_panorama
+from digs_warp.sim.render.ground_light import (
+    has_sharp_shadows,
+    may_be_shaded,
+    sharp_floor_share,
+    soft_floor_share,
+)
+from digs_warp.sim.render.lighting import Light, sample_panorama
 from digs_warp.sim.render.look import look_at_hit
 from digs_warp.sim.render.shading import coat, coat_at, shade
 from digs_warp.sim.render.surface import (
@@ -70,7 +75,8 @@ def srgb_byte(linear: float) -> wp.uint8:
 @wp.func
 def seen_surround(
     view: View,
-    panorama: Panorama,
+    surface: Surface,
+    light: Light,
     center: wp.vec3,
     direction: wp.vec3,
     level: float,
@@ -78,6 +84,7 @@ def seen_surround(
 ) -> wp.vec3:
     """The panorama where a ray from the camera meets the surround, times the weight of its samples.
 
+    It is as bright as the objects leave the floor, but for sharp shadows, which are in the weight.
     ``level``: of the pyramid, that fits a pixel of a camera in the panorama's place.
     """
     distance = surround_distance(view, center, direction)
@@ -86,8 +93,12 @@ def seen_surround(
     if view.boundary.shape != SPHERE:
         fitting += wp.log2(panorama_zoom(view.boundary, point, direction, distance))
     place = panorama_direction(view.boundary, point)
-    seen = sample_panorama(panorama, place, wp.max(fitting, 0.0))
-    return wp.cw_mul(passing, wp.min(seen, wp.vec3(SAMPLE_LIMIT)))
+    seen = sample_panorama(light.panorama, place, wp.max(fitting, 0.0))
+    seen = wp.cw_mul(passing, wp.min(seen, wp.vec3(SAMPLE_LIMIT)))
+    floor = surface.floor
+    if floor.exists == 1 and not has_sharp_shadows(floor) and is_on_floor(view.boundary, point):
+        seen = wp.cw_mul(seen, soft_floor_share(floor, point))
+    return seen
 
 
 @wp.func
@@ -102,8 +113,8 @@ def way_to_surround(view: View, center: wp.vec3, direction: wp.vec3) -> float:
 def is_floor_shaded(
     view: View, surface: Surface, light: Light, center: wp.vec3, direction: wp.vec3, spread: float
 ) -> bool:
-    """Whether the objects may take light from what a pixel shows of the floor."""
-    if surface.floor.exists == 0:
+    """Whether what a pixel shows of the floor may be in a sharp shadow."""
+    if not has_sharp_shadows(surface.floor):
         return False
     distance = surround_distance(view, center, direction)
     point = center + distance * direction
@@ -210,7 +221,7 @@ def layered_sample(
         travelled = distance + surface.step
     if was_bent and wp.max(sample.passing) > 0.0:
         sample.color = sample.color + seen_surround(
-            view, light.panorama, start, heading, surround_level, sample.passing
+            view, surface, light, start, heading, surround_level, sample.passing
         )
         sample.passing = wp.vec3(0.0)
     return sample
@@ -279,7 +290,7 @@ def color_kernel(
                 if is_shaded and wp.max(sample.passing) > 0.0:
                     end = eye.center + surround_distance(eye, eye.center, direction) * direction
                     if is_on_floor(view.boundary, end):
-                        arrives = floor_share(surface, light, end, moment * samples + s)
+                        arrives = sharp_floor_share(surface, light, end, moment * samples + s)
                         sample.passing = wp.cw_mul(sample.passing, arrives)
                 # A single glint of the sun must not dominate its pixel.
                 total += wp.min(sample.color, wp.vec3(SAMPLE_LIMIT))
@@ -290,10 +301,10 @@ def color_kernel(
         if not is_short and wp.max(passing) > 0.0:
             toward = track.rotations[band, moment] * middle_cam
             start = track.centers[band, moment]
-            total += seen_surround(view, light.panorama, start, toward, surround_level, passing)
+            total += seen_surround(view, surface, light, start, toward, surround_level, passing)
     if is_short and wp.max(open_way) > 0.0:
         start = middle_center
-        total += seen_surround(view, light.panorama, start, middle, surround_level, open_way)
+        total += seen_surround(view, surface, light, start, middle, surround_level, open_way)
     count = float(samples * track.moments)
     mean = total / count
     for channel in range(3):
