@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from digs_warp.camera import Camera
+from digs_warp.device.threads import over_rows
 from digs_warp.sim.sensor.color.adaptation import AdaptationTrack, targets
 from digs_warp.sim.sensor.color.encoding import decode
 from digs_warp.sim.session import Session
@@ -19,6 +20,9 @@ LONGEST_STEP = 1.0
 
 # Width of the renders [px]; a mean needs no more.
 WIDTH = 32
+
+# Renders that a thread takes at a time.
+TOGETHER = 10
 
 # Identifies the pixel sampling in the seeds, beside the eyes of `digs_warp.sim.session`.
 METER = 104
@@ -32,7 +36,17 @@ def meter_walk(session: Session) -> AdaptationTrack:
     step = min(session.walk.end / MOMENTS, LONGEST_STEP)
     count = math.ceil(session.moments[-1] / step) + 1
     times = step * np.arange(count)
-    colors = np.array([_mean_color(session, number, times[number]) for number in range(count)])
+    colors = np.empty((count, 3))
+
+    def meter(numbers: range) -> None:
+        for number in numbers:
+            colors[number] = _mean_color(session, number, times[number])
+
+    meter(range(1))  # alone: it prepares the scene for all of them
+    others = range(1, count)
+    # OpenGL draws in one thread only.
+    together = count if session.config.renderer == "gl" else TOGETHER
+    over_rows(len(others), lambda rows: meter(others[rows]), together)
     return AdaptationTrack.following(times, targets(colors, session.rig), session.rig)
 
 

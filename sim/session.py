@@ -1,5 +1,6 @@
 """Everything that is prepared before the first frame: scene, light, camera and its path."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -243,14 +244,20 @@ def load_inputs(config: SimulateConfig) -> Inputs:
         check_opengl()
     profile = load_profile(config.profile or DEFAULT_PROFILE)
     rig = rig_of(config)
-    scene = turn_objects(_load_object(config), config.object_turn)
-    check_reach(scene, rig, config.walk)
+    with ThreadPoolExecutor(1, thread_name_prefix="environment") as beside:
+        loading = beside.submit(_load_environment, config)
+        scene = turn_objects(_load_object(config), config.object_turn)
+        check_reach(scene, rig, config.walk)
+        environment = loading.result()
+    return Inputs(refinished(scene, config.look), environment, profile, rig)
+
+
+def _load_environment(config: SimulateConfig) -> Environment:
     if config.environment is None:
         environment = procedural_environment()
     else:
         environment = load_environment(config.environment)
-    environment = relit(environment, config.look, environment.is_room)
-    return Inputs(refinished(scene, config.look), environment, profile, rig)
+    return relit(environment, config.look, environment.is_room)
 
 
 def _load_object(config: SimulateConfig) -> Scene:
