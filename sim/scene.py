@@ -38,6 +38,10 @@ class Material:
         reflectance: of what is not metal, at normal incidence, 0 to 1.
         absorption: of the body behind a surface that transmits light, linear RGB [1/m]; None: the
             surface is a thin wall with air on both sides, and rays go straight on.
+        clear_coat: share of the surface under a layer of clear varnish, 0 to 1; the mean where it varies.
+        clear_coat_roughness: of that layer.
+        sheen: linear RGB of the light that fibers scatter toward grazing views; black: no cloth.
+        sheen_roughness: of the fibers, 0 (seen at the rim only) to 1.
         emission: linear RGB of the light that the surface emits; 1 is full white at any exposure.
         emission_texture: sRGB image that multiplies ``emission``, (height, width, 3), uint8; None: plain.
         normal_texture: tangent-space normals as glTF has them (x along u, y along v, z outward;
@@ -58,6 +62,10 @@ class Material:
     ior: float = DIELECTRIC_IOR
     reflectance: float = DIELECTRIC_REFLECTANCE
     absorption: tuple[float, float, float] | None = None
+    clear_coat: float = 0.0
+    clear_coat_roughness: float = 0.0
+    sheen: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission_texture: np.ndarray | None = None
     normal_texture: np.ndarray | None = None

@@ -44,6 +44,7 @@ OBJECTS = {
         "metallicRoughnessTexture",
     ),
     *("normalTexture", "occlusionTexture", "emissiveTexture", "transmissionTexture"),
+    *("clearcoatTexture", "sheenColorTexture"),
 }
 
 

@@ -122,6 +122,10 @@ def _pbr_material(source: Any, parts: Sequence[MeshPart], extras: GltfExtras) ->
         ior=extras.ior,
         reflectance=extras.reflectance,
         absorption=extras.absorption,
+        clear_coat=extras.clear_coat * float(_mean(extras.clear_coat_image, name, parts)[0]),
+        clear_coat_roughness=extras.clear_coat_roughness,
+        sheen=_sheen(extras, name, parts),
+        sheen_roughness=extras.sheen_roughness,
         **_emission(source, name, parts, extras.emissive_strength),
         normal_texture=_normals(source, name, parts, extras.normal_scale),
     )
@@ -182,6 +186,22 @@ def _transmission(extras: GltfExtras, name: str, parts: Sequence[MeshPart]) -> d
         "transmission": float(mean_over_surface(pixels[..., None], parts)[0] / 255.0),
         "transmission_texture": pixels,
     }
+
+
+def _sheen(extras: GltfExtras, name: str, parts: Sequence[MeshPart]) -> tuple[float, float, float]:
+    """Return the color of the fibers, linear: the mean where it varies."""
+    if not any(extras.sheen):
+        return extras.sheen
+    mean = linear_from_srgb(_mean(extras.sheen_image, name, parts))
+    red, green, blue = (float(value) for value in np.array(extras.sheen) * mean)
+    return red, green, blue
+
+
+def _mean(image: Any, name: str, parts: Sequence[MeshPart]) -> np.ndarray:
+    """Return the mean of a map over the surface, (3,), 0 to 1; 1 without a map."""
+    if image is None or parts[0].uvs is None:
+        return np.ones(3)
+    return mean_over_surface(rgb_pixels(image, name), parts) / 255.0
 
 
 def _emission(source: Any, name: str, parts: Sequence[MeshPart], strength: float) -> dict[str, Any]:

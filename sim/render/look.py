@@ -8,6 +8,7 @@
 import warp as wp
 
 from digs_warp.sim.render.light_map import light_on
+from digs_warp.sim.render.sheen import sheen_at
 from digs_warp.sim.render.surface import (
     Surface,
     texture_level,
@@ -35,7 +36,11 @@ class Look:
     metallic: float
     reflectance: float  # of a dielectric, at normal incidence
     roughness: float
+    clear_coat: float  # share under a clear coat
+    clear_coat_roughness: float
+    sheen: wp.vec3  # share of even light that fibers scatter to the viewer
     normal: wp.vec3  # unit, toward the viewer, with the normal map
+    smooth_normal: wp.vec3  # the same without the normal map
     facet_normal: wp.vec3  # of the triangle, toward the viewer
     side: float  # 1: seen from the side of the vertex normals, -1: from the other
     openness: float  # share of the hemisphere that sees the surround
@@ -133,6 +138,7 @@ def material_at_hit(
     outward = vertex_normal(surface, hit)
     look = Look()
     look.side = viewer_side(hit, direction, outward)
+    look.smooth_normal = look.side * outward
     if data.normal_texture >= 0:
         outward = mapped_normal(surface, hit, outward, data.normal_texture, uv, level)
     look.normal = look.side * outward
@@ -141,6 +147,10 @@ def material_at_hit(
     look.roughness = data.roughness
     look.metallic = data.metallic
     look.reflectance = data.reflectance
+    look.clear_coat = data.clear_coat
+    look.clear_coat_roughness = data.clear_coat_roughness
+    if wp.max(data.sheen) > 0.0:
+        look.sheen = sheen_at(surface, surface.materials[hit.face], -wp.dot(look.normal, direction))
     if data.finish_texture >= 0:
         finish = sample_texture(surface.textures, data.finish_texture, uv, level, LINEAR)
         look.roughness = finish[0]
@@ -166,3 +176,10 @@ def look_at_hit(
         look.spots_seen = found[1]
         look.on_table = 1
     return look
+
+
+@wp.func
+def matte_color(look: Look) -> wp.vec3:
+    """Share of the light that arrives which the matte base and the fibers on it reflect."""
+    base = (1.0 - look.metallic) * (1.0 - wp.max(look.sheen)) * look.color
+    return base + look.sheen

@@ -1,30 +1,28 @@
 """The light that leaves a surface point: material, texture, and the environment.
 
-The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat. The coat's
-reflectance is the second half of the split sum in Karis' analytic form ("Physically Based Shading on
-Mobile", 2014, after Lazarov). Corners are darkened by occlusion measured at nodes of the mesh, corrected
-for light that bounces between colored walls (Jimenez et al., "Practical Realtime Strategies for Accurate
-Indirect Occlusion", 2016, eq. 20). Bright spots of the environment cast shadows, in which they have no
-highlights, and smooth metal reflects the object itself; see `digs_warp.sim.render.key_lights` and
-`mirrored_light`.
+The material model is glTF's metallic-roughness model: a Lambertian base under a GGX coat, with the sheen of
+cloth and a clear coat where the material has them. A coat's reflectance is the second half of the split sum
+in Karis' analytic form ("Physically Based Shading on Mobile", 2014, after Lazarov). Corners are darkened by
+occlusion measured at nodes of the mesh, corrected for light that bounces between colored walls (Jimenez et
+al., "Practical Realtime Strategies for Accurate Indirect Occlusion", 2016, eq. 20). Bright spots of the
+environment cast shadows, in which they have no highlights, and smooth metal reflects the object itself; see
+`digs_warp.sim.render.key_lights` and `mirrored_light`.
 """
 
-import numpy as np
 import warp as wp
 
 from digs_warp.sim.render.key_lights import (
-    RIM_POINTS,
-    SPOT_RADIUS_DEGREES,
-    KeyLights,
     key_light,
 )
 from digs_warp.sim.render.light_map import openness_on, plane_distance
-from digs_warp.sim.render.lighting import PI, TWO_PI, Light, diffuse_light, specular_light
-from digs_warp.sim.render.look import Look, look_at_hit
-from digs_warp.sim.render.shadows import Place, seen_share, shadow_place
+from digs_warp.sim.render.lighting import Light, diffuse_light, specular_light
+from digs_warp.sim.render.look import Look, look_at_hit, matte_color
+from digs_warp.sim.render.shadows import Place, shadow_place
+from digs_warp.sim.render.spot_light import spot_light
 from digs_warp.sim.render.surface import MIN_COSINE, Surface
 from digs_warp.sim.render.surround import is_on_floor, panorama_direction
 from digs_warp.sim.render.view import FAR, View, surround_distance
+from digs_warp.sim.scene import DIELECTRIC_REFLECTANCE
 
 wp.set_module_options({"enable_backward": False})
 
@@ -32,15 +30,8 @@ wp.set_module_options({"enable_backward": False})
 MIRROR_ROUGHNESS = wp.constant(0.45)
 MIRROR_METALLIC = wp.constant(0.5)
 
-# Spots that add less than this share of full white are not worth shadow rays.
-FAINT_KEY = wp.constant(0.005)
-
-# Largest angle between a point of a spot and the spot's direction [rad].
-SPOT_RADIUS = wp.constant(float(2.0 * np.radians(SPOT_RADIUS_DEGREES)))
-
-# Roughness of the lobes that weight the spots of a highlight.
-SHARPEST_LOBE = wp.constant(0.2)
-WIDEST_LOBE = wp.constant(0.98)
+# Reflectance of a clear coat at normal incidence.
+DIELECTRIC = wp.constant(DIELECTRIC_REFLECTANCE)
 
 
 @wp.func
@@ -66,7 +57,7 @@ def coat_reflectance(f0: wp.vec3, roughness: float, cosine: float) -> wp.vec3:
 @wp.func
 def smooth_diffuse(light: Light, look: Look) -> wp.vec3:
     """Light of the environment without the bright spots, reflected by the matte base."""
-    albedo = (1.0 - look.metallic) * look.color
+    albedo = matte_color(look)
     open_rgb = wp.vec3(
         with_bounces(look.openness, albedo[0]),
         with_bounces(look.openness, albedo[1]),
@@ -80,14 +71,14 @@ def key_diffuse(light: Light, look: Look) -> wp.vec3:
     """Light of the bright spots without shadows, reflected by the matte base."""
     if light.keys.count == 0:
         return wp.vec3(0.0)
-    return (1.0 - look.metallic) * wp.cw_mul(look.color, key_light(light.keys, look.normal))
+    return wp.cw_mul(matte_color(look), key_light(light.keys, look.normal))
 
 
 @wp.func
 def coat_at(look: Look, cosine: float) -> wp.vec3:
     """Share of the reflected light that reaches a viewer at that angle from the normal."""
     f0 = wp.lerp(wp.vec3(look.reflectance), look.color, look.metallic)
-    return coat_reflectance(f0, look.roughness, cosine)
+    return (1.0 - wp.max(look.sheen)) * coat_reflectance(f0, look.roughness, cosine)
 
 
 @wp.func
@@ -175,77 +166,38 @@ def mirrored_light(
 
 
 @wp.func
-def lobe_at(cosine: float, alpha2: float) -> float:
-    """GGX lobe around the reflected ray, at an angle from it, times that cosine (Karis 2013, n = v = r)."""
-    half2 = 0.5 + 0.5 * cosine
-    root = half2 * (alpha2 - 1.0) + 1.0
-    return wp.max(cosine, 0.0) * alpha2 / (root * root)
+def clear_coat_look(look: Look) -> Look:
+    """The clear coat as a surface of its own, without the normal map of what is below."""
+    coated = Look()
+    coated.roughness = look.clear_coat_roughness
+    coated.reflectance = DIELECTRIC
+    coated.normal = look.smooth_normal
+    coated.facet_normal = look.facet_normal
+    coated.side = look.side
+    coated.openness = look.openness
+    coated.spots_seen = look.spots_seen
+    coated.on_table = look.on_table
+    return coated
 
 
 @wp.func
-def lobe_area(alpha2: float) -> float:
-    """Integral of `lobe_at` over all directions; alpha2 below 1."""
-    half = 0.5 * (alpha2 - 1.0)
-    middle = 0.5 * (alpha2 + 1.0)
-    return TWO_PI * alpha2 * (wp.log(alpha2 / middle) + middle / alpha2 - 1.0) / (half * half)
-
-
-@wp.func
-def highlight_of(
-    keys: KeyLights, spot: int, mirrored: wp.vec3, alpha2: float, scale: float
-) -> float:
-    """Light of a spot in the lobe around the reflected ray; 0: too faint to count."""
-    strength = scale * keys.strengths[spot]
-    nearest = wp.min(wp.dot(mirrored, keys.vectors[spot]) + SPOT_RADIUS, 1.0)
-    weight = wp.float32(0.0)
-    if strength * lobe_at(nearest, alpha2) > FAINT_KEY:
-        for p in range(RIM_POINTS):
-            weight += lobe_at(wp.dot(mirrored, keys.rims[spot, p]), alpha2)
-    return weight * strength
-
-
-@wp.struct
-class SpotLight:
-    """What the bright spots give a hit."""
-
-    diffuse: wp.vec3  # reflected by the matte base
-    highlights: float  # share of the spots in the lobe around the reflected ray that the hit sees
-
-
-@wp.func
-def spot_light(
-    surface: Surface, light: Light, look: Look, place: Place, mirrored: wp.vec3, reflected: float
-) -> SpotLight:
-    """Measure the light of the bright spots with shadows; ``reflected``: share of the lobe that is.
-
-    Where a spot hardly matters, openness replaces its rays.
-    """
-    keys = light.keys
-    albedo = (1.0 - look.metallic) * look.color
-    brightest = wp.max(albedo)
-    alpha2 = wp.pow(wp.clamp(look.roughness, SHARPEST_LOBE, WIDEST_LOBE), 4.0)
-    scale = PI * reflected / lobe_area(alpha2)
-    is_kept = look.on_table == 1 and surface.table.is_soft == 1
-    total = wp.float32(0.0)
-    seen = wp.float32(0.0)
-    diffuse = wp.vec3(0.0)
-    for k in range(keys.count):
-        incoming = wp.dot(look.normal, keys.vectors[k])
-        highlight = highlight_of(keys, k, mirrored, alpha2, scale)
-        total += highlight
-        if incoming > 0.0 and (highlight > 0.0 or brightest > FAINT_KEY):
-            matters = brightest * incoming * keys.strengths[k] >= FAINT_KEY
-            share = look.openness
-            if is_kept:
-                share = look.spots_seen
-            elif matters or highlight > 0.0:
-                share = seen_share(surface, keys, k, place)
-            seen += highlight * share
-            diffuse += (share * incoming) * keys.colors[k]
-    found = SpotLight()
-    found.diffuse = wp.cw_mul(albedo, diffuse)
-    found.highlights = wp.where(total > 0.0, seen / wp.max(total, 1.0e-9), 1.0)
-    return found
+def under_clear_coat(
+    view: View,
+    surface: Surface,
+    light: Light,
+    look: Look,
+    place: Place,
+    point: wp.vec3,
+    direction: wp.vec3,
+    below: wp.vec3,
+) -> wp.vec3:
+    """Radiance of a surface with a clear coat, by what the surface alone sends to the viewer."""
+    coated = clear_coat_look(look)
+    reflected = look.clear_coat * coat(coated, direction)[0]
+    mirrored = mirrored_direction(coated, direction)
+    spots = spot_light(surface, light, coated, place, mirrored, reflected).highlights
+    around = environment_light(view, surface, light, point, mirrored, coated.roughness, spots)
+    return (1.0 - reflected) * below + reflected * look.openness * around
 
 
 @wp.func
@@ -269,6 +221,7 @@ def shade(
     mirrored = mirrored_direction(look, direction)
     diffuse = smooth_diffuse(light, look)
     spots = wp.float32(1.0)
+    place = Place()
     if light.keys.count > 0:
         # Along the slope a pixel covers more of the surface.
         cosine = wp.max(wp.abs(wp.dot(look.facet_normal, direction)), MIN_COSINE)
@@ -279,4 +232,7 @@ def shade(
         spots = keyed.highlights
     width = distance * view.pixel_cone
     around = mirrored_light(view, surface, light, look, point, mirrored, width, spots)
-    return look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)
+    own = look.emission + (1.0 - transmission) * diffuse + wp.cw_mul(reflected, around)
+    if look.clear_coat > 0.0:
+        return under_clear_coat(view, surface, light, look, place, point, direction, own)
+    return own

@@ -38,6 +38,9 @@ class MaterialData:
     bends: int  # 1: a body that bends rays; 0: a thin wall
     ior: float
     absorption: wp.vec3  # of the body [1/m]
+    clear_coat: float
+    clear_coat_roughness: float
+    sheen: wp.vec3
     color_texture: int
     finish_texture: int
     opacity_texture: int
@@ -68,6 +71,7 @@ class Surface:
     objects: wp.array[int]  # [m] 0: furniture
     uv_levels: wp.array[float]  # [m] log2(texture widths per metre)
     data: wp.array[MaterialData]  # [materials]
+    sheens: wp.array2d[float]  # [materials, cosines] see sim.render.sheen; empty without sheen
     textures: TextureSet
     see_through: int  # 1: some material transmits or has an opacity below 1
     step: float  # [m] rays continue this far behind a surface that they pass

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.warp_start import start_warp
+from digs_warp.sim.render.sheen import sheen_shares
 from digs_warp.sim.render.solid import stopping_faces
 from digs_warp.sim.render.surface import MaterialData, Surface
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, pack_textures
@@ -88,6 +89,9 @@ def upload_scene(scene: Scene) -> DeviceScene:
     surface.uv_levels = wp.array(_uv_levels(scene), dtype=float, device="cpu")
     data = [_material_data(m, slot) for m, slot in zip(scene.materials, slots, strict=True)]
     surface.data = wp.array(data, dtype=MaterialData, device="cpu")
+    if any(any(material.sheen) for material in scene.materials):
+        shares = [sheen_shares(material.sheen_roughness) for material in scene.materials]
+        surface.sheens = wp.array(np.array(shares), dtype=float, device="cpu")
     surface.textures = pack_textures(images)
     surface.see_through = int(any(is_see_through(material) for material in scene.materials))
     surface.step = STEP_SHARE * scene.radius
@@ -149,6 +153,9 @@ def _material_data(material: Material, slot: dict[str, int]) -> MaterialData:
     data.bends = int(material.bends)
     data.ior = material.ior
     data.absorption = wp.vec3(*(material.absorption or (0.0, 0.0, 0.0)))
+    data.clear_coat = material.clear_coat
+    data.clear_coat_roughness = material.clear_coat_roughness
+    data.sheen = wp.vec3(*material.sheen)
     data.color_texture = slot["texture"]
     data.finish_texture = slot["finish_texture"]
     data.opacity_texture = slot["opacity_texture"]

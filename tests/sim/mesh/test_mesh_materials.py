@@ -219,7 +219,7 @@ def test_flat_normal_maps_and_even_finishes_cost_nothing(tmp_path: Path) -> None
 
 
 def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
-    """Transmission with its texture, a body of glass, strength of emission, scale of the normal map."""
+    """Glass, varnish, cloth, strength of emission, scale of the normal map."""
     tilted = np.full((2, 2, 3), (148, 108, 250), np.uint8)
     square = textured_square(
         emissiveFactor=[0.5, 0.5, 0.0],
@@ -240,6 +240,16 @@ def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
             "KHR_materials_emissive_strength": {"emissiveStrength": 3.0},
             "KHR_materials_ior": {"ior": 1.33},
             "KHR_materials_specular": {"specularFactor": 0.5},
+            "KHR_materials_clearcoat": {
+                "clearcoatFactor": 0.5,
+                "clearcoatTexture": {"index": color_index},
+                "clearcoatRoughnessFactor": 0.25,
+            },
+            "KHR_materials_sheen": {
+                "sheenColorFactor": [0.5, 0.25, 1.0],
+                "sheenColorTexture": {"index": color_index},
+                "sheenRoughnessFactor": 0.75,
+            },
             "KHR_materials_volume": {
                 "thicknessFactor": 0.1,
                 "attenuationDistance": 0.5,
@@ -256,5 +266,9 @@ def test_extensions_that_trimesh_leaves_out_are_read(tmp_path: Path) -> None:
     assert found.ior == 1.33 and found.bends
     assert found.reflectance == pytest.approx(0.5 * (0.33 / 2.33) ** 2)
     assert found.absorption == pytest.approx((0.0, 2 * np.log(2), 4 * np.log(2)))
+    assert found.clear_coat == pytest.approx(0.5 * 51 / 255, abs=2e-3)
+    assert (found.clear_coat_roughness, found.sheen_roughness) == (0.25, 0.75)
+    expected = np.array([0.5, 0.25, 1.0]) * linear_from_srgb(np.array(51 / 255))
+    np.testing.assert_allclose(found.sheen, expected, rtol=0.02)
     (larger,) = load_scene(path, size=2 * load_scene(path).size.max()).materials
     assert larger.absorption == pytest.approx((0.0, np.log(2), 2 * np.log(2)))
