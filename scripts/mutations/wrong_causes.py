@@ -50,11 +50,11 @@ def with_default(**defaults: Any) -> Callable[[Any], Any]:
     return mutate
 
 
-def nothing_far(coarse_blocks: Any) -> Any:
+def nothing_far(coarse_half_blocks: Any) -> Any:
     """Return a coarse search that never prefers anything."""
 
     def mutated(*arguments: Any, **named: Any) -> Any:
-        return np.full_like(coarse_blocks(*arguments, **named), -1)
+        return np.full_like(coarse_half_blocks(*arguments, **named), -1)
 
     return mutated
 

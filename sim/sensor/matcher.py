@@ -94,7 +94,8 @@ def match(
         blockSize=window,
         P1=SMALL_STEP * window * window,
         P2=LARGE_STEP * window * window,
-        disp12MaxDiff=LEFT_RIGHT if checks else -1,
+        # OpenCV takes 0 and less for 1; nothing differs by more than the range.
+        disp12MaxDiff=LEFT_RIGHT if checks else disparities,
         uniquenessRatio=uniqueness if checks else 0,
         speckleWindowSize=ISLAND if checks else 0,
         speckleRange=ISLAND_STEP,

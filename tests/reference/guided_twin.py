@@ -129,25 +129,30 @@ def twin_blocks(
     count: int,
     easy: bool = False,
     second: float = np.nan,
+    hidden: bool = False,
 ) -> set[int]:
     """Return the blocks that a pixel tries, from the rules in words.
 
     Its own block and the nearer neighbor always; then that of the second surface, the one beyond a step, the
     one that the coarse search prefers, the neighbor of the second surface's. What is left of four goes to
     the nearest that are free, its own side first. In an easy square without any of them, two are enough.
+    In a hidden pixel, both neighbors of the coarse search's block, the nearer one first, come before the
+    nearer neighbor of its own and instead of the second surface's.
 
     Args:
         disparity: of the pixel [px], within the image.
         around: disparities within four pixels.
-        far: block that the coarse search prefers, -1: none.
+        far: half block that the coarse search prefers, -1: none.
         count: of all blocks.
         easy: whether the square is.
         second: disparity of the second surface, NaN: none.
+        hidden: whether the right eye does not see the pixel.
     """
     own, side = _block_and_side(disparity)
     own = min(own, count - 1)
     side = 1 if disparity - 8 * own >= 4 else -1
-    wanted = [own, own + side]
+    far, upper = (far // 2, far % 2) if far >= 0 else (-1, 0)
+    wanted = [own] if hidden else [own, own + side]
     beyond = [
         v for v, step in ((around.max(), 1), (around.min(), -1)) if step * (v - disparity) > 2
     ]
@@ -160,7 +165,9 @@ def twin_blocks(
         wanted.append(behind)
     wanted += [int(v // 8) for v in beyond[:1]]
     wanted.append(far)
-    if has_second:
+    if hidden and far >= 0:
+        wanted += [far + 1, far - 1] if upper else [far - 1, far + 1]
+    elif has_second and not hidden:
         wanted.append(behind + nearer)
     wanted += [own + distance * way for distance in range(1, 8) for way in (side, -side)]
     chosen: list[int] = []
@@ -168,6 +175,19 @@ def twin_blocks(
         if 0 <= block < count and block not in chosen:
             chosen.append(block)
     return set(chosen[:4])
+
+
+def twin_hidden(surface: np.ndarray) -> np.ndarray:
+    """Return what the right eye does not see, (height, width), bool, from disparity [px].
+
+    In its image, that lies more than a pixel farther right than something that follows in the left one.
+    """
+    hidden = np.zeros(surface.shape, bool)
+    for y, row in enumerate(surface):
+        columns = [max(x - float(d), 0.0) for x, d in enumerate(row)]
+        for x, column in enumerate(columns):
+            hidden[y, x] = any(column > other + 1 for other in columns[x:])
+    return hidden
 
 
 def _block_and_side(disparity: float) -> tuple[int, int]:

@@ -35,7 +35,8 @@ const float* true_row = surface.data + row * width;
 const float* near_row = nearest.data + row * width;
 const float* far_row = farthest.data + row * width;
 int* out = blocks.data + row * width;
-// What decides on the blocks: own block, side, the blocks beyond a step and from the coarse search, plus one.
+// What decides on the blocks: own block, side, the block beyond a step plus one, the half block from the
+// coarse search plus one, whether the square is easy, whether the pixel is hidden.
 for (int x = 0; x < width; ++x) {
     // What lies farther left has no partner in the right image.
     const float disparity = true_row[x] < x ? true_row[x] : x;
@@ -46,16 +47,45 @@ for (int x = 0; x < width; ++x) {
     const int other = near_row[x] - disparity > STEP ? (int)(near_row[x] * 0.125f) + 1 : beyond;
     out[x] = own | side << 7 | other << 8;
 }
+// The right eye does not see what lies, in its image, to the right of something that follows in the left one.
+typedef float Floats __attribute__((ext_vector_type(16), aligned(4)));
+typedef int Ints __attribute__((ext_vector_type(16), aligned(4)));
+const Floats steps = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+auto min = [](Floats a, Floats b) -> Floats { return a < b ? a : b; };
+float least = width;  // column of the right image, of all pixels from here on
+int rest = width;
+for (; rest >= 16; rest -= 16) {
+    const Floats at = steps + (float)(rest - 16);
+    const Floats columns = at - min(*(const Floats*)(true_row + rest - 16), at);
+    // The least from each of the sixteen on; the last one stands for those after it.
+    Floats from = columns;
+    from = min(from,
+        __builtin_shufflevector(from, from, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15));
+    from = min(from,
+        __builtin_shufflevector(from, from, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15, 15));
+    from = min(from,
+        __builtin_shufflevector(from, from, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 15, 15, 15, 15));
+    from = min(from,
+        __builtin_shufflevector(from, from, 8, 9, 10, 11, 12, 13, 14, 15, 15, 15, 15, 15, 15, 15, 15, 15));
+    from = min(from, (Floats)least);
+    *(Ints*)(out + rest - 16) |= (columns > from + 1.0f) & 1 << 26;
+    least = from[0];
+}
+while (--rest >= 0) {
+    const float column = true_row[rest] < rest ? rest - true_row[rest] : 0.0f;
+    out[rest] |= (column > least + 1.0f) << 26;
+    least = column < least ? column : least;
+}
 const int coarse_row = (row >> 3) < coarse_height ? row >> 3 : coarse_height - 1;
 const int* preferred = coarse.data + coarse_row * coarse_width;
 const unsigned char* easy_row = easy.data + (row >> 3) * easy_width;
 const int easy_squares = (row >> 3) < easy_height ? easy_width : 0;
-int far = 0, of_square = 0, last = -1, last_second = -1, bits = 0;
+int preferred_half = 0, of_square = 0, last = -1, last_second = -1, bits = 0;
 for (int x = 0; x < width; ++x) {
     if ((x & 7) == 0) {
         const int square = x >> 3;
-        far = preferred[square < coarse_width ? square : coarse_width - 1];
-        of_square = (far + 1) << 16 | (square < easy_squares && easy_row[square]) << 24;
+        preferred_half = preferred[square < coarse_width ? square : coarse_width - 1];
+        of_square = (preferred_half + 1) << 16 | (square < easy_squares && easy_row[square]) << 25;
     }
     int second = -1;  // twice its block, plus one in the upper half
     if (has_second) {
@@ -68,12 +98,13 @@ for (int x = 0; x < width; ++x) {
         out[x] = bits;
         continue;
     }
-    const bool is_easy = key >> 24;
+    const bool is_easy = key >> 25 & 1, is_hidden = key >> 26 & 1;
     last = key;
     last_second = second;
     const int own = key & 127, side = (key >> 7 & 1) ? 1 : -1, other = (key >> 8 & 255) - 1;
     int low = own + (side < 0 ? -1 : 0);
     low = low < 0 ? 0 : low > count - 2 ? count - 2 : low;
+    const int far = preferred_half >> 1;  // -1: none
     if (is_easy && other < 0 && second < 0 && (far == low || far == low + 1)) {
         bits = low | (low + 1) << 7 | (int)(1u << 28 | 1u << 31);
         out[x] = bits;
@@ -81,8 +112,12 @@ for (int x = 0; x < width; ++x) {
     }
     // In order of importance; the last ones are the nearest that are free.
     const int behind = second >> 1, beside = behind + (second & 1 ? 1 : -1);
-    const int wanted[] = {own, own + side, second < 0 ? -1 : behind, other, far, second < 0 ? -1 : beside,
-        own - side, own + 2 * side, own - 2 * side, own + 3 * side, own - 3 * side};
+    const bool beside_far = is_hidden && far >= 0;
+    const int far_side = preferred_half & 1 ? 1 : -1;
+    const int wanted[] = {own, is_hidden ? -1 : own + side, second < 0 ? -1 : behind, other, far,
+        is_hidden || second < 0 ? -1 : beside, beside_far ? far + far_side : -1,
+        beside_far ? far - far_side : -1, own + side, own - side, own + 2 * side, own - 2 * side,
+        own + 3 * side, own - 3 * side};
     int chosen[4], found = 0;
     for (int i = 0; found < 4; ++i) {
         const int block = wanted[i];
@@ -133,7 +168,7 @@ def blocks_kernel(
     nearest: wp.array[float],  # largest disparity round the pixel
     farthest: wp.array[float],  # smallest
     seconds: wp.array[float],  # disparity of the second surface, NaN where there is none
-    coarse: wp.array[int],  # block that the coarse search prefers, negative: none
+    coarse: wp.array[int],  # what the coarse search prefers, in half blocks, negative: none
     easy: wp.array[wp.uint8],  # squares where two blocks are enough
     has_second: bool,
     width: int,
@@ -164,11 +199,12 @@ def choose_blocks(
     In order of importance: the block of the true disparity and the nearer neighbor; that of a second
     surface; the one beyond a depth step; the one that the coarse search prefers; the neighbor of the second
     surface's; more of its own neighbors. Four of them, or only the first two where the square is easy and
-    there is none of the others.
+    there is none of the others. What only the left eye sees matches nothing right: there, the neighbors of
+    the block from the coarse search come instead of its own.
 
     Args:
         surface: true disparity [px], (height, width), float32, 0 to 8 ``count``, 0 where there is nothing.
-        coarse: blocks from `digs_warp.sim.sensor.guided.coarse.coarse_blocks`.
+        coarse: half blocks from `digs_warp.sim.sensor.guided.coarse.coarse_half_blocks`.
         easy: squares of 8 x 8 pixels, see `digs_warp.sim.sensor.guided.easy.easy_squares`; pixels that no
             square covers are not easy.
         count: of the blocks in the search range, 4 to 128.

@@ -15,7 +15,7 @@ from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.device.warp_start import start_warp
 from digs_warp.sim.sensor.guided.blocks import BLOCK, BLOCKS, MAX_BLOCKS, choose_blocks
-from digs_warp.sim.sensor.guided.coarse import coarse_blocks
+from digs_warp.sim.sensor.guided.coarse import coarse_half_blocks
 from digs_warp.sim.sensor.guided.costs import LARGEST_WINDOW, TILE_COLUMNS, TILE_ROWS, tile_costs
 from digs_warp.sim.sensor.guided.easy import easy_squares
 from digs_warp.sim.sensor.guided.islands import drop_islands
@@ -176,7 +176,7 @@ def search(
     check_shape("right image", right, left.shape)
     true = known_disparity(surface, disparities)
     eyes = make_planes(left, right, disparities)
-    coarse = coarse_blocks(left, right, count, window)
+    coarse = coarse_half_blocks(left, right, count, window)
     easy = easy_squares(eyes, true) if regions else np.zeros((0, 0), bool)
     blocks = choose_blocks(true, coarse, easy, count, second)
     raw, cost, rival = search_blocks(eyes, blocks, window, uniqueness)

@@ -40,6 +40,14 @@ def test_planes_are_matched_up_to_the_band_whatever_their_depth(disparity: float
     assert np.isfinite(found[:, : int(disparity) - 3]).mean() < 0.1
 
 
+def test_without_checks_every_pixel_has_a_match() -> None:
+    """Also those whose partner in the right eye found something else."""
+    truth = plane_pair(40.5)
+    left, right = gray_of(truth.image), gray_of(truth.right)
+    assert np.isnan(match(left, right, 64)).any()
+    assert np.isfinite(match(left, right, 64, checks=False)).all()
+
+
 def test_noise_of_the_images_becomes_noise_of_disparity() -> None:
     truth = plane_pair(20.5)
     spread = []

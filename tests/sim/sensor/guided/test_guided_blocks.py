@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from digs_warp.sim.sensor.guided.blocks import choose_blocks
-from digs_warp.sim.sensor.guided.coarse import coarse_blocks
-from reference.guided_twin import twin_blocks, unpacked
+from digs_warp.sim.sensor.guided.coarse import coarse_half_blocks
+from reference.guided_twin import twin_blocks, twin_hidden, unpacked
 from reference.stereo_frames import broadband
 
 Scene = tuple[np.ndarray, np.ndarray]
@@ -17,22 +17,24 @@ def scene() -> Scene:
     rng = np.random.default_rng(4)
     surface = rng.uniform(0, 159, (8, 12)).repeat(9, 0).repeat(11, 1).astype(np.float32)
     surface[:40] = np.linspace(0, 60, surface.shape[1], dtype=np.float32)  # a slope without steps
-    coarse = (surface[::8, ::8] // 8).astype(np.int32)
+    coarse = (surface[::8, ::8] // 4).astype(np.int32)
     wrong = rng.random(coarse.shape) < 0.5
-    coarse[wrong] = rng.integers(-1, 20, wrong.sum())
+    coarse[wrong] = rng.integers(-1, 40, wrong.sum())
     return surface, coarse
 
 
 @pytest.mark.parametrize("count", [4, 5, 20, 128])
 @pytest.mark.parametrize("has_second", [False, True])
 def test_the_blocks_follow_the_rules(scene: Scene, count: int, has_second: bool) -> None:
-    surface, coarse = np.minimum(scene[0], 8 * count), np.minimum(scene[1], count - 1)
+    surface, coarse = np.minimum(scene[0], 8 * count), np.minimum(scene[1], 2 * count - 1)
     rng = np.random.default_rng(1)
     easy = rng.random((9, 15)) < 0.6  # fewer squares than the image has
     second = rng.uniform(-20, 9 * count, surface.shape).astype(np.float32)
     second[rng.random(surface.shape) < 0.5] = np.nan
     blocks = choose_blocks(surface, coarse, easy, count, second if has_second else None).numpy()
     height, width = surface.shape
+    hidden = twin_hidden(surface)
+    assert 0.05 < hidden.mean() < 0.95
     narrow = 0
     for y in range(0, height, 3):
         for x in range(0, width, 3):
@@ -41,7 +43,8 @@ def test_the_blocks_follow_the_rules(scene: Scene, count: int, has_second: bool)
             far = int(coarse[min(y // 8, len(coarse) - 1), min(x // 8, coarse.shape[1] - 1)])
             is_easy = y // 8 < 9 and x // 8 < 15 and bool(easy[y // 8, x // 8])
             other = min(float(second[y, x]), x) if 0 <= second[y, x] < 8 * count else np.nan
-            wanted = twin_blocks(d, around, far, count, is_easy, other if has_second else np.nan)
+            behind = other if has_second else np.nan
+            wanted = twin_blocks(d, around, far, count, is_easy, behind, bool(hidden[y, x]))
             assert set(unpacked(int(blocks[y, x]))) == wanted
             narrow += len(wanted) == 2
     assert narrow > 20, "or the easy squares were not tested"
@@ -61,11 +64,25 @@ def test_a_second_surface_is_tried_with_its_nearer_neighbor() -> None:
     surface = np.full((16, 200), 100, np.float32)
     second = np.full((16, 200), 45, np.float32)  # in the upper half of block 5
     second[8:] = np.nan
-    coarse = np.full((2, 25), 12, np.int32)
+    coarse = np.full((2, 25), 24, np.int32)
     easy = np.ones((2, 24), bool)
     blocks = choose_blocks(surface, coarse, easy, 20, second).numpy()
     assert unpacked(int(blocks[4, 150])) == [5, 6, 12, 13]
     assert unpacked(int(blocks[12, 150])) == [12, 13]
+
+
+def test_hidden_pixels_try_the_neighbors_of_what_the_coarse_search_prefers() -> None:
+    """In a full search, it is rarely their own block or its neighbors that win."""
+    surface = np.full((16, 200), 20, np.float32)
+    surface[:, 150:] = 60  # hides the 40 columns before it
+    coarse = np.full((2, 25), 2 * 13, np.int32)
+    coarse[1] += 1
+    blocks = choose_blocks(surface, coarse, np.zeros((0, 0), bool), 20).numpy()
+    assert unpacked(int(blocks[4, 105])) == [1, 2, 3, 13]
+    assert unpacked(int(blocks[4, 115])) == [2, 12, 13, 14]
+    # One place is left for the nearer one beside the other side of the step.
+    assert unpacked(int(blocks[4, 148])) == [2, 7, 12, 13]
+    assert unpacked(int(blocks[12, 148])) == [2, 7, 13, 14]
 
 
 def test_repeating_texture_adds_the_disparity_that_a_full_search_might_take() -> None:
@@ -76,7 +93,7 @@ def test_repeating_texture_adds_the_disparity_that_a_full_search_might_take() ->
     right = stripes[:, 80:400] + rng.standard_normal((96, 320))  # 80 px: one period is 16 px
     left, right = (np.clip(image, 0, 255).astype(np.uint8) for image in (left, right))
     surface = np.full((96, 320), 80, np.float32)
-    coarse = coarse_blocks(left, right, 20, 5)
+    coarse = coarse_half_blocks(left, right, 20, 5)
     blocks = choose_blocks(surface, coarse, np.ones((12, 39), bool), 20).numpy()
     found = [set(unpacked(int(bits))) for bits in blocks[:, 160:].ravel()]
     assert all(10 in tried for tried in found)
