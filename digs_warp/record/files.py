@@ -1,10 +1,12 @@
 """The one way to write a file, and text and JSON as files."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,9 @@ from digs_warp.checks import DigsError, require_regular
 from digs_warp.record.disk import append, put, rename, reported, sync, temporary_beside
 from digs_warp.record.fields import parse_json
 from digs_warp.record.manifest import Content, manifest_of
+
+# A number with an exponent, as other programs and Python write it. Longer exponents are no number's.
+_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d{1,3}$")
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -170,6 +175,18 @@ def read_json(path: Path, what: str) -> dict[str, Any]:
     return content
 
 
+@cache
+def _yaml_loader() -> Any:
+    """Return PyYAML's safe loader, which then takes 2e-05 for a number, too: it wants a point and a sign."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        pass
+
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, [*"+-.0123456789"])
+    return Loader
+
+
 def read_yaml(path: Path, what: str) -> dict[str, Any]:
     """Return a YAML mapping, without aliases: each of them can repeat all before it.
 
@@ -191,7 +208,7 @@ def read_yaml(path: Path, what: str) -> dict[str, Any]:
                 raise DigsError(
                     f"{what} '{path}': the alias *{event.anchor}; write its value instead"
                 )
-        content = yaml.safe_load(text)
+        content = yaml.load(text, _yaml_loader())
     except DigsError:
         raise
     except Exception as error:  # the parser's own, and many kinds for values that it cannot make

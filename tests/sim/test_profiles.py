@@ -95,8 +95,21 @@ def test_a_custom_profile_changes_its_base(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("written", "value"),
+    [("2e-05", 2e-5), ("1E3", 1000.0), ("5.e-2", 0.05), (".5e1", 5.0), ("+3e+0", 3.0)],
+)
+def test_numbers_may_have_an_exponent(tmp_path: Path, written: str, value: float) -> None:
+    """YAML 1.1, which PyYAML reads, wants a point and a sign in them, and takes the rest for texts."""
+    content = f"figures: {{exposure_time: {{value: {written}, origin: measured}}}}"
+    assert load_profile(custom(tmp_path, content)).figures["exposure_time"].value == value
+
+
+@pytest.mark.parametrize(
     ("content", "message"),
     [
+        ("figures: {baseline: {value: '2e-05', origin: tuned}}", "expected {value: number"),
+        ("figures: {baseline: {value: 2e-05m, origin: tuned}}", "expected {value: number"),
+        ("figures: {baseline: {value: 2e-05_, origin: tuned}}", "expected {value: number"),
         ("- a list", "expected a mapping, found list"),
         ("figures: [1]", "expected a mapping with 'figures'"),
         ("figures: {: :", "not readable as YAML"),

@@ -10,9 +10,7 @@ https://projects.asl.ethz.ch/datasets/doku.php?id=kmavvisualinertialdatasets.
 """
 
 import logging
-import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -36,8 +34,6 @@ from digs_warp.words import counted
 logger = logging.getLogger(__name__)
 
 NANOSECONDS = 1e9
-
-_EXPONENT = re.compile(r"[-+]?\d+[eE][-+]?\d{1,3}")
 
 # 64 bits hold no later time.
 LAST_MOMENT = 2**63
@@ -152,20 +148,8 @@ def _lens(sensor: Fields, path: Path) -> Lens | None:
 
 
 def _sensor(path: Path) -> Fields:
-    content = _with_numbers(read_yaml(path, "sensor file"))
+    content = read_yaml(path, "sensor file")
     return Fields(content, f"'{path}'", CaptureError)
-
-
-def _with_numbers(value: Any) -> Any:
-    """Return the content of a YAML file with its lists' numbers: YAML 1.1 takes 2e-05 for a text."""
-    if isinstance(value, dict):
-        return {key: _with_numbers(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [
-            float(each) if isinstance(each, str) and _EXPONENT.fullmatch(each) else each
-            for each in value
-        ]
-    return value
 
 
 def _body_from(sensor: Fields, path: Path) -> np.ndarray:
