@@ -34,8 +34,9 @@ from digs_warp.record.progress import show_progress
 from digs_warp.report.pictures import over_white
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from digs_warp.study.catalogue import find_study
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.chain import SURFACE_THRESHOLD, start_of_case

@@ -10,6 +10,7 @@ from digs_warp.data.images import to_uint8
 from digs_warp.data.layers import BASIC_LAYERS, INFRARED_LAYERS, Layer
 from digs_warp.record.run_log import timed
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.inputs import load_inputs, rig_of
 from digs_warp.sim.labels.frame import LabeledFrame
 from digs_warp.sim.labels.names import label_layers, labels_named
 from digs_warp.sim.sensor.after.chain import AfterMatching, Shot
@@ -22,14 +23,7 @@ from digs_warp.sim.sensor.infrared.pair import in_three_channels, one_channel
 from digs_warp.sim.sensor.limit import within_range
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
-from digs_warp.sim.session import (
-    ObjectPixels,
-    Session,
-    load_inputs,
-    number_before,
-    prepare_session,
-    rig_of,
-)
+from digs_warp.sim.session import ObjectPixels, Session, number_before, prepare_session
 from digs_warp.sim.shutter import Shutter, ShutteredEye
 
 # Added to the seed for the noise of a color camera beside an infrared pair.

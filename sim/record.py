@@ -1,25 +1,20 @@
 """Record a scene with the stereo camera: mesh and environment in, capture folder out."""
 
-import math
 import time
 from collections import deque
 from collections.abc import Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from digs_warp.checks import CaptureError, DigsError
-from digs_warp.data.about import About
 from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.capture_writer import CaptureWriter, MemoryWriter
 from digs_warp.data.imu import IMU, IMU_TRUE, write_imu
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.object_view import ObjectView
-from digs_warp.data.placed_object import PlacedObject, matrix_rows
-from digs_warp.data.rig import InfraredPair, Rig
 from digs_warp.device.threads import default_threads, limited_threads
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import RUN_RECORD, SENSOR_PLAN
@@ -29,14 +24,12 @@ from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog, RunRecord, timed
 from digs_warp.sim.config import SimulateConfig as SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, labels_of, layers_of
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.object_views import ObjectViews
-from digs_warp.sim.profiles import Profile
-from digs_warp.sim.rig import StereoRig
-from digs_warp.sim.scene import Scene, SceneObject
-from digs_warp.sim.sensor.cause import Cause
-from digs_warp.sim.sensor_plan import SensorPlan, check_effects, make_plan
-from digs_warp.sim.session import Session, load_inputs, prepare_session
-from digs_warp.sim.walk.imu import imu_facts, measured_imu, true_imu
+from digs_warp.sim.recorded_facts import facts_about, object_record, profile_record, rig_record
+from digs_warp.sim.sensor_plan import check_effects, make_plan
+from digs_warp.sim.session import Session, prepare_session
+from digs_warp.sim.walk.imu import measured_imu, true_imu
 
 # Frames that are made at the same time, at most: each takes some tens of megabytes, and beyond this number
 # threads wait for the interpreter lock.
@@ -93,14 +86,14 @@ def _simulate(
         if config.walk.imu:
             with log.stage("imu"):
                 _write_imu(session, folder)
-        writer = CaptureWriter(folder, session.rig.image_intrinsics, _rig_record(session.rig))
+        writer = CaptureWriter(folder, session.rig.image_intrinsics, rig_record(session.rig))
         _record(FrameMaker(session, plan), writer, log, record)
-        capture = writer.finish(_about(session, plan))
+        capture = writer.finish(facts_about(session, plan))
         log.results = {
             "frames": len(capture),
             "seed": config.seed,
-            "object": _object_record(session.scene),
-            "profile": _profile_record(session.profile),
+            "object": object_record(session.scene),
+            "profile": profile_record(session.profile),
         }
     return capture
 
@@ -115,9 +108,9 @@ def simulate_in_memory(config: SimulateConfig) -> Capture:
         raise DigsError("--imu: its samples are written to files; record into a folder")
     maker = FrameMaker.of(config)
     rig = maker.session.rig
-    writer = MemoryWriter(rig.image_intrinsics, _rig_record(rig))
+    writer = MemoryWriter(rig.image_intrinsics, rig_record(rig))
     _record(maker, writer, RunLog("simulate", config), None)
-    return writer.finish(_about(maker.session, maker.plan))
+    return writer.finish(facts_about(maker.session, maker.plan))
 
 
 def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
@@ -258,75 +251,3 @@ def _make(maker: FrameMaker, number: int, writer: CaptureWriter | MemoryWriter) 
     with timed(seconds, "write"):
         writer.write_frame(number, images)
     return seconds
-
-
-def _about(session: Session, plan: SensorPlan) -> About:
-    """Return the facts about the recording for its index."""
-    config = session.config
-    objects = session.scene.objects
-    is_one_file = len(objects) == 1 and objects[0].mesh is not None
-    about = About(
-        tier=config.tier,
-        seed=config.seed,
-        object_radius=session.scene.object_radius,
-        world_from_mesh=matrix_rows(objects[0].world_from_mesh) if is_one_file else None,
-        objects=tuple(map(_placed, objects)),
-        surround_radius=session.environment.radius,
-        ground=session.ground,
-        exposure=session.renderer.exposure,
-        imu=imu_facts(config.strength) if config.walk.imu else None,
-        sensor={k: _plain(v) for k, v in asdict(session.rig).items() if k != "intrinsics"},
-    )
-    if not config.plans_effects:
-        return about
-    return replace(
-        about,
-        sensor={
-            **(about.sensor or {}),
-            "drift": asdict(plan.drift(session.rig, config.seed, config.strength)),
-        },
-        readout_time=plan.shutter(session.rig, config.strength).readout_time,
-        effects=plan.effects_on,
-        cause_labels={cause.value: cause.name.lower() for cause in Cause},
-    )
-
-
-def _placed(each: SceneObject) -> PlacedObject:
-    mesh = None if each.mesh is None else str(each.mesh)
-    width, depth, height = (float(side) for side in each.size)
-    return PlacedObject(each.name, mesh, (width, depth, height), matrix_rows(each.world_from_mesh))
-
-
-def _rig_record(rig: StereoRig) -> Rig:
-    """Return where the eyes are beside the camera that takes the images, as a capture holds it."""
-    if not rig.has_color_camera:
-        return Rig(rig.baseline)
-    k = rig.intrinsics
-    return Rig(rig.baseline, InfraredPair(-rig.color_offset, k.fx, k.fy, k.cx, k.cy))
-
-
-def _object_record(scene: Scene) -> dict[str, Any]:
-    """Return the size of all objects [m] along x, y and z; of one, also what was assumed about its file."""
-    placement = scene.objects[0].placement if len(scene.objects) == 1 else None
-    assumed = {}
-    if placement is not None:
-        assumed = {
-            "up": placement.up,
-            "scale": placement.scale.origin,
-            "turned_deg": placement.turned,
-        }
-    return {"size": scene.size.tolist(), **assumed}
-
-
-def _profile_record(profile: Profile) -> dict[str, Any]:
-    """Return the camera model with the origin of every figure."""
-    figures = {
-        name: {**asdict(figure), "value": _plain(figure.value)}
-        for name, figure in profile.figures.items()
-    }
-    return {"name": profile.name, "title": profile.title, "figures": figures}
-
-
-def _plain(value: Any) -> Any:
-    """Return the value, or None for an infinite one, which JSON cannot say."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value

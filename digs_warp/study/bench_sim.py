@@ -17,6 +17,7 @@ import numpy as np
 
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig, Tier
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.record import frames_at_once
 from digs_warp.sim.sensor.blame import blame
 from digs_warp.sim.sensor.cause import Cause
@@ -29,7 +30,7 @@ from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
 from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
-from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.session import Session, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.study.bench_recording import WIDTHS, bench_recording
 from digs_warp.study.charts import Chart, Curve

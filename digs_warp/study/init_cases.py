@@ -17,8 +17,9 @@ from digs_warp.measure.surface_metrics import SurfaceScore, surface_score
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 
 # Points within this distance [m] of the true surface count as on it.
 THRESHOLD = 0.005

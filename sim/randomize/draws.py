@@ -178,8 +178,8 @@ def _check_count(key: str, value: Value, entries: Mapping[str, Distribution]) ->
 
 def _try(config: SimulateConfig) -> None:
     """Raise a `DigsError` for what the settings name and does not exist."""
+    from digs_warp.sim.inputs import rig_of
     from digs_warp.sim.sensor_plan import check_effects
-    from digs_warp.sim.session import rig_of
 
     check_effects(config)
     rig_of(config)

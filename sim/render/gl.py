@@ -14,6 +14,7 @@ from digs_warp.camera import Camera, pixel_centers
 from digs_warp.checks import DigsError
 from digs_warp.device.libraries import PYRENDER_APT, MissingLibraryError, import_pyrender
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.gl_scene import (
     coverage_mesh,
@@ -22,7 +23,6 @@ from digs_warp.sim.render.gl_scene import (
     sphere_mesh,
     two_lights,
 )
-from digs_warp.sim.render.lighting import prepare_light
 from digs_warp.sim.render.projector import project_dots
 from digs_warp.sim.render.protocol import (
     CameraTrack,

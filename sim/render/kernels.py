@@ -17,20 +17,16 @@ from digs_warp.sim.render.lighting import Light, sample_panorama
 from digs_warp.sim.render.look import look_at_hit
 from digs_warp.sim.render.shading import coat, coat_at, shade
 from digs_warp.sim.render.surface import (
-    ANY_SURFACE,
     MAX_LAYERS,
     Surface,
     is_see_through,
     opacity_at,
     passes_by,
     texture_level,
-    trace,
     transmission_at,
-    viewer_side_normal,
 )
 from digs_warp.sim.render.surround import (
     SPHERE,
-    boundary_normal,
     is_on_floor,
     panorama_direction,
     panorama_zoom,
@@ -311,44 +307,3 @@ def color_kernel(
         image[pixel, channel] = srgb_byte(mean[channel])
         unclipped[pixel, channel] = mean[channel]
     mask[pixel] = wp.uint8((255.0 * covered) / count + 0.5)
-
-
-@wp.kernel
-def geometry_kernel(
-    first: int,
-    view: View,
-    surface: Surface,
-    # outputs
-    depth: wp.array[float],  # [pixels] planar z [m]
-    normals: wp.array[wp.vec3],  # [pixels] world, toward the viewer
-    materials: wp.array[int],  # [pixels] -1: surround
-    objects: wp.array[int],  # [pixels] 0: surround or furniture
-):
-    """Cast one ray through the exact center of a pixel."""
-    pixel = first + wp.tid()
-    x = float(pixel % view.width) + 0.5
-    y = float(pixel // view.width) + 0.5
-    direction_cam = ray_direction_cam(view, x, y)
-    direction = view.world_from_cam * direction_cam
-    start = wp.float32(0.0)
-    # With a reach of 0 the query ends at once.
-    is_empty = passes_by(surface.radius, view.center, direction, 0.0)
-    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, wp.where(is_empty, 0.0, FAR))
-    if hit.result and is_see_through(surface, hit):
-        level = texture_level(surface, hit, direction, hit.t * view.pixel_cone)
-        if opacity_at(surface, hit, level) == 0.0:
-            # A hole: continue to the first solid surface.
-            distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
-            start = wp.where(distance < 0.0, FAR, distance - 0.5 * surface.step)
-            hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
-    if hit.result:
-        depth[pixel] = (start + hit.t) * direction_cam[2]
-        normals[pixel] = viewer_side_normal(surface, hit, direction)
-        materials[pixel] = surface.materials[hit.face]
-        objects[pixel] = surface.objects[hit.face]
-    else:
-        distance = surround_distance(view, view.center, direction)
-        depth[pixel] = distance * direction_cam[2]
-        normals[pixel] = boundary_normal(view.boundary, view.center + distance * direction)
-        materials[pixel] = -1
-        objects[pixel] = 0

@@ -1,7 +1,9 @@
 """What lies at the pixel centers of an image: one ray each, without light."""
 
-# Warp's type hints take the dtype of an array for a value, and structs for functions.
-# pyright: reportArgumentType=false, reportGeneralTypeIssues=false
+# Warp's stubs do not type device code.
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportIndexIssue=false
 
 from typing import Any
 
@@ -9,10 +11,63 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.sim.render.kernels import geometry_kernel
 from digs_warp.sim.render.protocol import Geometry
-from digs_warp.sim.render.view import make_view
+from digs_warp.sim.render.surface import (
+    ANY_SURFACE,
+    Surface,
+    is_see_through,
+    opacity_at,
+    passes_by,
+    texture_level,
+    trace,
+    viewer_side_normal,
+)
+from digs_warp.sim.render.surround import boundary_normal
+from digs_warp.sim.render.view import FAR, View, make_view, ray_direction_cam, surround_distance
 from digs_warp.sim.surround import Surround
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def _geometry_kernel(
+    first: int,
+    view: View,
+    surface: Surface,
+    # outputs
+    depth: wp.array[float],  # [pixels] planar z [m]
+    normals: wp.array[wp.vec3],  # [pixels] world, toward the viewer
+    materials: wp.array[int],  # [pixels] -1: surround
+    objects: wp.array[int],  # [pixels] 0: surround or furniture
+):
+    """Cast one ray through the exact center of a pixel."""
+    pixel = first + wp.tid()
+    x = float(pixel % view.width) + 0.5
+    y = float(pixel // view.width) + 0.5
+    direction_cam = ray_direction_cam(view, x, y)
+    direction = view.world_from_cam * direction_cam
+    start = wp.float32(0.0)
+    # With a reach of 0 the query ends at once.
+    is_empty = passes_by(surface.radius, view.center, direction, 0.0)
+    hit = wp.mesh_query_ray(surface.mesh, view.center, direction, wp.where(is_empty, 0.0, FAR))
+    if hit.result and is_see_through(surface, hit):
+        level = texture_level(surface, hit, direction, hit.t * view.pixel_cone)
+        if opacity_at(surface, hit, level) == 0.0:
+            # A hole: continue to the first solid surface.
+            distance = trace(surface, view.center, direction, FAR, view.pixel_cone, ANY_SURFACE)
+            start = wp.where(distance < 0.0, FAR, distance - 0.5 * surface.step)
+            hit = wp.mesh_query_ray(surface.mesh, view.center + start * direction, direction, FAR)
+    if hit.result:
+        depth[pixel] = (start + hit.t) * direction_cam[2]
+        normals[pixel] = viewer_side_normal(surface, hit, direction)
+        materials[pixel] = surface.materials[hit.face]
+        objects[pixel] = surface.objects[hit.face]
+    else:
+        distance = surround_distance(view, view.center, direction)
+        depth[pixel] = distance * direction_cam[2]
+        normals[pixel] = boundary_normal(view.boundary, view.center + distance * direction)
+        materials[pixel] = -1
+        objects[pixel] = 0
 
 
 def geometry_at_pixel_centers(
@@ -32,7 +87,7 @@ def geometry_at_pixel_centers(
     materials = wp.empty(height * width, dtype=int, device="cpu")
     objects = wp.empty(height * width, dtype=int, device="cpu")
     inputs = [make_view(camera, surround), surface, depth, normals, materials, objects]
-    launch_parallel(geometry_kernel, height * width, inputs, threads=threads)
+    launch_parallel(_geometry_kernel, height * width, inputs, threads=threads)
     return Geometry(
         depth.numpy().reshape(height, width),
         normals.numpy().reshape(height, width, 3),

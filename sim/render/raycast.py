@@ -10,10 +10,10 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.ground_light import measure_plane
 from digs_warp.sim.render.kernels import color_kernel
-from digs_warp.sim.render.lighting import prepare_light
 from digs_warp.sim.render.openness import measure_openness
 from digs_warp.sim.render.pixel_centers import geometry_at_pixel_centers
 from digs_warp.sim.render.planes import planes_of

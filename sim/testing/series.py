@@ -18,8 +18,9 @@ from digs_warp.record.files import to_json
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import versions
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.record import simulate
-from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.session import Session, prepare_session
 from digs_warp.sim.testing.curve import DegradationCurve
 
 KEY_LENGTH = 20  # hexadecimal digits

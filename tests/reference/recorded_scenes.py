@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from digs_warp.sim.config import SimulateConfig, Tier
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.sensor.color.protocol import PixelEffect
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.tiers import sense
 from digs_warp.sim.sensor_plan import plan_for_facts
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.sim.walk.framing import half_angles
 from digs_warp.sim.walk.settings import WalkSettings

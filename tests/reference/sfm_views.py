@@ -65,7 +65,8 @@ def record(
 
 def _renderer(intrinsics: Intrinsics) -> "Renderer":
     from digs_warp.sim.config import SimulateConfig
-    from digs_warp.sim.session import load_inputs, prepare_session
+    from digs_warp.sim.inputs import load_inputs
+    from digs_warp.sim.session import prepare_session
 
     # The thresholds of the tests are for a wall all around, 4 m away.
     width, height = intrinsics.width, intrinsics.height

@@ -9,7 +9,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.images import linear_from_srgb
 from digs_warp.geometry import look_at
 from digs_warp.sim.environment import Environment
-from digs_warp.sim.render.lighting import WHITE_CARD
+from digs_warp.sim.render.environment_light import WHITE_CARD
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.render.sheen import sheen_shares
 from digs_warp.sim.scene import Material

@@ -13,8 +13,9 @@ from digs_warp.geometry import rotation_in_plane
 from digs_warp.sim.cluster import GAPS, arrange, plan_of
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.ground import TABLE_HEIGHT, Ground
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.scene import FURNITURE
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from digs_warp.sim.several import load_objects
 from reference.mesh_files import save
 

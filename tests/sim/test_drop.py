@@ -13,9 +13,9 @@ from digs_warp.checks import DigsError
 from digs_warp.sim import drop
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.drop import dropped
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.load import MeshFile, read_mesh
 from digs_warp.sim.scene import Scene
-from digs_warp.sim.session import load_inputs
 from digs_warp.sim.several import load_objects
 from reference.mesh_files import save
 

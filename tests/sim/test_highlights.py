@@ -5,12 +5,8 @@ import pytest
 
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.panorama import panorama_directions, solid_angles
-from digs_warp.sim.render.lighting import (
-    SPECULAR_COPIES,
-    SPECULAR_HEIGHT,
-    SPECULAR_WIDTH,
-    prepare_light,
-)
+from digs_warp.sim.render.environment_light import prepare_light
+from digs_warp.sim.render.lighting import SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH
 
 HEIGHT = 128
 DIRECTIONS = panorama_directions(2 * HEIGHT, HEIGHT)

@@ -8,8 +8,9 @@ import trimesh
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.record import simulate
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from digs_warp.sim.walk.framing import fitting_distance
 from reference.mesh_files import save
 

@@ -12,8 +12,8 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
 from digs_warp.record.files import read_json
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.record import SimulateConfig, simulate
-from digs_warp.sim.session import load_inputs
 from reference.file_hashes import file_hashes, listed_hashes
 
 BOX = """v -1 -1 -1

@@ -9,7 +9,7 @@ from digs_warp.sim.environment import Environment
 from digs_warp.sim.look_settings import LookSettings
 from digs_warp.sim.panorama import panorama_directions, solid_angles
 from digs_warp.sim.relight import LUMINANCE, relit, temperature_color, turned
-from digs_warp.sim.render.lighting import prepare_light
+from digs_warp.sim.render.environment_light import prepare_light
 
 RNG = np.random.default_rng(5)
 SKY = Environment(RNG.uniform(0.1, 2.0, (16, 32, 3)).astype(np.float32))

@@ -12,8 +12,8 @@ from digs_warp.sh import sh_basis
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.join import join_scenes
 from digs_warp.sim.panorama import panorama_directions, solid_angles
+from digs_warp.sim.render.environment_light import irradiance_coefficients
 from digs_warp.sim.render.key_lights import take_out_spots
-from digs_warp.sim.render.lighting import irradiance_coefficients
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene import Material, Scene
 from reference.plates import plate

@@ -12,10 +12,11 @@ from digs_warp.geometry import look_at
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.ground import set_up
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.panorama import panorama_directions
 from digs_warp.sim.render.raycast import RaycastRenderer
 from digs_warp.sim.scene import Material
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from reference.plates import plate
 from reference.surround_twin import exits, normals, panorama_directions_of
 

@@ -7,12 +7,12 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.sh import sh_basis
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.panorama import panorama_directions, solid_angles
-from digs_warp.sim.render.lighting import (
-    SPECULAR_COPIES,
+from digs_warp.sim.render.environment_light import (
     WHITE_CARD,
     irradiance_coefficients,
     prepare_light,
 )
+from digs_warp.sim.render.lighting import SPECULAR_COPIES
 from digs_warp.sim.render.textures import LINEAR, SRGB, TextureImage, mip_chain, pack_textures
 
 

@@ -12,6 +12,7 @@ from digs_warp.data.images import linear_from_srgb
 from digs_warp.record.files import read_json, to_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.metering import MOMENTS, meter_walk
 from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.record import simulate, simulate_in_memory
@@ -30,7 +31,7 @@ from digs_warp.sim.sensor.color.image_noise import ReadNoise, ShotNoise, read_si
 from digs_warp.sim.sensor.color.protocol import EyeImages
 from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
-from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.session import Session, prepare_session
 from reference.file_hashes import file_hashes
 from reference.stereo_frames import flat, make_frame
 

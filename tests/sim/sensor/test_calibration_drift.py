@@ -15,6 +15,7 @@ from digs_warp.data.capture import read_capture
 from digs_warp.record.files import read_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.frame_maker import FrameMaker
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.profiles import PROFILES, load_profile
 from digs_warp.sim.record import simulate
 from digs_warp.sim.rig import StereoRig
@@ -27,7 +28,7 @@ from digs_warp.sim.sensor.facts import measure_facts
 from digs_warp.sim.sensor.frame import FrameTruth
 from digs_warp.sim.sensor.tiers import depth_of, sense
 from digs_warp.sim.sensor_plan import make_plan
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from digs_warp.sim.shutter import Shutter
 from reference.stereo_frames import broadband, make_frame, make_rig
 

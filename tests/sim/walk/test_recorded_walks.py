@@ -9,8 +9,9 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.data.imu import IMU, IMU_TRUE, read_imu
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.record import simulate, simulate_in_memory
-from digs_warp.sim.session import Session, load_inputs, prepare_session
+from digs_warp.sim.session import Session, prepare_session
 from digs_warp.sim.walk.settings import PathName, WalkSettings
 
 FILM = WalkSettings(

@@ -8,6 +8,7 @@ from scipy.stats import spearmanr
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.inputs import load_inputs
 from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.facts import measure_facts
@@ -16,7 +17,7 @@ from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 from digs_warp.sim.sensor.scores import score
 from digs_warp.sim.sensor.tiers import Tier, sense
 from digs_warp.sim.sensor_plan import SensorPlan, check_effects, plan_for_facts
-from digs_warp.sim.session import load_inputs, prepare_session
+from digs_warp.sim.session import prepare_session
 from digs_warp.sim.shutter import Shutter
 
 BLOCK = 20  # pixels; failures are compared per block
