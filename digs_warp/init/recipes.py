@@ -20,6 +20,7 @@ from digs_warp.init.depth_points import depth_points
 from digs_warp.init.hull import hull_points
 from digs_warp.init.local_scales import pixels_at
 from digs_warp.init.random_points import random_points
+from digs_warp.init.ray_points import ray_points
 from digs_warp.init.reason import start_reason
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.shell import shell_points
@@ -55,7 +56,7 @@ def initialize(
         DigsError: something that the strategy needs is missing, or there are no points.
     """
     if config.strategy in ("default", "random", "hull"):
-        start = _without_depth(frames, config, sfm, recorded)
+        start = _without_depth(frames, config, sfm, recorded, subject)
     else:
         start = _from_depth(frames, config, sfm, sfm_per_metre, baseline, subject)
     has_depth = any(frame.has(Layer.DEPTH) for frame in frames)
@@ -72,6 +73,7 @@ def _without_depth(
     config: InitConfig,
     sfm: SfmModel | None,
     recorded: PointCloud | None,
+    subject: Subject,
 ) -> Initialization:
     if config.strategy == "default":
         if recorded is not None:
@@ -84,7 +86,10 @@ def _without_depth(
     count = config.target_points
     if count is None:
         count = len(_needed(sfm, config).points if recorded is None else recorded)
-    points = random_points([frame.camera for frame in frames], count)
+    if subject == "scene":
+        points = ray_points(frames, count)
+    else:
+        points = random_points([frame.camera for frame in frames], count)
     return Initialization(points, {"random": len(points)})
 
 

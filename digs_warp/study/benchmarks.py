@@ -140,6 +140,12 @@ BENCHMARKS = (
         "initialization.md",
     ),
     Benchmark(
+        "no-depth",
+        "photographs without depth: what each start gives, beside a start from depth",
+        "bench_no_depth:bench_no_depth",
+        "initialization.md",
+    ),
+    Benchmark(
         "init-noise",
         "all initializations under rising sensor noise and calibration errors, against true surfaces",
         "bench_init_noise:bench_init_noise",

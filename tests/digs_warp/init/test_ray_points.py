@@ -1,0 +1,44 @@
+"""Random points of a scene lie on the rays of pixels, in their colors."""
+
+import numpy as np
+import pytest
+
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.init.config import InitConfig
+from digs_warp.init.ray_points import FARTHEST, NEAREST, ray_points
+from digs_warp.init.recipes import initialize
+from reference.ball_capture import ball_views, write_capture
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
+    capture = write_capture(tmp_path_factory.mktemp("ball"), ball_views(5))
+    return [frame.without_layer(Layer.DEPTH).without_layer(Layer.MASK) for frame in capture.frames]
+
+
+def test_every_view_gives_points_of_its_own_colors(frames: list[Frame]) -> None:
+    count = 1003
+    cloud = ray_points(frames, count)
+    assert len(cloud) == count
+    shares = np.diff(np.linspace(0, count, len(frames) + 1).astype(int))
+    for frame, some in zip(frames, np.split(np.arange(count), np.cumsum(shares)[:-1]), strict=True):
+        px, depth = frame.camera.project(cloud.points_world[some])
+        columns, rows = np.floor(px).astype(int).T
+        expected = frame.load_image()[rows, columns] / 255
+        np.testing.assert_allclose(cloud.colors[some], expected, atol=1e-6)
+        distance = np.linalg.norm(frame.camera.center_world)  # the cameras look at the origin
+        assert (depth > 0.99 * NEAREST * distance).all()
+        assert (depth < 1.01 * FARTHEST * distance).all()
+        # They are spread over the whole image.
+        assert np.ptp(columns) > 70 and np.ptp(rows) > 50
+
+
+def test_it_is_the_random_start_of_scenes_and_always_the_same(frames: list[Frame]) -> None:
+    config = InitConfig(strategy="random", target_points=200)
+    start = initialize(frames, config, subject="scene")
+    expected = ray_points(frames, 200).points_world
+    np.testing.assert_array_equal(start.points.points_world[:200], expected)
+    assert start.sources["random"] == 200
+    of_object = initialize(frames, config, subject="object").points.points_world
+    assert not np.array_equal(of_object, expected)
