@@ -115,16 +115,27 @@ def test_all_cameras_and_effects_bear_filters() -> None:
     config = replace(CONFIG, frames=1, profile="d435", effects="all")
     plain = FrameMaker.of(config)
     filtered = replace(config, filters="temporal,hole-filling")
+    makers = [FrameMaker(replace(plain.session, config=c), plain.plan) for c in (config, filtered)]
     depths = []
-    for each in (config, filtered):
-        maker = FrameMaker(replace(plain.session, config=each), plain.plan)
+    for maker in makers:
         depth = maker.finish(maker.render(0), {}).depth
         assert depth is not None
         depths.append(depth)
     before, after = (np.isfinite(depth) for depth in depths)
     assert (after | ~before).all() and before.mean() > 0.5
-    # The same match in all four frames stays as it is; how many do depends on the view.
-    assert (depths[0] != depths[1])[before].mean() > 0.3
+    # Before its walk the camera stands still: what differs between the frames changes, and nothing else.
+    maker, rendered = makers[1], makers[1].render(0)
+    truths = (*rendered.earlier, rendered.truth)
+    shots = [maker._shot(truth, maker._matched_pair(truth)) for truth in truths]
+    *earlier, last = (shot.sensed.disparity for shot in shots)
+    differs = np.any([np.isfinite(one) & (one != last) for one in earlier], axis=0)
+    known = np.isfinite(last)
+    changed = maker.device.apply(shots).disparity != last
+    assert 0.2 < differs[known].mean() < 0.8
+    assert changed[known & differs].mean() > 0.99 and not changed[known & ~differs].any()
+    # In the color camera's image, places of depth are slightly different.
+    share = (depths[0] != depths[1])[before].mean()
+    assert share == pytest.approx(differs[known].mean(), abs=0.03)
 
 
 def test_a_camera_at_rest_averages_noise_but_no_error_that_stays() -> None:
