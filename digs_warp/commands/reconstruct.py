@@ -14,6 +14,7 @@ from digs_warp.commands.facts import reconstruction_words
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import reconstruction_files
+from digs_warp.commands.watched import watched_training
 from digs_warp.record import layout
 from digs_warp.record.settings import settings_from_json
 
@@ -32,6 +33,9 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
     seed: int = 0
     """Decides everything random: matching of images, order of the views, backgrounds."""
+
+    view: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Show the training in the browser while it runs; prints the page's address."""
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "reconstruct"
@@ -52,6 +56,7 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         "time_budget",
         "density",
         "sh_degree",
+        "view",
     )
 
     def __post_init__(self) -> None:
@@ -75,8 +80,11 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         capture = read_capture(self.capture)
         config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first
-        with self.output.opened([self.capture], reconstruction_files()) as folder:
-            result = reconstruct(capture, config, folder, resume=self.output.resume)
+        with (
+            self.output.opened([self.capture], reconstruction_files()) as folder,
+            watched_training(self.view) as watch,
+        ):
+            result = reconstruct(capture, config, folder, self.output.resume, watch)
         seconds = time.perf_counter() - start
         words = reconstruction_words(result, len(capture))
         return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"

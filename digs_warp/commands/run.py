@@ -13,6 +13,7 @@ from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import run_files
 from digs_warp.commands.simulate import RECORDING_FLAGS
+from digs_warp.commands.watched import watched_training
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
@@ -43,12 +44,15 @@ class Run(ReconstructionOptions, SettingsCommand):
         default_factory=SimulateConfig
     )
 
+    view: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Show the training in the browser while it runs; prints the page's address."""
+
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "run"
     main_flags: ClassVar[tuple[str, ...]] = (
         *OUTPUT_FLAGS,
         *RECORDING_FLAGS,
-        *("poses", "strategy", "voxel_size", "iterations", "time_budget"),
+        *("poses", "strategy", "voxel_size", "iterations", "time_budget", "view"),
     )
 
     @classmethod
@@ -85,8 +89,12 @@ class Run(ReconstructionOptions, SettingsCommand):
         log.save(record)
         with log.saved(record), log.stage("simulate"):
             capture = simulate(self.recording, folder / layout.CAPTURE, self.output.resume)
-        with log.saved(record), log.stage("reconstruct"):
-            result = reconstruct(capture, config, reconstruction, self.output.resume)
+        with (
+            log.saved(record),
+            log.stage("reconstruct"),
+            watched_training(self.view) as watch,
+        ):
+            result = reconstruct(capture, config, reconstruction, self.output.resume, watch)
         log.results = {
             "gaussians": len(result.gaussians),
             "held_out": result.scores.mean.to_json(),

@@ -46,7 +46,7 @@ from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
-from digs_warp.train.session import Trained, train_gaussians
+from digs_warp.train.session import Trained, Watch, train_gaussians
 from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
 
 logger = logging.getLogger(__name__)
@@ -60,7 +60,11 @@ class ReconstructConfig(FrontEndConfig):
 
 
 def reconstruct(
-    capture: Capture, config: ReconstructConfig, folder: Path, resume: bool = False
+    capture: Capture,
+    config: ReconstructConfig,
+    folder: Path,
+    resume: bool = False,
+    watch: Watch | None = None,
 ) -> Reconstruction:
     """Reconstruct a capture and save each part of the result to ``folder`` as soon as it is finished.
 
@@ -69,6 +73,7 @@ def reconstruct(
         config: settings; with ``resume`` they must be those of the interrupted run.
         folder: where results go; created when missing.
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
+        watch: looks on while the Gaussians are trained; None: nobody does.
 
     Raises:
         DigsError: no such device or library, too few frames, nothing to initialize from, settings that
@@ -83,7 +88,7 @@ def reconstruct(
         before = log.continue_from(folder / RUN_RECORD) if resume else None
         with recorded_files(folder, resume) as manifest:
             _drop_what_follows(manifest.drop_damaged(), folder)
-            return _reconstruct(capture, config, folder, log, before)
+            return _reconstruct(capture, config, folder, log, before, watch)
 
 
 def check_machine(config: ReconstructConfig) -> None:
@@ -109,6 +114,7 @@ def _reconstruct(
     folder: Path,
     log: RunLog,
     before: RunRecord | None,
+    watch: Watch | None,
 ) -> Reconstruction:
     record = folder / RUN_RECORD
     resume = before is not None
@@ -127,7 +133,7 @@ def _reconstruct(
     with log.saved(record):
         trained = _finished_training(folder, before) if before else None
         if trained is None:
-            trained = _train(prepared, shutter, test_views, config, folder, log, resume)
+            trained = _train(prepared, shutter, test_views, config, folder, log, resume, watch)
         result = Reconstruction(
             gaussians=trained.gaussians,
             frames=prepared.frames,
@@ -178,6 +184,7 @@ def _train(
     folder: Path,
     log: RunLog,
     resume: bool,
+    watch: Watch | None,
 ) -> Trained:
     init = config.init
     points = prepared.start.points
@@ -185,7 +192,9 @@ def _train(
     start = (init.seed_opacity, init.seed_width, largest)
     seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
     frames = prepared.frames.training
-    return train_gaussians(seeds, frames, test_views, config.train, folder, log, resume, shutter)
+    return train_gaussians(
+        seeds, frames, test_views, config.train, folder, log, resume, shutter, watch
+    )
 
 
 def _finished_training(folder: Path, before: RunRecord) -> Trained | None:

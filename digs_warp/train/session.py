@@ -1,9 +1,10 @@
 """A training run in a folder: steps, course, checkpoints, and the Gaussians at the end."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
@@ -12,6 +13,7 @@ from digs_warp.record.interruption import deferred_interrupt
 from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.adherence import load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
@@ -30,6 +32,10 @@ CHECKPOINT_SECONDS = 30.0
 
 # With a target quality, the held-out views are measured every this many iterations.
 TARGET_EVERY = 100
+
+
+# Called every few iterations with their number and the Gaussians, which it must not change or keep.
+Watch: TypeAlias = Callable[[int, DeviceGaussians], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +64,7 @@ def train_gaussians(
     log: RunLog,
     resume: bool = False,
     shutter: ShutterPlan = NO_SHUTTER,
+    watch: Watch | None = None,
 ) -> Trained:
     """Train ``seeds`` on ``frames``; also save the Gaussians and the training progress to ``folder``.
 
@@ -70,6 +77,7 @@ def train_gaussians(
         log: receives the times of the stages.
         resume: continue from the folder's checkpoint if it has one, bit for bit.
         shutter: how the cameras move while their rows are read.
+        watch: looks on; None: nobody does.
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
@@ -89,7 +97,7 @@ def train_gaussians(
         course = CourseRecorder(folder / TRAINING, trainer, test_views, measured_views)
         try:
             with log.stage("train"):
-                stopped = _run_steps(trainer, course, checkpoint)
+                stopped = _run_steps(trainer, course, checkpoint, watch)
         finally:
             log.seconds["train"] -= course.seconds
             log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
@@ -103,7 +111,9 @@ def train_gaussians(
     return Trained(gaussians, tuple(course.rows), stopped, stops)
 
 
-def _run_steps(trainer: Trainer, course: CourseRecorder, checkpoint: Path) -> str:
+def _run_steps(
+    trainer: Trainer, course: CourseRecorder, checkpoint: Path, watch: Watch | None
+) -> str:
     """Take the remaining steps; return what ended the run."""
     saved = time.monotonic()
     with (
@@ -118,6 +128,8 @@ def _run_steps(trainer: Trainer, course: CourseRecorder, checkpoint: Path) -> st
             measure = _measures(trainer)
             if measure or step % LOG_EVERY == 0:
                 bar.set_postfix_str(course.record(measure), refresh=False)
+                if watch is not None:
+                    watch(step, trainer.gaussians)
             if interruption.asked is not None:
                 save_checkpoint(checkpoint, trainer)
                 interruption.end()

@@ -22,6 +22,9 @@ from digs_warp.view.sensed_points import sensed_points
 
 logger = logging.getLogger(__name__)
 
+# The stage of a finished training, and of Gaussians of which only this one is known.
+RESULT = "result"
+
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".stl")
 
 
@@ -139,7 +142,7 @@ def _name(path: Path) -> str:
 def _stages(result: Reconstruction) -> Iterable[Stage]:
     for iteration, gaussians in result.load_snapshots():
         yield Stage(f"iteration {iteration}", gaussians)
-    yield Stage("result", result.gaussians)
+    yield Stage(RESULT, result.gaussians)
 
 
 def _facts(result: Reconstruction) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 from digs_warp.view import nodes
 from digs_warp.view.camera_views import Picture, pictures_of
-from digs_warp.view.contents import Contents
+from digs_warp.view.contents import RESULT, Contents
 from digs_warp.view.crop import Box
 from digs_warp.view.placement import RADIUS
 from digs_warp.view.true_render import Shown
@@ -30,6 +30,7 @@ class Controls:
     Attributes:
         layers: what is shown and hidden, by name.
         stage: the place in the training, from 0 to 1.
+        label: says in words which Gaussians are shown.
         drawn: by whom, and what.
         cuts: whether Gaussians outside of the box are left out.
         box_center: of the box [page units].
@@ -57,9 +58,9 @@ class Controls:
             hint="From the start of the training (left) to the result (right).",
             visible=most > 1,
         )
-        self._label = gui.add_text(
-            "Shown", _label_of(contents, 1.0), disabled=True, visible=most > 1
-        )
+        label = _label_of(contents, 1.0)
+        told = most > 1 or label not in ("", RESULT)
+        self.label = gui.add_text("Shown", label, disabled=True, visible=told)
         self._labels = contents
         self.drawn = gui.add_dropdown(
             "Drawn",
@@ -101,7 +102,7 @@ class Controls:
 
         @self.stage.on_update
         def _(_: object) -> None:
-            self._label.value = _label_of(self._labels, self.stage.value)
+            self.label.value = _label_of(self._labels, self.stage.value)
             action()
 
     def on_choice(self, action: Action) -> None:

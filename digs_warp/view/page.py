@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import quat_xyzw_from_matrix
 from digs_warp.view import nodes
-from digs_warp.view.contents import Contents
+from digs_warp.view.contents import Contents, Stage
 from digs_warp.view.controls import Controls
 from digs_warp.view.crop import save_cropped
 from digs_warp.view.joined import joined
@@ -67,6 +68,18 @@ class Page:
             for number in range(len(self._contents)):
                 self._replace_gaussians(number)
             self.show_what_is_chosen()
+
+    @property
+    def has_visitors(self) -> bool:
+        """Whether a browser is looking."""
+        return bool(self._streamers)
+
+    def replace_stage(self, stage: Stage) -> None:
+        """Show other Gaussians as the only stage of the first contents."""
+        with self._changing:
+            self._contents[0] = replace(self._contents[0], stages=(stage,))
+            self.controls.label.value = stage.label
+            self.show_gaussians()
 
     def show_what_is_chosen(self) -> None:
         """Show and hide the nodes as the switches say, and draw the background again."""

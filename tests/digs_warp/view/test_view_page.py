@@ -10,7 +10,9 @@ from headless_browser import Browser, NoBrowserError, browser
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.pipeline.scene_files import read_scene
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.view.contents import Contents, Stage
+from digs_warp.view.live import live_page
 from digs_warp.view.page import Page
 from digs_warp.view.server import started
 from reference.tiny_capture import ball
@@ -83,6 +85,26 @@ def test_the_page_shows_what_its_switches_say(page: tuple[Page, str], tab: Brows
     wait_until(tab, lambda found: found.min() > 1000)  # near is yellow, far is blue
     controls.layers["gaussians"].value = False
     wait_until(tab, lambda found: found.sum() == 0)
+
+
+@pytest.mark.slow
+def test_a_training_is_shown_while_it_runs(tab: Browser) -> None:
+    red, blue = (
+        DeviceGaussians.from_numpy(tinted(color)) for color in ((0.9, 0.1, 0.1), (0.1, 0.1, 0.9))
+    )
+    addresses: list[str] = []
+    with live_page(addresses.append) as watch:
+        watch(10, red)
+        tab.visit(addresses[0])
+        wait_until(tab, lambda found: found[0] > 1000)
+        iteration = 20
+        end = time.monotonic() + 60
+        while colored(tab.screenshot())[1] < 1000:
+            watch(iteration, blue)
+            iteration += 10
+            time.sleep(0.1)
+            assert time.monotonic() < end
+    assert len(addresses) == 1
 
 
 def test_the_box_cuts_and_the_button_saves(page: tuple[Page, str], tmp_path: Path) -> None:
