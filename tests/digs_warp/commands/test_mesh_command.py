@@ -2,10 +2,12 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from digs_warp.camera import Intrinsics
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
@@ -17,6 +19,7 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.sh import sh_from_rgb
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
+from digs_warp.surface.files import vertex_normals
 from digs_warp.surface.true_surface import read_true_surface
 from reference.optional import open3d_or_skip
 from reference.tiny_capture import ball, write_tiny_capture
@@ -56,12 +59,16 @@ def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
         writer.add_pose(number, camera.world_from_cam, 0.1 * number)
     writer.finish()
     shutil.copy(folder / "recording/run.json", folder / "capture/run.json")
-    points = sample_surface(surface, 20_000)
+    deviation, opacity_logit = 0.003, 3.0
+    # A splat hides half of what is behind it at its skin: that is what lies on the surface.
+    skin = 1.3 * deviation * np.sqrt(2 * np.log(2 * expit(opacity_logit)))
+    inner = replace(surface, points_world=surface.points_world - skin * vertex_normals(surface))
+    points = sample_surface(inner, 20_000)
     Gaussians(
         means=points,
-        log_scales=np.full((len(points), 3), np.log(0.003)),
+        log_scales=np.full((len(points), 3), np.log(deviation)),
         quats=np.tile([0.0, 0.0, 0.0, 1.0], (len(points), 1)),
-        opacity_logits=np.full(len(points), 3.0),
+        opacity_logits=np.full(len(points), opacity_logit),
         sh=sh_from_rgb(np.full((len(points), 1, 3), 0.6)),
     ).save(folder / "reconstruction/gaussians.npz")
     return folder
