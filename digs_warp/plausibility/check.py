@@ -13,7 +13,6 @@ from digs_warp.plausibility.finding import Finding
 from digs_warp.plausibility.mask_doubts import mask_doubts
 from digs_warp.plausibility.motion_doubts import motion_doubts
 from digs_warp.plausibility.small_frames import SmallFrame, neighbors, small_frames
-from digs_warp.plausibility.view_doubts import few_views
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,8 @@ class Plausibility:
 def check_capture(capture: Capture, *, poses: bool = True, masks: bool = True) -> Plausibility:
     """Return what does not fit together in a capture, judged from a few pairs of neighboring frames.
 
-    A capture without poses is only checked for the range of its depth, its alignment, its masks and the
-    number of its views; one without depth only for its views.
+    A capture without poses is only checked for the range of its depth, its alignment and its masks; one
+    without depth for nothing.
 
     Args:
         capture: the recording.
@@ -49,21 +48,20 @@ def check_capture(capture: Capture, *, poses: bool = True, masks: bool = True) -
         DigsError: a file that cannot be read.
     """
     knows_poses = poses and capture.knows_poses
-    few = few_views(capture)
     pairs = neighbors(capture.frames)
     numbers = sorted({number for pair in pairs for number in pair}) or [0]
     frames = small_frames(capture.frames, numbers)
     if not any(np.isfinite(frame.depth).any() for frame in frames.values()):
-        return Plausibility(None, tuple(few))
+        return Plausibility()
     pairs = [pair for pair in pairs if pair[0] in frames and pair[1] in frames]
     looks = _doubts_about_looks(list(frames.values()), masks)
     if not (knows_poses and pairs):
-        return Plausibility(None, (*few, *doubts_about_range(frames), *looks))
+        return Plausibility(None, (*doubts_about_range(frames), *looks))
     as_recorded = agreement(frames, pairs)
     cause = likely_cause([frame.camera for frame in capture.frames], frames, pairs, as_recorded)
     if cause:  # what moves and where cameras stand cannot be told then
-        return Plausibility(as_recorded, (*few, cause, *looks))
-    found = [*few, *doubts_about_range(frames), *doubts_about_path(frames, pairs), *looks]
+        return Plausibility(as_recorded, (cause, *looks))
+    found = [*doubts_about_range(frames), *doubts_about_path(frames, pairs), *looks]
     return Plausibility(as_recorded, (*found, *_doubts_about_motion(found, frames, pairs)))
 
 

@@ -17,13 +17,13 @@ class FullCheck:
 
     Attributes:
         plausibility: whether depth, poses, focal length and masks fit together.
-        gaps: sides of the object that nobody looked at.
+        views: too few of them, or sides of the object that nobody looked at.
         photographs: what the photographs are like.
         not_checked: what could not be looked at, and why.
     """
 
     plausibility: Plausibility
-    gaps: tuple[Finding, ...]
+    views: tuple[Finding, ...]
     photographs: Photographs
     not_checked: tuple[str, ...]
 
@@ -31,7 +31,7 @@ class FullCheck:
     def findings(self) -> tuple[Finding, ...]:
         """What does not fit or could be better, the gravest first."""
         found = self.plausibility.findings
-        more = (*self.gaps, *self.photographs.findings)
+        more = (*self.views, *self.photographs.findings)
         if any(each.is_error for each in found):
             # What needs right poses and depth says nothing then.
             more = tuple(each for each in more if each.kind == "blur")
@@ -56,7 +56,7 @@ def check_fully(capture: Capture) -> FullCheck:
     """
     return FullCheck(
         check_capture(capture),
-        () if few_views(capture) else tuple(gap_in_views(capture)),
+        tuple(few_views(capture) or gap_in_views(capture)),
         look_at_photographs(capture),
         _not_checked(capture),
     )

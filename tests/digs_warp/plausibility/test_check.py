@@ -128,9 +128,7 @@ def test_images_of_any_shape_can_be_checked(shape: tuple[int, int]) -> None:
         np.array([[1, 0, 0, 0.1 * n], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) for n in range(3)
     ]
     frames = tuple(Frame(str(n), Camera(k, move), float(n), layers) for n, move in enumerate(moves))
-    assert [each.kind for each in check_capture(Capture(None, frames, None)).findings] == [
-        "few views"
-    ]
+    assert check_capture(Capture(None, frames, None)).findings == ()
 
 
 def test_info_prints_one_line(good: Capture, tmp_path: Path) -> None:
@@ -169,8 +167,7 @@ def test_captures_with_nothing_to_compare_are_left_alone(good: Capture) -> None:
     for capture in (bare, blind):
         assert check_capture(capture).doubts == ()
     for count in (1, 5):  # the same frame several times
-        found = check_capture(replace(good, frames=good.frames[:1] * count)).findings
-        assert [each.kind for each in found] == ["few views"]
+        assert check_capture(replace(good, frames=good.frames[:1] * count)).doubts == ()
 
 
 @pytest.mark.parametrize("kind", ["hololens_room_sequence", "tum_cabinet_orbit"])
