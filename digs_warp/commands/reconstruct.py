@@ -56,7 +56,6 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         "time_budget",
         "density",
         "sh_degree",
-        "view",
     )
 
     def __post_init__(self) -> None:

@@ -52,7 +52,7 @@ class Run(ReconstructionOptions, SettingsCommand):
     main_flags: ClassVar[tuple[str, ...]] = (
         *OUTPUT_FLAGS,
         *RECORDING_FLAGS,
-        *("poses", "strategy", "voxel_size", "iterations", "time_budget", "view"),
+        *("poses", "strategy", "voxel_size", "iterations", "time_budget"),
     )
 
     @classmethod
