@@ -104,6 +104,12 @@ BENCHMARKS = (
         "training.md",
     ),
     Benchmark(
+        "surface",
+        "the trained surface against the true one, beside fused depth: seven objects, two sensors",
+        "bench_surface:bench_surface",
+        "training.md",
+    ),
+    Benchmark(
         "sfm",
         "structure from motion: seconds, memory and pose errors by pairing, features and mapper",
         "bench_sfm:bench_sfm",

@@ -14,10 +14,11 @@ from digs_warp.study.engine.records import (
 )
 from digs_warp.study.page import Section
 from digs_warp.study.table import Table
+from digs_warp.train.config import DEPTH_WEIGHT
 
 KNOB, SETTING = "weight of depth", "train.depth_weight"
-# Beside the usual one, 0.
-WEIGHTS = (0.0003, 0.001, 0.004, 0.015, 0.05, 0.2)
+# Beside the default.
+WEIGHTS = (0.0, 0.001, 0.002, 0.015, 0.05, 0.2)
 
 ACCURACY = number("results", "surface", "accuracy", factor=1e3)
 COLUMNS = (
@@ -54,7 +55,7 @@ def surface_sections(records: Sequence[Record]) -> list[Section]:
     text = (
         "The training may move the surface off the measured depth if the images then fit better. The weight "
         "of the depth says how much that counts. Distances are those of the rendered surface to the true "
-        "mesh; adherence is its median distance to the measured depth. The default is 0."
+        "mesh; adherence is its median distance to the measured depth."
     )
     return [
         Section("Images against geometry", text, [Table("held_surface", headings, rows)], [chart])
@@ -62,4 +63,4 @@ def surface_sections(records: Sequence[Record]) -> list[Section]:
 
 
 def _weight(record: Record) -> float:
-    return float(record["reconstruction"].get(SETTING, 0.0))
+    return float(record["reconstruction"].get(SETTING, DEPTH_WEIGHT))
