@@ -2,7 +2,8 @@
 
 Legend: z rendered depth, d measured depth [m], I the photograph, c the sensor's confidence in 0..1.
 
-    L = sum w log(1 + |z - d| / s) / sum w,   s = ERROR_SHARE d
+    L = sum w log(1 + |z - d'| / s) / sum w,   s = ERROR_SHARE d'
+    d' = 1 / (1/d - b): the measured depth without the bias b of the camera's disparity [1/m], usually 0
     w = c exp(-|grad I|) where the depth is known and the object covers the pixel, else 0
 
 The logarithm limits the effect of outliers. The factor exp(-|grad I|) lowers the weight of image edges,
@@ -31,7 +32,7 @@ _NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 _ERROR_SHARE = wp.constant(ERROR_SHARE)
 _MAX_TRANSMITTANCE = wp.constant(1.0 - MIN_COVERAGE)
 # Positions of the kernel inputs that change from step to step.
-_DEPTH, _WEIGHTS, _SLOPE = 4, 5, 7
+_DEPTH, _WEIGHTS, _SLOPE, _BIAS = 4, 5, 7, 8
 
 
 @wp.kernel
@@ -45,6 +46,7 @@ def depth_kernel(
     weights: wp.array[wp.uint8],  # [size of the box] w * 255
     depth: wp.array[float],  # 1 padded plane [m]
     slope: float,  # weight of the term / sum w
+    bias: float,  # of the measured inverse depth [1/m]
     # outputs
     adj_depth: wp.array[float],  # 1 padded plane
     sums: wp.array[float],  # [height] sum of w log(...) over a row
@@ -63,8 +65,9 @@ def depth_kernel(
         for x in range(count):
             weight = float(weights[there + x]) * (1.0 / 255.0)
             if weight > 0.0 and transmittance[here + x] <= _MAX_TRANSMITTANCE:
-                error = depth[here + x] - measured[there + x]
-                scale = _ERROR_SHARE * measured[there + x]
+                true = measured[there + x] / wp.max(1.0 - bias * measured[there + x], 0.1)
+                error = depth[here + x] - true
+                scale = _ERROR_SHARE * true
                 total += weight * wp.log(1.0 + wp.abs(error) / scale)
                 adj_depth[here + x] = slope * weight * wp.sign(error) / (scale + wp.abs(error))
     sums[y] = total
@@ -140,24 +143,34 @@ class DepthLoss:
             depth_kernel,
             depth.max_height,
             [depth.pitch, depth.origin, self._regions, transmittance.data, *empty]
-            + [depth.data, 0.0, adj_depth.data, self.sums],
+            + [depth.data, 0.0, 0.0, adj_depth.data, self.sums],
             device,
             threads,
         )
 
-    def run(self, target: DepthTarget, box: PixelBox, drawn: PixelBox) -> None:
+    def run(
+        self,
+        target: DepthTarget,
+        box: PixelBox,
+        drawn: PixelBox,
+        bias: float = 0.0,
+        trust: float = 1.0,
+    ) -> None:
         """Compute the term and its gradient.
 
         Args:
             target: the measured depth inside ``box``.
             box: where it lies in the image.
             drawn: the box in which the gradient is needed (where splats are).
+            bias: of the measured inverse depth [1/m], to be taken off.
+            trust: factor on the weight.
         """
-        self._scale = self.weight / target.total if target.total > 0 else 0.0
+        self._scale = trust * self.weight / target.total if target.total > 0 else 0.0
         self._regions.assign(np.array([box, drawn], dtype=np.int32))
         self._launch.set_param(_DEPTH, target.depth)
         self._launch.set_param(_WEIGHTS, target.weights)
         self._launch.set_param(_SLOPE, self._scale)
+        self._launch.set_param(_BIAS, bias)
         self._launch.run()
 
     def value(self) -> float:

@@ -13,11 +13,14 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.arrays import UNREADABLE, check_archive, write_arrays
 from digs_warp.record.fields import Fields, parse_json
+from digs_warp.train.depth_errors import DepthJudge
+from digs_warp.train.exposure import Exposures
 from digs_warp.train.finite import non_finite_rows
 from digs_warp.train.trainer import Trainer
 
 _CONTROL = "control_"
 _EXPOSURE = "exposure_"
+_DEPTH = "depth_"
 
 
 def save_checkpoint(path: Path, trainer: Trainer) -> bool:
@@ -40,9 +43,9 @@ def save_checkpoint(path: Path, trainer: Trainer) -> bool:
         return False
     for name, array in trainer.control.state().items():
         state[_CONTROL + name] = array
-    if trainer.exposures is not None:
-        for name, array in trainer.exposures.state().items():
-            state[_EXPOSURE + name] = array
+    for prefix, fitted in _fitted(trainer).items():
+        for name, array in fitted.state().items():
+            state[prefix + name] = array
     write_arrays(path, state)
     return True
 
@@ -67,7 +70,7 @@ def load_checkpoint(path: Path, trainer: Trainer) -> None:
     try:
         groups = [_group(saved, group) for group in ("value", "first", "second")]
         control = _control(saved, trainer)
-        _restore_exposures(saved, trainer)
+        _restore_fitted(saved, trainer)
     except (KeyError, ValueError) as error:
         raise _unreadable(path, error) from error
     trainer.control.restore(control)
@@ -106,12 +109,16 @@ def _control(saved: dict[str, np.ndarray], trainer: Trainer) -> dict[str, np.nda
     }
 
 
-def _restore_exposures(saved: dict[str, np.ndarray], trainer: Trainer) -> None:
-    if trainer.exposures is not None:
-        names = trainer.exposures.state()
-        trainer.exposures.restore(
-            {name: check_finite(name, saved[_EXPOSURE + name]) for name in names}
-        )
+def _fitted(trainer: Trainer) -> dict[str, Exposures | DepthJudge]:
+    """Return what a run fits beside the Gaussians, by the prefix of its arrays."""
+    fitted = {_EXPOSURE: trainer.exposures, _DEPTH: trainer.depth_judge}
+    return {prefix: each for prefix, each in fitted.items() if each is not None}
+
+
+def _restore_fitted(saved: dict[str, np.ndarray], trainer: Trainer) -> None:
+    for prefix, fitted in _fitted(trainer).items():
+        names = fitted.state()
+        fitted.restore({name: check_finite(name, saved[prefix + name]) for name in names})
 
 
 def _scalar(saved: dict[str, np.ndarray], name: str, path: Path) -> float:

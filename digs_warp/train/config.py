@@ -16,7 +16,7 @@ from digs_warp.sh import USUAL_DEGREE
 DensityStrategy = Literal["fixed", "adaptive", "absgrad", "mcmc"]
 
 # Weight of the measured depth: see "The surface" in docs/training.md.
-DEPTH_WEIGHT = 0.004
+DEPTH_WEIGHT = 0.008
 
 # Weights of mean opacity and mean scale with density "mcmc": the values of 3dgs-mcmc and gsplat.
 MCMC_WEIGHT = 0.01
@@ -149,7 +149,7 @@ class TrainConfig:
 
     depth_weight: float | None = None
     """Weight of the difference between rendered and measured depth: holds the surface where it was measured.
-    Default: 0.004 where the recording has depth."""
+    Default: 0.008 where the recording has depth."""
 
     opacity_weight: float | None = None
     """Weight of the mean opacity: fades out Gaussians that no view needs. Default: 0.01 with --density mcmc,

@@ -17,6 +17,7 @@ from digs_warp.losses.unknown import LeftOut
 from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.render import SplatRenderer
 from digs_warp.train.config import TrainConfig
+from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors
 from digs_warp.train.views import View
 
 
@@ -72,13 +73,20 @@ class Objective:
                 extent=self._extent,
             )
 
-    def compare(self, view: View, background: np.ndarray, gain: ColorGain | None = None) -> None:
+    def compare(
+        self,
+        view: View,
+        background: np.ndarray,
+        gain: ColorGain | None = None,
+        depth_errors: DepthErrors = NO_ERRORS,
+    ) -> None:
         """Compute the terms for the last rendered image, and their gradients with respect to its pixels.
 
         Args:
             view: what the image shows; loaded with depth if the depth term is on.
             background: the sRGB color (3,) that the image was rendered over.
             gain: of the photograph, to be taken off. Default: none.
+            depth_errors: what is wrong with the measured depth.
         """
         binner = self._renderer.binner
         blocks = loss_blocks(view.tiles, binner.drawn_tiles())
@@ -100,7 +108,8 @@ class Objective:
         if self._coverage is not None:
             self._coverage.run(view.size, view.box, binner.drawn_box())
         if self._depth is not None and view.depth is not None:
-            self._depth.run(view.depth, view.box, binner.drawn_box())
+            boxes = view.box, binner.drawn_box()
+            self._depth.run(view.depth, *boxes, depth_errors.offset, depth_errors.trust)
         if left_out and view.unknown:
             left_out.erase(view.unknown)
 

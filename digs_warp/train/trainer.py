@@ -15,6 +15,7 @@ from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
+from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors, DepthJudge, rendered_depths
 from digs_warp.train.draws import BACKGROUND
 from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.finite import FiniteCheck, non_finite_rows
@@ -43,6 +44,7 @@ class Trainer:
         optimizer: holds the step count and the moments.
         control: the strategy that changes the number of Gaussians.
         exposures: the gains of the photographs; None where they are not fitted.
+        depth_judge: knows the errors of the measured depth; None where that does not count.
         seconds: time spent in `step` so far.
     """
 
@@ -68,6 +70,7 @@ class Trainer:
         self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
         self.exposures = Exposures(len(views)) if config.fit_exposure == "on" else None
+        self.depth_judge = DepthJudge(len(views)) if with_depth else None
         self._build_optimizer(step=0)
 
     def step(self) -> None:
@@ -87,7 +90,7 @@ class Trainer:
             content=view.box,
             rows=view.rows,
         )
-        self.objective.compare(view, background, self._gain(view))
+        self.objective.compare(view, background, self._gain(view), self._depth_errors(view))
         self.objective.pull_back()
         means_rate = self.optimizer.means_rate()
         self.optimizer.update()
@@ -173,6 +176,13 @@ class Trainer:
             return None
         index = self.views.index(self.optimizer.step)
         return self.exposures.fit(index, *rendered_samples(self.renderer, view.samples))
+
+    def _depth_errors(self, view: View) -> DepthErrors:
+        """Return what is wrong with the measured depth."""
+        if self.depth_judge is None or view.depth_samples is None:
+            return NO_ERRORS
+        index = self.views.index(self.optimizer.step)
+        return self.depth_judge.fit(index, *rendered_depths(self.renderer, view.depth_samples))
 
     def _background(self) -> np.ndarray:
         if self.config.background == "random":

@@ -15,6 +15,7 @@ from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
 from digs_warp.splat.row_motion import RowMotion
+from digs_warp.train.depth_errors import DepthSamples
 from digs_warp.train.exposure import ColorSamples
 from digs_warp.train.silhouette import without_surround
 
@@ -34,6 +35,7 @@ class View:
         tiles: which tiles of 16x16 px have foreground, shape (tile rows, tile columns), bool.
         samples: pixels that tell its exposure.
         depth: what the depth camera measured inside ``box``; None if not requested.
+        depth_samples: pixels that tell the errors of that depth; None like it.
         half: the same view at half the size; None if not requested.
         unknown: pixels at which something may hide the object; None: there are none.
         rows: how the camera moves while its rows are read; None: not at all.
@@ -46,6 +48,7 @@ class View:
     tiles: np.ndarray
     samples: ColorSamples
     depth: DepthTarget | None = None
+    depth_samples: DepthSamples | None = None
     half: "View | None" = None
     unknown: UnknownPixels | None = None
     rows: RowMotion | None = None
@@ -62,6 +65,8 @@ class View:
         held = self.pixels.size + self.samples.bytes
         if self.depth is not None:
             held += 5 * self.depth.depth.size
+        if self.depth_samples is not None:
+            held += self.depth_samples.bytes
         if self.unknown is not None:
             held += self.unknown.bytes
         return held + (self.half.bytes if self.half is not None else 0)
@@ -101,7 +106,7 @@ def load_view(
         confidence = frame.load_confidence() if frame.has(Layer.CONFIDENCE) else None
         depth = frame.load_depth()
         weights = depth_weights(image, mask, depth, confidence)
-        view = replace(view, depth=_pack_depth(depth, weights, view.box, device))
+        view = _with_depth(view, depth, weights, device)
     if with_half:
         k = frame.camera.intrinsics
         if k.width > 1 and k.height > 1:
@@ -110,8 +115,7 @@ def load_view(
             small_unknown = None if unknown is None else any_of_four(unknown)
             half = packed_view(frame.name, camera, *smaller, device, small_unknown)
             if with_depth:
-                small_depth = half_depth(depth, weights)
-                half = replace(half, depth=_pack_depth(*small_depth, half.box, device))
+                half = _with_depth(half, *half_depth(depth, weights), device)
             view = replace(view, half=replace(half, rows=rows))
     return view
 
@@ -189,12 +193,14 @@ def scene_extent(cameras: Sequence[Camera]) -> float:
     return 1.1 * spread if spread > 0 else 1.0
 
 
-def _pack_depth(depth: np.ndarray, weights: np.ndarray, box: PixelBox, device: str) -> DepthTarget:
+def _with_depth(view: View, depth: np.ndarray, weights: np.ndarray, device: str) -> View:
+    box = view.box
     inside = (slice(box[1], box[3]), slice(box[0], box[2]))
     measured = np.nan_to_num(depth[inside]).astype(np.float32).reshape(-1)
     shares = weights[inside].reshape(-1)
-    return DepthTarget(
+    target = DepthTarget(
         wp.array(measured, dtype=float, device=device),
         wp.array(shares, dtype=wp.uint8, device=device),
         float(shares.sum(dtype=np.float64)) / 255.0,
     )
+    return replace(view, depth=target, depth_samples=DepthSamples.of(depth, weights))

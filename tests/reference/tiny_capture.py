@@ -9,10 +9,12 @@ from digs_warp.data.about import About
 from digs_warp.data.camera_motion import UNKNOWN, CameraMotion, Exposure
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import to_uint8
 from digs_warp.geometry import look_at
 from digs_warp.sh import sh_from_rgb
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
 from digs_warp.splat.row_motion import RowMotion
 
@@ -33,6 +35,15 @@ def ball(count: int = 1500) -> Gaussians:
         opacity_logits=np.full(count, 4.0),
         sh=sh_from_rgb(rgb)[:, None],
     )
+
+
+def drawn_depth(frame: Frame) -> np.ndarray:
+    """The median depth [m] of the skin of the ball, NaN where there is none."""
+    depth = render(
+        ball(), frame.camera, options=RasterOptions(outputs="depth", depth_of="skin")
+    ).median_depth
+    assert depth is not None
+    return depth
 
 
 # A shaking camera with a slow read-out: the image moves by 3 px meanwhile.

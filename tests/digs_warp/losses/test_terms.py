@@ -117,8 +117,10 @@ def test_coverage_that_equals_the_mask_is_at_rest() -> None:
     assert not adj.to_numpy().any()
 
 
-@pytest.mark.parametrize("box", [EVERYTHING, (3, 2, 61, 17)])
-def test_depth(box: tuple[int, int, int, int]) -> None:
+@pytest.mark.parametrize(
+    ("box", "bias"), [(EVERYTHING, 0.0), ((3, 2, 61, 17), 0.0), (EVERYTHING, -0.05)]
+)
+def test_depth(box: tuple[int, int, int, int], bias: float) -> None:
     rng, _, _ = random_view(3)
     measured = rng.uniform(0.5, 1.5, (HEIGHT, WIDTH)).astype(np.float32)
     rendered = (measured * rng.uniform(0.9, 1.1, measured.shape)).astype(np.float32)
@@ -136,10 +138,10 @@ def test_depth(box: tuple[int, int, int, int]) -> None:
         wp.array(bytes_[inside].ravel(), dtype=wp.uint8, device="cpu"),
         float(weights.sum()),
     )
-    term.run(target, box, EVERYTHING)
+    term.run(target, box, EVERYTHING, bias)
 
     def twin(values: np.ndarray) -> float:
-        return 0.3 * loss_twin.depth(values, measured, weights, alpha)
+        return 0.3 * loss_twin.depth(values, measured, weights, alpha, bias)
 
     assert term.value() == pytest.approx(twin(rendered), rel=1e-5)
     gradient = adj.to_numpy()[..., 0]

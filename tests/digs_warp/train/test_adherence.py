@@ -13,11 +13,10 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.splat.config import MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.render import render
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.shutter import ShutterPlan
-from reference.tiny_capture import ball, write_tiny_capture
+from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +36,6 @@ def grown(gaussians: Gaussians, factor: float) -> Gaussians:
 
 def measured(frames: tuple[Frame, ...] | list[Frame], gaussians: Gaussians) -> float | None:
     return adherence(DeviceGaussians.from_numpy(gaussians), load_measured_views(frames))
-
-
-def drawn_depth(frame: Frame) -> np.ndarray:
-    """The median depth of the ball of Gaussians, NaN where there is none."""
-    depth = render(
-        ball(), frame.camera, options=RasterOptions(outputs="depth", depth_of="skin")
-    ).median_depth
-    assert depth is not None
-    return depth
 
 
 def test_is_the_median_over_the_object_in_all_views(capture: Capture) -> None:

@@ -1,0 +1,106 @@
+"""Errors of measured depth: found where there are some, and none where there are none."""
+
+import numpy as np
+import pytest
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
+from digs_warp.train.adherence import adherence, load_measured_views
+from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.depth_errors import (
+    NO_ERRORS,
+    NOISE_SHARE,
+    TRUSTED_SPREAD,
+    DepthJudge,
+    DepthSamples,
+)
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
+from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
+
+OFFSET = -0.02  # [1/m]: at 1 m, depth is 2 cm too large
+STEPS = 60
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
+
+
+def seen(offset: float, noise: float = 0.003) -> tuple[np.ndarray, np.ndarray]:
+    """True depths near 1 m, and what a camera with an offset measures; a fifth of it is far off."""
+    rng = np.random.default_rng(0)
+    true = rng.uniform(0.9, 1.1, 2000)
+    measured = 1.0 / (1.0 / true + offset) + rng.normal(0.0, noise, true.shape)
+    wrong = rng.uniform(size=true.shape) < 0.2
+    return true, np.where(wrong, measured + rng.normal(0.0, 0.3, true.shape), measured)
+
+
+def test_an_offset_is_found_over_all_views() -> None:
+    judge = DepthJudge(5)
+    for view in range(4):
+        errors = judge.fit(view, *seen(OFFSET))
+    assert errors.offset == pytest.approx(OFFSET, rel=0.05)
+    one_alone = judge.fit(4, *seen(10 * OFFSET))
+    assert one_alone.offset == pytest.approx(OFFSET, rel=0.05)
+
+
+def test_what_errors_of_the_model_explain_is_no_offset() -> None:
+    for share in (0.0, 0.5, 0.9):
+        assert DepthJudge(1).fit(0, *seen(share * NOISE_SHARE)).offset == 0.0
+    assert 0 < DepthJudge(1).fit(0, *seen(2 * NOISE_SHARE)).offset < 2 * NOISE_SHARE
+
+
+def test_noise_lowers_the_weight_with_its_square() -> None:
+    for noise, trust in ((0.0, 1.0), (TRUSTED_SPREAD, 1.0), (6 * TRUSTED_SPREAD, None)):
+        errors = DepthJudge(1).fit(0, *seen(OFFSET, noise))
+        if trust is not None:
+            assert errors.trust == trust
+        else:  # the median is 0.67 deviations, and a little more with the outliers
+            assert (1 / 6) ** 2 < errors.trust < (1 / (0.67 * 6)) ** 2
+
+
+def test_views_that_tell_nothing_change_nothing() -> None:
+    judge = DepthJudge(2)
+    few = np.full(3, 1.0)
+    assert judge.fit(0, few, 2 * few) == NO_ERRORS
+    found = judge.fit(1, *seen(OFFSET))
+    assert judge.fit(0, few, 2 * few) == found
+    again = DepthJudge(2)
+    again.restore(judge.state())
+    assert again.errors == found
+
+
+def test_samples_are_where_depth_counts() -> None:
+    depth = np.arange(12, dtype=np.float32).reshape(3, 4)
+    weights = np.zeros((3, 4), np.uint8)
+    weights[1, 2] = weights[2, 0] = 9
+    samples = DepthSamples.of(depth, weights)
+    assert samples.depths.tolist() == [6.0, 8.0]
+    assert (samples.rows.tolist(), samples.columns.tolist()) == ([1, 2], [2, 0])
+
+
+def test_biased_depth_does_not_pull_the_surface_along(capture: Capture) -> None:
+    """The surface starts where the photographs see it, and depth is 1.5 % too large."""
+    seen = [frame.with_layer(Layer.DEPTH, drawn_depth(frame)) for frame in capture.frames]
+    frames = [f.with_layer(Layer.DEPTH, np.float32(1.015) * f.load_depth()) for f in seen]
+    config = TrainConfig(depth_weight=0.1, stop=Stop(iterations=STEPS), half_size_until=0)
+    moved = []
+    for judged in (True, False):
+        views = open_views(frames, config)
+        trainer = Trainer(ball(), views, config)
+        if not judged:
+            trainer.depth_judge = None
+        for _ in range(STEPS):
+            trainer.step()
+        views.close()
+        moved.append(adherence(trainer.gaussians, load_measured_views(seen)))
+    assert moved[0] is not None and moved[1] is not None
+    assert moved[0] < 0.7 * moved[1]
+
+
+def test_depth_that_does_not_count_is_not_judged(capture: Capture) -> None:
+    config = TrainConfig(depth_weight=0.0)
+    trainer = Trainer(ball(50), open_views(capture.frames, config), config)
+    trainer.step()
+    assert trainer.depth_judge is None
