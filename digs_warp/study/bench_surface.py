@@ -16,7 +16,6 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.film.camera_path import find_subject
-from digs_warp.init.config import InitConfig
 from digs_warp.measure.surface_metrics import surface_score
 from digs_warp.pipeline.mesh import extract_mesh
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
@@ -25,15 +24,15 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import VOXEL, objects
+from digs_warp.study.scenes import objects
 from digs_warp.surface.depth_views import DepthView
 from digs_warp.surface.extract import BALL_MARGIN, remove_floaters, within_mask
 from digs_warp.surface.fuse import fuse_views
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 
-RECORDING = SimulateConfig(frames=40, width=480, height=270)
-STEPS = 500
+RECORDING = SimulateConfig(frames=28, width=320, height=180)
+STEPS = 300
 OBJECTS = 7
 # Exact depth with the noise of stereo alone, and the default sensor.
 TIERS = ("law", "guided")
@@ -125,7 +124,7 @@ def _sensed(frame: Frame) -> DepthView:
 
 def _trained(capture: Capture, weight: float, iterations: int) -> Reconstruction:
     train = TrainConfig(stop=Stop(iterations=iterations), depth_weight=weight)
-    config = ReconstructConfig(init=InitConfig(voxel_size=VOXEL), train=train)
+    config = ReconstructConfig(train=train)
     with tempfile.TemporaryDirectory() as folder:
         return reconstruct(capture, config, Path(folder) / "reconstruction")
 
