@@ -46,7 +46,9 @@ def test_a_view_holds_the_crop_of_its_mask(capture: Capture) -> None:
     np.testing.assert_array_equal(view.depth.depth.numpy()[known], expected[known])
     assert known.sum() > 500
     photograph, depth = 4 * (x1 - x0) * (y1 - y0), 5 * (x1 - x0) * (y1 - y0)
-    assert view.bytes == photograph + depth + view.samples.bytes
+    assert view.depth_samples is not None
+    samples = view.samples.bytes + view.depth_samples.bytes
+    assert view.bytes == photograph + depth + samples
     assert view.size == (WIDTH, HEIGHT)
 
 
