@@ -42,4 +42,5 @@ def test_a_world_of_another_size_becomes_the_same_splats(
         for result in (other, usual)
     ]
     assert radii[0] == pytest.approx(factor * radii[1], rel=0.01)
-    assert radii[1] == pytest.approx(RADIUS, rel=0.1)
+    # The photographs show splats on the sphere, 12 mm wide, which reach a little farther.
+    assert radii[1] == pytest.approx(RADIUS + 0.012, rel=0.1)
