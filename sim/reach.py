@@ -23,7 +23,7 @@ LEAST_RADII = 1.05
 
 
 def camera_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
-    """Return the distance [m] of a walk without its wander: as asked for, or from where the object fits.
+    """Return the distance [m] of a walk without its wander: as asked for, or where fit and range say.
 
     Raises:
         DigsError: the camera would run into the object.
@@ -31,9 +31,7 @@ def camera_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
     radius = scene.object_radius
     distance = walk.distance
     if distance is None:
-        distance = walk.distance_factor * max(
-            _fitting(scene, rig, walk), _measurable(scene, rig, walk)
-        )
+        distance = walk.distance_factor * _usual_distance(scene, rig, walk)
     nearest, _ = distance_limits(walk.unsteadiness)
     if nearest * distance < LEAST_RADII * radius:
         flag = "--distance" if walk.distance is not None else "--distance-factor"
@@ -65,6 +63,11 @@ def check_reach(scene: Scene, rig: StereoRig, walk: WalkSettings) -> None:
             "object of %s: %s %.3g m away, but %s; only its near parts get depth. %s",
             *(size, how, distance, measured, _hint(scene)),
         )
+    if walk.distance is None and distance < _fitting(scene, rig, walk) * walk.distance_factor:
+        _log.warning(
+            "object of %s: is recorded from %.3g m away, where it is larger than the image, because %s. %s",
+            *(size, distance, measured, _hint(scene)),
+        )
     if distance < rig.min_depth:
         _log.warning(
             "object of %s: %s %.3g m away, but %s; only its far parts get depth. Choose another --distance",
@@ -78,6 +81,19 @@ def check_reach(scene: Scene, rig: StereoRig, walk: WalkSettings) -> None:
             "(--width) or a camera that measures nearer (--profile), or scale the object (--object-size)",
             *(rig.min_depth, size, k.fx * scene.size.max() / distance, k.width, k.height),
         )
+
+
+def _usual_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
+    """Return the distance [m] from which the object fits the image and is in reach of the camera.
+
+    An object that would be out of reach is seen from nearer, where it is larger than the image, if there is
+    room between it and the camera.
+    """
+    fitting = max(_fitting(scene, rig, walk), _measurable(scene, rig, walk))
+    nearest, _ = distance_limits(walk.unsteadiness)
+    is_out_of_reach = fitting - scene.object_radius >= rig.max_depth
+    has_room = nearest * rig.max_depth >= LEAST_RADII * scene.object_radius
+    return rig.max_depth if is_out_of_reach and has_room else fitting
 
 
 def _fitting(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:

@@ -9,6 +9,7 @@ import trimesh
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.reach import camera_distance
 from digs_warp.sim.record import simulate
 from digs_warp.sim.session import prepare_session
 from digs_warp.sim.walk.framing import fitting_distance
@@ -50,6 +51,19 @@ def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(
     load_inputs(SimulateConfig(mesh=box(tmp_path, 9.0), frames=1))
     assert "object of 9 m: fits the image from " in caplog.text
     assert "this camera measures 0.3 to 20 m; only its near parts get depth" in caplog.text
+
+
+def test_an_object_that_would_be_out_of_reach_is_seen_from_nearer(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = SimulateConfig(mesh=box(tmp_path, 12.0), frames=1)
+    inputs = load_inputs(config)
+    assert fitting_distance(inputs.scene.radius, inputs.rig.intrinsics) > 20 + inputs.scene.radius
+    assert camera_distance(inputs.scene, inputs.rig, config.walk) == 20
+    assert (
+        "object of 12 m: is recorded from 20 m away, where it is larger than the image"
+        in caplog.text
+    )
 
 
 def test_an_object_beyond_the_farthest_depth_is_refused_before_rendering(tmp_path: Path) -> None:
