@@ -26,6 +26,7 @@ FLOORS = {
     **dict.fromkeys(("digs_warp.data", "digs_warp.device"), 1),
     **dict.fromkeys(("digs_warp.measure", "digs_warp.plausibility"), 2),
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 3),
+    "digs_warp.poses": 3,
     **dict.fromkeys(("digs_warp.losses", "digs_warp.sim", "digs_warp.usd"), 3),
     **dict.fromkeys(
         ("digs_warp.train", "digs_warp.surface", "digs_warp.film", "digs_warp.torch"), 4

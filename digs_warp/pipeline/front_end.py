@@ -23,9 +23,11 @@ from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
 from digs_warp.pipeline.known_distance import check_scale_from, in_true_size, metric_scale_of
 from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
+from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.subject import SubjectChoice, say_subject, subject_of
 from digs_warp.plausibility.check import check_capture
+from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
@@ -84,6 +86,7 @@ class Prepared:
         doubts: what does not fit together in the capture; see `digs_warp.plausibility`.
         subject: what is reconstructed; the frames of a scene have no masks.
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
+        refinement: whether the poses were refined, and why.
     """
 
     frames: PosedFrames
@@ -93,6 +96,7 @@ class Prepared:
     doubts: tuple[str, ...] = ()
     subject: Subject = "object"
     metric_scale: MetricScale | None = None
+    refinement: PoseRefinement | None = None
 
     @staticmethod
     def load(capture: Capture, folder: Path) -> "Prepared":
@@ -113,6 +117,7 @@ class Prepared:
             results.doubts,
             results.subject,
             results.metric_scale,
+            results.refinement,
         )
 
 
@@ -185,6 +190,8 @@ def front_end(
     scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
     if not scale.known:
         logger.warning("%s: the scale is %s", capture, scale)
+    with log.stage("refine poses"):
+        frames, refinement = refined(frames, capture, config.sfm)
     start_from = frames.training
     if config.mono.mono_depth is not None:
         with log.stage("depth by a network"):
@@ -212,6 +219,7 @@ def front_end(
         doubts=doubts,
         subject=subject,
         metric_scale=scale,
+        refinement=refinement,
     )
     _save(prepared, capture, folder, log)
     return prepared
@@ -225,6 +233,7 @@ def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> No
         doubts=prepared.doubts,
         subject=prepared.subject,
         metric_scale=prepared.metric_scale,
+        refinement=prepared.refinement,
     )
     log.results = results.to_json()
     log.save(folder / RUN_RECORD)

@@ -148,6 +148,7 @@ def _reconstruct(
             doubts=prepared.doubts,
             subject=prepared.subject,
             metric_scale=prepared.metric_scale,
+            refinement=prepared.refinement,
             shutter=shutter,
             color=color,
         )

@@ -24,6 +24,7 @@ from digs_warp.init.start import Initialization, Subject
 from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
+from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.layout import (
@@ -77,6 +78,7 @@ class Reconstruction:
         subject: what was reconstructed, the object in the masks or the whole scene.
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
         surface: how far the surface is from the true one; None where that is not known.
+        refinement: whether the poses were refined, and why; None where it is not known.
         shutter: whether the training drew the rolling shutter, and why; None where it is not known.
         color: the degree of the color that the photographs called for; None where the settings said which.
     """
@@ -97,6 +99,7 @@ class Reconstruction:
     subject: Subject = "object"
     metric_scale: MetricScale | None = None
     surface: SurfaceError | None = None
+    refinement: PoseRefinement | None = None
     shutter: ShutterPlan | None = None
     color: ViewDependence | None = None
 
@@ -141,6 +144,7 @@ class Reconstruction:
             doubts=self.doubts,
             subject=self.subject,
             metric_scale=self.metric_scale,
+            refinement=self.refinement,
             shutter=self.shutter,
             color=self.color,
             gaussians=len(self.gaussians),
@@ -281,6 +285,7 @@ class Reconstruction:
             subject=results.subject,
             metric_scale=results.metric_scale,
             surface=results.surface,
+            refinement=results.refinement,
             shutter=results.shutter,
             color=results.color,
         )

@@ -10,6 +10,7 @@ from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import DepthReport, Initialization, Subject
 from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Score
+from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
@@ -34,6 +35,7 @@ class Results:
         sources: number of initial points by where they came from; see `Initialization`.
         because: what they are and why, in words.
         depth: how many pixels of the depth maps were used, if the start is from depth.
+        refinement: whether the poses were refined, and why.
         shutter: whether the training draws the rolling shutter, and why.
         color: the degree of the color that the photographs call for; None: the settings said which.
         initial_points, gaussians: how many.
@@ -56,6 +58,7 @@ class Results:
     sources: dict[str, int] | None = None
     because: str | None = None
     depth: DepthReport | None = None
+    refinement: PoseRefinement | None = None
     shutter: ShutterPlan | None = None
     color: ViewDependence | None = None
     initial_points: int | None = None
@@ -106,6 +109,7 @@ class Results:
             "sfm": asdict(self.sfm) if self.sfm else None,
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
+            "pose_refinement": asdict(self.refinement) if self.refinement else None,
             "rolling_shutter": asdict(self.shutter) if self.shutter else None,
             "view_dependence": self.color.to_json() if self.color else None,
             "initial_points": self.initial_points,
@@ -144,6 +148,7 @@ class Results:
             else None,
             because=start.text("because", None),
             depth=_depth_report(start),
+            refinement=_refinement(found),
             shutter=_shutter(found),
             color=_color(found),
             initial_points=found.whole("initial_points", default=None),
@@ -168,6 +173,18 @@ def _dataclass(kind: type[T], found: Fields, name: str) -> T | None:
     hints = get_type_hints(kind)
     readers = {int: section.whole, float: section.number, str: section.text, bool: section.flag}
     return kind(**{field: readers[hint](field) for field, hint in hints.items()})
+
+
+def _refinement(found: Fields) -> PoseRefinement | None:
+    if "pose_refinement" not in found:
+        return None
+    entry = found.section("pose_refinement")
+    return PoseRefinement(
+        refined=entry.flag("refined"),
+        because=entry.text("because"),
+        moved_mm=entry.number("moved_mm", 0),
+        turned_deg=entry.number("turned_deg", 0),
+    )
 
 
 def _shutter(found: Fields) -> ShutterPlan | None:

@@ -15,6 +15,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
+from digs_warp.poses.align import in_place
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
@@ -211,3 +212,25 @@ def test_a_single_frame_is_refused(capture: Capture, tmp_path: Path) -> None:
         front_end(
             replace(capture, frames=capture.frames[:1]), FIND_POSES, tmp_path, RunLog("test", {})
         )
+
+
+def test_perturbed_poses_are_refined_and_written(capture: Capture, tmp_path: Path) -> None:
+    sfm = replace(SFM, poses="perturbed", refine_poses="auto")
+    prepared = front_end(
+        capture, replace(FIND_POSES, sfm=sfm), tmp_path, RunLog("test", FIND_POSES)
+    )
+    assert prepared.refinement is not None and prepared.refinement.refined
+    true = {frame.name: frame.camera for frame in capture.frames}
+    every = (*prepared.frames.training, *prepared.frames.held_out)
+    assert len(every) == 12
+    found = np.array([frame.camera.world_from_cam for frame in every])
+    expected = np.array([true[frame.name].world_from_cam for frame in every])
+    # The frames together stay where the perturbed ones were on average.
+    apart = in_place(found, expected, 1.0) - expected
+    looked_at = apart[:, :3, 3] + 2.0 * apart[:, :3, 2]  # a point 2 m ahead, in a room of 5 m
+    assert np.sqrt((looked_at**2).sum(axis=1).mean()) < 0.012  # 24 mm as perturbed
+    again = Prepared.load(capture, tmp_path)
+    assert again.refinement == prepared.refinement
+    loaded = (*again.frames.training, *again.frames.held_out)
+    for frame, kept in zip(every, loaded, strict=True):
+        assert (frame.camera.world_from_cam == kept.camera.world_from_cam).all()

@@ -1,0 +1,155 @@
+"""The equations of all pairs of frames, and the motions of the cameras that solve them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from digs_warp.device.parallel import launch_parallel, packed
+from digs_warp.geometry import invert_rigid
+from digs_warp.poses.pair_kernel import (
+    COLOR_COUNT,
+    COLOR_SUM,
+    COLUMNS,
+    DEPTH_COUNT,
+    DEPTH_SUM,
+    SIDE,
+    Limits,
+    Target,
+    pair_kernel,
+)
+from digs_warp.poses.views import View
+
+# Share of its diagonal that is added to an equation: nothing else holds a frame that sees little.
+DAMPING = 1e-4
+# The scales of errors are at least this, so that perfect ones divide by something: [1], [1/m].
+LEAST_COLOR, LEAST_DEPTH = 1e-3, 1e-5
+
+_TRIANGLE = np.triu_indices(6)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Means of the absolute errors: of the image (in units of its contrast), and of 1 / depth [1/m]."""
+
+    color: float
+    depth: float
+
+
+# At first, every error counts.
+ANY_ERROR = Scales(1.0, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class PairSums:
+    """What the pairs of frames say.
+
+    Attributes:
+        matrices: of the equations in a motion of the source, in the target's axes, (k, 6, 6): turn, shift.
+        sides: right sides, (k, 6).
+        target_from_source: (k, 4, 4).
+        scales: of the errors of all pairs.
+        points: number of points that were compared.
+    """
+
+    matrices: np.ndarray
+    sides: np.ndarray
+    target_from_source: np.ndarray
+    scales: Scales
+    points: int
+
+
+class PairComparison:
+    """Compares pairs of views at given poses.
+
+    Args:
+        views: n, of one size or different ones.
+        pairs: numbers of source and target, (k, 2).
+    """
+
+    def __init__(self, views: Sequence[View], pairs: np.ndarray) -> None:
+        self._pairs = pairs
+        sizes = np.cumsum([0, *(view.image.size for view in views)])
+        form: Any = Target.numpy_dtype()
+        rows = [_target(view, int(at)) for view, at in zip(views, sizes, strict=False)]
+        targets = np.array(rows, dtype=form)
+        counts = np.cumsum([0, *(len(view.points) for view in views)])
+        self._arrays = [
+            wp.array(counts.astype(np.int32), dtype=int, device="cpu"),
+            wp.array(np.concatenate([view.points for view in views]), dtype=wp.vec3, device="cpu"),
+            _floats([view.values for view in views]),
+            wp.array(targets, dtype=Target, device="cpu"),
+            _floats([view.image.reshape(-1) for view in views]),
+            _floats([view.picture.depth.reshape(-1) for view in views]),
+        ]
+
+    def sums(self, poses: np.ndarray, scales: Scales, hidden: float, threads: int = 0) -> PairSums:
+        """Return the equations of all pairs.
+
+        Args:
+            poses: ``world_from_cam``, (n, 4, 4).
+            scales: errors as large as these count half.
+            hidden: relative difference of depth from which on the target sees another surface.
+            threads: that share the work; 0: as many as usual.
+        """
+        relative = np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in self._pairs])
+        found = wp.zeros((len(self._pairs), COLUMNS), dtype=wp.float64, device="cpu")
+        limits = packed(Limits, color=scales.color, depth=scales.depth, hidden=hidden)
+        sources, targets = (wp.array(each, dtype=int, device="cpu") for each in self._pairs.T)
+        motions = wp.array(relative.astype(np.float32), dtype=wp.mat44, device="cpu")
+        inputs = [sources, targets, motions, *self._arrays, limits, found]
+        launch_parallel(pair_kernel, len(self._pairs), inputs, threads=threads)
+        return _pair_sums(found.numpy(), relative)
+
+
+def solve(sums: PairSums, pairs: np.ndarray, count: int) -> np.ndarray:
+    """Return a small motion of each of ``count`` cameras in its own axes, turn [rad] and shift [m], (n, 6).
+
+    A motion a of the source and b of the target move the source's points, in the target's axes, by
+    Ad(target_from_source) a - b.
+    """
+    matrix, side = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
+    moves = _adjoints(sums.target_from_source)
+    for each, own, moved, (i, j) in zip(sums.matrices, sums.sides, moves, pairs, strict=True):
+        matrix[i, :, i] += moved.T @ each @ moved
+        matrix[j, :, j] += each
+        matrix[i, :, j] -= moved.T @ each
+        matrix[j, :, i] -= each @ moved
+        side[i] += moved.T @ own
+        side[j] -= own
+    square = matrix.reshape(6 * count, 6 * count)
+    square[np.diag_indices(6 * count)] += DAMPING * np.diag(square) + 1e-9
+    return np.linalg.solve(square, side.reshape(-1)).reshape(count, 6)
+
+
+def _pair_sums(found: np.ndarray, relative: np.ndarray) -> PairSums:
+    matrices = np.zeros((len(found), 6, 6))
+    matrices[:, _TRIANGLE[0], _TRIANGLE[1]] = found[:, :SIDE]
+    matrices[:, _TRIANGLE[1], _TRIANGLE[0]] = found[:, :SIDE]
+    total = found.sum(axis=0)
+    color = total[COLOR_SUM] / max(total[COLOR_COUNT], 1.0)
+    depth = total[DEPTH_SUM] / max(total[DEPTH_COUNT], 1.0)
+    scales = Scales(max(LEAST_COLOR, float(color)), max(LEAST_DEPTH, float(depth)))
+    return PairSums(matrices, found[:, SIDE : SIDE + 6], relative, scales, int(total[COLOR_COUNT]))
+
+
+def _adjoints(transforms: np.ndarray) -> np.ndarray:
+    """Return what takes motions (turn, shift) in axes a to those in axes b, (k, 6, 6), for b_from_a."""
+    rotations = transforms[:, :3, :3]
+    adjoints = np.zeros((len(transforms), 6, 6))
+    adjoints[:, :3, :3] = adjoints[:, 3:, 3:] = rotations
+    columns = np.cross(transforms[:, None, :3, 3], np.swapaxes(rotations, 1, 2))
+    adjoints[:, 3:, :3] = np.swapaxes(columns, 1, 2)
+    return adjoints
+
+
+def _target(view: View, offset: int) -> tuple[object, ...]:
+    k, picture = view.picture.intrinsics, view.picture
+    motion = (tuple(picture.turn), tuple(picture.shift))
+    return (offset, k.width, k.height, k.fx, k.fy, k.cx, k.cy, *motion)
+
+
+def _floats(parts: Sequence[np.ndarray]) -> wp.array:
+    return wp.array(np.concatenate(parts).astype(np.float32), dtype=float, device="cpu")

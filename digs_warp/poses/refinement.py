@@ -1,0 +1,20 @@
+"""What became of the poses. Imports nothing heavy: reading a result must not load the alignment."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PoseRefinement:
+    """Whether poses were refined, and why.
+
+    Attributes:
+        refined: whether they were.
+        because: the reason, in words.
+        moved_mm: root mean square motion of the cameras [mm]; 0 if they were not refined.
+        turned_deg: the same of their rotation [degree].
+    """
+
+    refined: bool
+    because: str
+    moved_mm: float = 0.0
+    turned_deg: float = 0.0

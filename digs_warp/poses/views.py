@@ -1,0 +1,134 @@
+"""Frames as the alignment compares them: images without their exposure, depth, and points to look up."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.device.parallel import default_threads
+
+# Blur that takes off noise, and the neighborhood whose mean and contrast do not count [px].
+FINE, WIDE = 0.8, 6.0
+# Contrast below which a neighborhood is noise rather than texture, in 0..1.
+DULL = 0.02
+# Points of a frame that are compared, those of the largest image gradient in their part of the image.
+POINTS = 4000
+# A pixel whose neighbors' depth differs by more than this share lies on a rim, where depth is smeared.
+RIM = 0.03
+# The widest image that is compared [px].
+WIDEST = 640
+# Brightness of sRGB red, green and blue (BT.601).
+LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A frame's pixels at one size.
+
+    Attributes:
+        intrinsics: of this size.
+        brightness: 0..1, (height, width), float32.
+        depth: planar z [m], (height, width), float32, NaN where unknown.
+        turn, shift: motion of the camera while all rows are read, (3,) each, in the axes of the middle row
+            [rad, m]; 0 where it is not known.
+    """
+
+    intrinsics: Intrinsics
+    brightness: np.ndarray
+    depth: np.ndarray
+    turn: np.ndarray
+    shift: np.ndarray
+
+    def halved(self) -> "Picture":
+        """Return the picture at half the size; a last odd row or column is left out."""
+        k = self.intrinsics
+        smaller = Intrinsics(k.width // 2, k.height // 2, k.fx / 2, k.fy / 2, k.cx / 2, k.cy / 2)
+        shape = (smaller.height, 2, smaller.width, 2)
+        rows, columns = 2 * smaller.height, 2 * smaller.width
+        brightness, depth = (
+            plane[:rows, :columns].reshape(shape).mean(axis=(1, 3))
+            for plane in (self.brightness, self.depth)
+        )
+        return replace(self, intrinsics=smaller, brightness=brightness, depth=depth)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A picture as it is compared with others.
+
+    Attributes:
+        picture: what it was made from.
+        image: brightness, less its mean and over its contrast nearby, (height, width), float32.
+        points: in the axes of the camera at the middle row [m], (n, 3), float32.
+        values: of the image at the points, (n,), float32.
+    """
+
+    picture: Picture
+    image: np.ndarray
+    points: np.ndarray
+    values: np.ndarray
+
+
+def load_pictures(frames: Sequence[Frame], readout_time: float) -> list[Picture]:
+    """Read the frames on all cores, reduced to at most `WIDEST` columns; the depth of some may be missing.
+
+    Args:
+        frames: with images.
+        readout_time: from the first row to the last [s]; 0: all rows at once.
+    """
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return list(pool.map(lambda frame: _picture(frame, readout_time), frames))
+
+
+def _picture(frame: Frame, readout_time: float) -> Picture:
+    image = frame.load_image()
+    known = frame.has(Layer.DEPTH)
+    motion = frame.exposure.motion
+    found = Picture(
+        frame.camera.intrinsics,
+        image.astype(np.float32) @ (LUMA / np.float32(255)),
+        frame.load_depth() if known else np.full(image.shape[:2], np.nan, np.float32),
+        readout_time * np.array(motion.angular_velocity) if motion else np.zeros(3),
+        readout_time * np.array(motion.velocity) if motion else np.zeros(3),
+    )
+    while found.intrinsics.width > WIDEST:
+        found = found.halved()
+    return found
+
+
+def view_of(picture: Picture) -> View:
+    """Return a picture with the points that others are looked up for; without depth it has none."""
+    from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+
+    fine = gaussian_filter(picture.brightness, FINE)
+    high = fine - gaussian_filter(picture.brightness, WIDE)
+    image = (high / (np.sqrt(gaussian_filter(high**2, WIDE)) + DULL)).astype(np.float32)
+    known = np.where(np.isfinite(picture.depth), picture.depth, np.float32(-1e6))
+    flat = maximum_filter(known, 3) - minimum_filter(known, 3) < RIM * known
+    rows, columns = np.gradient(image) if min(image.shape) > 1 else (image, image)
+    y, x = _strongest(np.where(flat, np.hypot(rows, columns), 0))
+    return View(picture, image, _points(picture, y, x), image[y, x])
+
+
+def _points(picture: Picture, y: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the points of pixels, in the axes of the middle row."""
+    k, z = picture.intrinsics, picture.depth[y, x]
+    seen = np.stack([(x + 0.5 - k.cx) / k.fx * z, (y + 0.5 - k.cy) / k.fy * z, z], axis=1)
+    moment = ((y + 0.5) / k.height - 0.5)[:, None]
+    return (seen + moment * (np.cross(picture.turn, seen) + picture.shift)).astype(np.float32)
+
+
+def _strongest(strength: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of about `POINTS` pixels: in every cell of a grid the strongest above 0."""
+    cell = max(1, int(np.ceil(np.sqrt(np.count_nonzero(strength) / POINTS))))
+    height, width = (-(-n // cell) for n in strength.shape)
+    padded = np.zeros((height * cell, width * cell))
+    padded[: strength.shape[0], : strength.shape[1]] = strength
+    cells = padded.reshape(height, cell, width, cell).swapaxes(1, 2).reshape(height, width, -1)
+    rows, columns = np.nonzero(cells.max(axis=2) > 0)
+    inside = cells.argmax(axis=2)[rows, columns]
+    return rows * cell + inside // cell, columns * cell + inside % cell

@@ -1,0 +1,138 @@
+"""Alignment of frames with color and depth: the kernel's twin, poses brought back, hard input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.camera import Camera
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.geometry import invert_rigid
+from digs_warp.poses.align import align, in_place
+from digs_warp.poses.equations import PairComparison, Scales
+from digs_warp.poses.pairs import overlapping_pairs
+from digs_warp.poses.refine import refine
+from digs_warp.poses.views import view_of
+from digs_warp.sfm.perturb import perturbed_poses
+from reference.pair_twin import pair_equations
+from reference.textured_plane import INTRINSICS, picture, ring_of_poses
+
+TRUTH = ring_of_poses(8)
+PICTURES = [picture(pose) for pose in TRUTH]
+
+
+def perturbed(degrees: float = 0.5, metres: float = 0.005) -> np.ndarray:
+    return np.stack(perturbed_poses(list(TRUTH), degrees, metres, 0))
+
+
+def error_mm(poses: np.ndarray) -> float:
+    """Distance of what the cameras look at, 0.7 m ahead, after the best rigid motion of all."""
+    moved = in_place(poses, TRUTH, 0.7)
+    ahead = moved[:, :3, 3] + 0.7 * moved[:, :3, 2], TRUTH[:, :3, 3] + 0.7 * TRUTH[:, :3, 2]
+    apart = np.linalg.norm(ahead[0] - ahead[1], axis=1)
+    return 1000 * float(np.sqrt(np.mean(apart**2)))
+
+
+def frames_at(poses: np.ndarray, depth: bool = True) -> list[Frame]:
+    frames = []
+    for number, (pose, seen) in enumerate(zip(poses, PICTURES, strict=True)):
+        image = np.repeat((255 * seen.brightness).clip(0, 255).astype(np.uint8)[..., None], 3, 2)
+        layers = {Layer.IMAGE: image} | ({Layer.DEPTH: seen.depth} if depth else {})
+        frames.append(Frame(f"{number:04d}", Camera(INTRINSICS, pose), 0.1 * number, layers))
+    return frames
+
+
+def test_the_equations_of_a_pair_are_those_of_the_twin() -> None:
+    poses = perturbed(0.2, 0.002)
+    rolling = replace(PICTURES[1], turn=np.array([0.01, -0.02, 0.01]), shift=np.full(3, 0.004))
+    holes = rolling.depth.copy()
+    holes[40:60, 30:90] = np.nan
+    views = [view_of(PICTURES[0]), view_of(replace(rolling, depth=holes))]
+    pairs, scales = np.array([[0, 1], [1, 0]], np.int32), Scales(0.3, 0.02)
+    sums = PairComparison(views, pairs).sums(poses[:2], scales, 0.1)
+    for number, (i, j) in enumerate(pairs):
+        relative = invert_rigid(poses[j]) @ poses[i]
+        matrix, side = pair_equations(views[i], views[j], relative, scales, 0.1)
+        np.testing.assert_allclose(
+            sums.matrices[number], matrix, rtol=2e-3, atol=1e-4 * matrix.max()
+        )
+        np.testing.assert_allclose(sums.sides[number], side, rtol=0, atol=2e-3 * np.abs(side).max())
+
+
+def test_the_number_of_threads_changes_no_bit() -> None:
+    views = [view_of(each) for each in PICTURES]
+    comparison = PairComparison(views, overlapping_pairs(PICTURES, TRUTH))
+    one, three = (comparison.sums(perturbed(), Scales(0.3, 0.02), 0.1, n) for n in (1, 3))
+    assert (one.matrices == three.matrices).all()
+    assert (one.sides == three.sides).all()
+
+
+def test_perturbed_poses_come_back() -> None:
+    found = align(PICTURES, perturbed())
+    assert found is not None
+    assert error_mm(perturbed()) > 5.0
+    assert error_mm(found.poses) < 0.5
+    assert found.error_after < 0.5 * found.error_before
+
+
+def test_the_frames_together_are_not_moved() -> None:
+    given = perturbed()
+    found = align(PICTURES, given)
+    assert found is not None
+    np.testing.assert_allclose(in_place(found.poses, given, 0.7), found.poses, atol=2e-3)
+
+
+def test_auto_leaves_good_poses_and_refines_bad_ones() -> None:
+    frames, good = refine(frames_at(TRUTH), 0.0, needed=False)
+    assert not good.refined and good.because
+    assert all((f.camera.world_from_cam == t).all() for f, t in zip(frames, TRUTH, strict=True))
+    frames, bad = refine(frames_at(perturbed()), 0.0, needed=False)
+    assert bad.refined and bad.moved_mm > 1.0
+    assert error_mm(np.stack([frame.camera.world_from_cam for frame in frames])) < 1.0
+
+
+@pytest.mark.parametrize("broken", ["one frame", "black", "constant depth", "no depth", "all NaN"])
+def test_hard_input_gives_finite_poses_or_none(broken: str) -> None:
+    pictures, poses = list(PICTURES), perturbed()
+    if broken == "one frame":
+        pictures, poses = pictures[:1], poses[:1]
+    elif broken == "black":
+        pictures = [replace(p, brightness=np.zeros_like(p.brightness)) for p in pictures]
+    elif broken == "constant depth":
+        pictures = [replace(p, depth=np.full_like(p.depth, 0.8)) for p in pictures]
+    elif broken == "no depth":
+        pictures[2] = replace(pictures[2], depth=np.full_like(pictures[2].depth, np.nan))
+    else:
+        pictures = [replace(p, depth=np.full_like(p.depth, np.nan)) for p in pictures]
+    found = align(pictures, poses)
+    assert (found is None) == (broken in ("one frame", "all NaN"))
+    if found is not None:
+        assert np.isfinite(found.poses).all()
+
+
+def test_cameras_at_one_place_stay_there() -> None:
+    poses = np.repeat(TRUTH[:1], 4, axis=0)
+    found = align([PICTURES[0]] * 4, poses)
+    assert found is not None
+    np.testing.assert_allclose(found.poses, poses, atol=1e-4)
+
+
+def test_without_depth_on_is_refused_and_auto_says_why() -> None:
+    frames = frames_at(TRUTH, depth=False)
+    with pytest.raises(DigsError, match="--refine-poses on: no frame has depth"):
+        refine(frames, 0.0, needed=True)
+    assert refine(frames, 0.0, needed=False)[1].because == "no frame has depth"
+
+
+def test_frames_that_hold_nothing_together_keep_their_poses() -> None:
+    frames = [
+        frame.with_layer(Layer.DEPTH, np.full((120, 160), 0.8, np.float32))
+        for frame in frames_at(perturbed())
+    ]
+    with pytest.raises(DigsError, match="do not hold together"):
+        refine(frames, 0.0, needed=True)
+    kept, refinement = refine(frames, 0.0, needed=False)
+    assert not refinement.refined
+    assert kept == frames

@@ -1,0 +1,58 @@
+"""Float64 twin of `digs_warp.poses.pair_kernel`: one pair of views at a time, in NumPy."""
+
+import numpy as np
+
+from digs_warp.geometry import transform_points
+from digs_warp.poses.equations import Scales
+from digs_warp.poses.views import View
+
+
+def pair_equations(
+    source: View, target: View, target_from_source: np.ndarray, scales: Scales, hidden: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrix (6, 6) and the right side (6,)."""
+    k = target.picture.intrinsics
+    middle = transform_points(target_from_source, source.points.astype(np.float64))
+    row = k.fy * middle[:, 1] / middle[:, 2] + k.cy
+    moment = (row / k.height - 0.5)[:, None]
+    q = middle - moment * (np.cross(target.picture.turn, middle) + target.picture.shift)
+    u, v = k.fx * q[:, 0] / q[:, 2] + k.cx, k.fy * q[:, 1] / q[:, 2] + k.cy
+    inside = (q[:, 2] > 0) & (u >= 2) & (v >= 2) & (u <= k.width - 2) & (v <= k.height - 2)
+    q, u, v, values = q[inside], u[inside], v[inside], source.values[inside].astype(np.float64)
+    depth = target.picture.depth
+    z, measured = q[:, 2], _bilinear(depth, u, v)
+    seen = np.abs(z - measured) / z < hidden
+    q, u, v, z, measured, values = (each[seen] for each in (q, u, v, z, measured, values))
+    zero = np.zeros_like(z)
+    du = np.stack([k.fx / z, zero, -k.fx * q[:, 0] / z**2], axis=1)
+    dv = np.stack([zero, k.fy / z, -k.fy * q[:, 1] / z**2], axis=1)
+    color_slope = _slope(target.image, u, v, du, dv)
+    color = _bilinear(target.image, u, v) - values
+    depth_slope = -_slope(depth, u, v, du, dv) / measured[:, None] ** 2
+    inverse_slope = np.stack([zero, zero, 1 / z**2], axis=1) + depth_slope
+    matrix, side = np.zeros((6, 6)), np.zeros(6)
+    for slope, error, scale in (
+        (color_slope, color, scales.color),
+        (inverse_slope, 1 / measured - 1 / z, scales.depth),
+    ):
+        known = np.isfinite(slope).all(axis=1)
+        weight = np.where(known, 1 / (scale**2 + error**2), 0)
+        rows = np.nan_to_num(np.concatenate([np.cross(q, slope), slope], axis=1))
+        matrix += (rows * weight[:, None]).T @ rows
+        side -= rows.T @ (weight * error)
+    return matrix, side
+
+
+def _slope(
+    plane: np.ndarray, u: np.ndarray, v: np.ndarray, du: np.ndarray, dv: np.ndarray
+) -> np.ndarray:
+    across = _bilinear(plane, u + 0.5, v) - _bilinear(plane, u - 0.5, v)
+    down = _bilinear(plane, u, v + 0.5) - _bilinear(plane, u, v - 0.5)
+    return across[:, None] * du + down[:, None] * dv
+
+
+def _bilinear(plane: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    x, y = np.floor(u - 0.5).astype(int), np.floor(v - 0.5).astype(int)
+    a, b = u - 0.5 - x, v - 0.5 - y
+    top = plane[y, x] * (1 - a) + plane[y, x + 1] * a
+    return top * (1 - b) + (plane[y + 1, x] * (1 - a) + plane[y + 1, x + 1] * a) * b
