@@ -22,8 +22,8 @@ class Check(Command):
     """Say what is wrong with a capture, and how to mend it; the exit code is 1 if there is an error.
 
     Errors: wrong units, focal length, pose convention or order; depth or masks that do not lie over the
-    images; masks that are inverted or cut the object. Warnings: few views, a gap in the way around the
-    object, things that move, blur, changes of the exposure.
+    images; masks that are inverted or cut the object. Warnings: masks that other views contradict, few
+    views, a gap in the way around the object, things that move, blur, changes of the exposure.
     """
 
     capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]

@@ -6,6 +6,7 @@ from digs_warp.commands.command import Group
 from digs_warp.commands.convert import Convert
 from digs_warp.commands.export_usd import ExportUsd
 from digs_warp.commands.info import Info
+from digs_warp.commands.masks import Masks
 from digs_warp.commands.mesh import Mesh
 from digs_warp.commands.plan import Plan
 from digs_warp.commands.preference import PREFERENCE
@@ -41,6 +42,7 @@ details, --version prints the version.""",
         "mesh": Mesh,
         "info": Info,
         "usd": USD,
+        "masks": Masks,
         "sensor": SENSOR,
         "bench": BENCH,
         "study": STUDY,

@@ -15,13 +15,14 @@ def capture_files() -> list[str]:
 def reconstruction_files() -> list[str]:
     """Return what `reconstruct` writes."""
     from digs_warp.data.posed_frames import CAMERAS
-    from digs_warp.pipeline.front_end import HELD_OUT, MASKS, SFM
+    from digs_warp.pipeline.front_end import HELD_OUT, MASKS, MENDED, SFM
     from digs_warp.pipeline.reconstruction import RENDERS
     from digs_warp.segment.masks import SETTINGS
     from digs_warp.sfm.workspace import DATABASE, IMAGES, MODEL, STAGES
 
     in_sfm = (f"{DATABASE}*", f"{MODEL}/*", STAGES, f"{IMAGES}/*.png")
-    in_masks = ("*.png", SETTINGS, f"{HELD_OUT}/*.png", f"{HELD_OUT}/{SETTINGS}")
+    in_held_out = (f"{HELD_OUT}/*.png", f"{HELD_OUT}/{SETTINGS}")
+    in_masks = ("*.png", SETTINGS, *in_held_out, f"{MENDED}/*.png")
     return [
         *(layout.INITIAL_POINTS, layout.CHECKPOINT, layout.TRAINING, layout.GAUSSIANS),
         *(layout.EVALUATION, CAMERAS, f"{layout.COURSE}/*.npz", f"{RENDERS}/*.png"),

@@ -31,6 +31,7 @@ from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
+from digs_warp.segment.agreed import agreed_masks
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import check_inputs, segment, with_masks
 from digs_warp.sfm.config import SfmConfig
@@ -42,6 +43,7 @@ logger = logging.getLogger(__name__)
 SFM = "sfm"
 MASKS = "masks"
 HELD_OUT = "held_out"
+MENDED = "mended"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,6 +187,11 @@ def front_end(
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
+    if subject == "object" and config.segment.mends_masks:
+        with log.stage("mask agreement"):
+            training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)
+        frames = replace(frames, training=tuple(training))
+        doubts = (*doubts, doubt) if doubt else doubts
     if config.scale_from is not None:
         frames, model, own = in_true_size(frames, model, own, config.scale_from)
     scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)

@@ -5,6 +5,7 @@ from typing import Any
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.plausibility.agreement_of_masks import masks_that_disagree
 from digs_warp.plausibility.check import Plausibility, check_capture
 from digs_warp.plausibility.finding import Finding
 from digs_warp.plausibility.photographs import Photographs, look_at_photographs
@@ -17,12 +18,14 @@ class FullCheck:
 
     Attributes:
         plausibility: whether depth, poses, focal length and masks fit together.
+        masks: single masks that the other views contradict.
         views: too few of them, or sides of the object that nobody looked at.
         photographs: what the photographs are like.
         not_checked: what could not be looked at, and why.
     """
 
     plausibility: Plausibility
+    masks: tuple[Finding, ...]
     views: tuple[Finding, ...]
     photographs: Photographs
     not_checked: tuple[str, ...]
@@ -31,7 +34,7 @@ class FullCheck:
     def findings(self) -> tuple[Finding, ...]:
         """What does not fit or could be better, the gravest first."""
         found = self.plausibility.findings
-        more = (*self.views, *self.photographs.findings)
+        more = (*self.masks, *self.views, *self.photographs.findings)
         if any(each.is_error for each in found):
             # What needs right poses and depth says nothing then.
             more = tuple(each for each in more if each.kind == "blur")
@@ -56,6 +59,7 @@ def check_fully(capture: Capture) -> FullCheck:
     """
     return FullCheck(
         check_capture(capture),
+        tuple(masks_that_disagree(capture)),
         tuple(few_views(capture) or gap_in_views(capture)),
         look_at_photographs(capture),
         _not_checked(capture),

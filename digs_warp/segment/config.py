@@ -12,10 +12,15 @@ from digs_warp.checks import DigsError
 class SegmentConfig:
     """Where object masks come from."""
 
-    masks: Literal["capture", "folder", "isnet", "depth", "degraded"] = "capture"
+    masks: Literal["capture", "folder", "isnet", "isnet+depth", "depth", "degraded"] = "capture"
     """Object masks. capture: those of the recording; folder: those in --mask-folder; isnet: the network
-    isnet-general-use; depth: the foreground of the depth maps, without a network; degraded: those of the
+    isnet-general-use; depth: the foreground of the depth maps, without a network; isnet+depth: the network,
+    on the part of the image where the depth has a foreground, and only there; degraded: those of the
     recording with errors, to measure what they cost."""
+
+    mask_agreement: Literal["on", "off"] = "on"
+    """Mend masks that most other views contradict: with 'on', a point that most of them call surround is
+    surround. Needs depth."""
 
     instance: int | None = None
     """For capture: the number of one object of a recording of several ('digs-warp info' lists them). Default:
@@ -25,8 +30,8 @@ class SegmentConfig:
     """For folder: PNG files named like the frames (0000.png); 255 on the object, or cut-outs with alpha."""
 
     mask_model: Path | None = None
-    """For isnet: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net, where rembg keeps
-    it."""
+    """For isnet and isnet+depth: the network as an ONNX file. Default: isnet-general-use.onnx in ~/.u2net,
+    where rembg keeps it."""
 
     mask_error: float = 1.0
     """For degraded: size of the errors. 0: none; 1: a typical failure; 2: twice as large."""
@@ -42,10 +47,20 @@ class SegmentConfig:
         check_flag("--instance", self.instance)
         if self.instance is not None and self.masks != "capture":
             raise DigsError(f"--instance {self.instance}: needs --masks capture")
-        if self.mask_model is not None and self.masks != "isnet":
-            raise DigsError("--mask-model needs --masks isnet")
+        if self.mask_model is not None and not self.runs_network:
+            raise DigsError("--mask-model needs --masks isnet or isnet+depth")
         check_flag("--mask-error", self.mask_error)
         check_flag("--seed", self.mask_seed)
+
+    @property
+    def runs_network(self) -> bool:
+        """Whether a network makes the masks."""
+        return self.masks in ("isnet", "isnet+depth")
+
+    @property
+    def mends_masks(self) -> bool:
+        """Whether masks that other views contradict are mended; not those of one of several objects."""
+        return self.mask_agreement == "on" and self.instance is None
 
     @property
     def source(self) -> str:

@@ -21,6 +21,7 @@ from digs_warp.record.progress import progress
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.degrade import degrade_mask
 from digs_warp.segment.from_depth import mask_from_depth
+from digs_warp.segment.in_foreground import mask_in_foreground
 from digs_warp.segment.network import MaskNetwork, default_model_path, require_network
 
 logger = logging.getLogger(__name__)
@@ -36,6 +37,7 @@ _INPUTS = {
     "instance": (Layer.MASK, Layer.INSTANCES),
     "folder": (Layer.IMAGE,),
     "isnet": (Layer.IMAGE,),
+    "isnet+depth": (Layer.IMAGE, Layer.DEPTH),
     "depth": (Layer.IMAGE, Layer.DEPTH),
     "degraded": (Layer.MASK,),
 }
@@ -106,8 +108,12 @@ def _make(
 def _mask_maker(config: SegmentConfig) -> MaskOf:
     if config.instance is not None:
         return partial(_mask_of_instance, config.instance)
-    if config.masks == "isnet":
+    if config.runs_network:
         network = MaskNetwork(config.mask_model or default_model_path(), default_threads())
+        if config.masks == "isnet+depth":
+            return lambda _, frame: mask_in_foreground(
+                network.mask, frame.load_image(), frame.load_depth()
+            )
         return lambda _, frame: network.mask(frame.load_image())
     if config.masks == "depth":
         return lambda _, frame: mask_from_depth(frame.load_image(), frame.load_depth())
@@ -121,7 +127,7 @@ def _mask_maker(config: SegmentConfig) -> MaskOf:
 
 def _workers(config: SegmentConfig) -> int:
     # onnxruntime spreads one image over all cores.
-    return 1 if config.masks == "isnet" else default_threads()
+    return 1 if config.runs_network else default_threads()
 
 
 def _mask_of_instance(instance: int, _: int, frame: Frame) -> np.ndarray:
@@ -149,7 +155,7 @@ def _mask_from_folder(folder: Path, _: int, frame: Frame) -> np.ndarray:
 
 def check_source(config: SegmentConfig) -> None:
     """Raise a `DigsError` when the network or the folder that the settings name is missing."""
-    if config.masks == "isnet":
+    if config.runs_network:
         require_network(config.mask_model or default_model_path())
     if config.mask_folder is not None and not config.mask_folder.is_dir():
         raise DigsError(f"--mask-folder '{config.mask_folder}': no such folder. Check the path.")
@@ -179,7 +185,7 @@ def _key(frames: Sequence[Frame], config: SegmentConfig) -> str:
     sources = [frame.layers[layer] for frame in frames for layer in _INPUTS[config.source]]
     if config.mask_folder is not None:
         sources += [config.mask_folder / f"{frame.name}.png" for frame in frames]
-    if config.masks == "isnet":
+    if config.runs_network:
         model = config.mask_model or default_model_path()
         sources += [model] if model.is_file() else []
     return hashlib.sha256(to_json([config, list(map(_state, sources))]).encode()).hexdigest()

@@ -21,39 +21,12 @@ from digs_warp.segment.network import (
 )
 from digs_warp.segment.score import intersection_over_union
 from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
+from reference.tiny_network import write_network
 
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
     return list(write_tiny_capture(tmp_path_factory.mktemp("masks") / "capture", frames=4).frames)
-
-
-def write_network(path: Path, channels: int = 1) -> Path:
-    """A network of isnet's shape: the red channel at half the size, and another output to be ignored."""
-    import onnx
-    from onnx import TensorProto, helper
-
-    nodes = [
-        helper.make_node("Slice", ["image", "starts", "ends", "axes"], ["red"]),
-        helper.make_node("AveragePool", ["red"], ["mask"], kernel_shape=[2, 2], strides=[2, 2]),
-        helper.make_node("Neg", ["mask"], ["other"]),
-    ]
-    constants = [
-        helper.make_tensor(name, TensorProto.INT64, [1], [value])
-        for name, value in (("starts", 0), ("ends", channels), ("axes", 1))
-    ]
-    shape = [1, 3, 1024, 1024]
-    image = helper.make_tensor_value_info("image", TensorProto.FLOAT, shape)
-    outputs = [
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, channels, 512, 512])
-        for name in ("mask", "other")
-    ]
-    graph = helper.make_graph(nodes, "isnet in small", [image], outputs, constants)
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
-    model.ir_version = 8
-    onnx.checker.check_model(model)
-    onnx.save(model, str(path))
-    return path
 
 
 def masks_of(paths: list[Path]) -> list[np.ndarray]:

@@ -1,0 +1,119 @@
+"""What the other views say about a mask: each point that a frame measures is looked up in their masks.
+
+A point that most views call surround is surround, whatever one mask says.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.geometry import invert_rigid
+from digs_warp.plausibility.small_frames import SmallFrame
+
+# This many other views vote: of the nearer half of all, every n-th.
+VOTERS = 12
+
+# A view votes on a point if it measures it at the same depth, within this share.
+SAME_DEPTH = 0.05
+
+# Fewer votes on a pixel say nothing, nor do votes on less than this share of the image.
+FEWEST_VOTES, LEAST_KNOWN = 3, 0.1
+
+# A mask that overlaps with the votes by less is contradicted. Good masks of nine simulated objects do not
+# fall below it, even where 10 of 24 are empty, cut in half or hold a neighboring object; of those, 9 do.
+AGREES = 0.65
+
+# Where the best quarter of the masks overlaps by less than this, the depth is too bad to vote. Good depth
+# reaches 0.83, that of a thin, mirroring sword 0.54.
+TRUSTED, BEST = 0.67, 0.75
+
+
+@dataclass(frozen=True, eq=False)
+class MaskVotes:
+    """The votes on one mask.
+
+    Attributes:
+        known: pixels of the thumbnail with enough votes, (height, width), bool.
+        is_object: those of them that most views call object.
+        agreement: overlap of the mask with the votes where they are known (intersection over union); 1 where
+            they say too little.
+    """
+
+    known: np.ndarray
+    is_object: np.ndarray
+    agreement: float
+
+
+def mask_votes(frames: Sequence[SmallFrame]) -> list[MaskVotes]:
+    """Return the votes on the mask of each frame; all of them have masks.
+
+    There are two rounds: in the second one only the half votes that agreed best in the first.
+    """
+    first = _round(frames, range(len(frames)))
+    middle = np.median([each.agreement for each in first])
+    return _round(frames, [n for n, each in enumerate(first) if each.agreement >= middle])
+
+
+def _round(frames: Sequence[SmallFrame], voters: Sequence[int]) -> list[MaskVotes]:
+    centers = np.stack([frame.camera.center_world for frame in frames])
+    return [
+        _votes(frame, [frames[other] for other in _nearer(centers, number, voters)])
+        for number, frame in enumerate(frames)
+    ]
+
+
+def contradicted(votes: Sequence[MaskVotes]) -> list[int]:
+    """Return the numbers of the masks that the others contradict; none where the votes cannot be trusted."""
+    agreements = [each.agreement for each in votes]
+    if not agreements or np.quantile(agreements, BEST) < TRUSTED:
+        return []
+    return [number for number, each in enumerate(agreements) if each < AGREES]
+
+
+def _nearer(centers: np.ndarray, number: int, voters: Sequence[int]) -> list[int]:
+    """Return those of the voters that vote on a frame."""
+    others = np.array([other for other in voters if other != number], dtype=int)
+    away = np.linalg.norm(centers[others] - centers[number], axis=1)
+    nearer = others[np.argsort(away, kind="stable")][: max(VOTERS, len(others) // 2)]
+    return nearer[:: max(1, len(nearer) // VOTERS)][:VOTERS].tolist()
+
+
+def _votes(frame: SmallFrame, others: Sequence[SmallFrame]) -> MaskVotes:
+    rows, columns = np.nonzero(np.isfinite(frame.depth))
+    pixels = np.stack([columns + 0.5, rows + 0.5], axis=1)
+    points = frame.camera.unproject(pixels, frame.depth[rows, columns].astype(np.float64))
+    votes, for_object = np.zeros((2, len(points)))
+    for other in others:
+        assert other.mask is not None
+        pixel, depth = _looked_up(points, other)
+        measured = other.depth.reshape(-1)[pixel]
+        with np.errstate(invalid="ignore"):
+            sees = (pixel >= 0) & (np.abs(measured - depth) < SAME_DEPTH * depth)
+        votes += sees
+        for_object += sees & other.mask.reshape(-1)[pixel]
+    known, is_object = np.zeros((2, *frame.depth.shape), dtype=bool)
+    enough = votes >= FEWEST_VOTES
+    known[rows[enough], columns[enough]] = True
+    is_object[rows[enough], columns[enough]] = for_object[enough] > votes[enough] / 2
+    assert frame.mask is not None
+    return MaskVotes(known, is_object, _overlap(frame.mask, known, is_object))
+
+
+def _looked_up(points: np.ndarray, frame: SmallFrame) -> tuple[np.ndarray, np.ndarray]:
+    """Return which pixel of a frame shows each world point, -1 for none, and its depth [m], (n,)."""
+    cam_from_world, k = invert_rigid(frame.camera.world_from_cam), frame.camera.intrinsics
+    x, y, depth = (points @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = k.fx * x / depth + k.cx, k.fy * y / depth + k.cy
+        inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
+    pixel = np.full(len(points), -1)
+    pixel[inside] = v[inside].astype(np.intp) * k.width + u[inside].astype(np.intp)
+    return pixel, depth
+
+
+def _overlap(mask: np.ndarray, known: np.ndarray, is_object: np.ndarray) -> float:
+    either = np.count_nonzero(known & (mask | is_object))
+    if known.mean() < LEAST_KNOWN or not (known & is_object).any():
+        return 1.0
+    return np.count_nonzero(known & mask & is_object) / either
