@@ -69,6 +69,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; und
 pages: setup ## Run all other benchmarks for the documentation; an hour on a quiet machine
 	$(BIN)/python scripts/pages.py convergence options train init init-noise masks sfm sfm-full sfm-sensor \
 		paper-length usd render mesh splat-files
+	$(BIN)/python scripts/recordings_page.py
 
 test: setup ## The test suite (first installs missing system libraries with apt, when run as root)
 	@scripts/install_system_libraries.sh

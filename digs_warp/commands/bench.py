@@ -35,12 +35,15 @@ class Bench(Command):
 
         for flag, path in self._files().items():
             check_output_file(path, self.overwrite, flag=flag)
-        results = find_benchmark(self.name).run()
+        results = self._measure()
         parts = [format_tables(results)]
         if self.json is not None:
             write_json_lines(results, self.json)
             parts.append(f"{counted(len(results), 'result')}, also in {self.json}")
         return "\n\n".join([*parts, *self._draw(results)])
+
+    def _measure(self) -> "list[Result]":
+        return find_benchmark(self.name).run()
 
     def _files(self) -> dict[str, Path]:
         """Return the files to write, by flag."""
@@ -69,12 +72,30 @@ class BenchWithPicture(Bench):
         return [f"drawn in {self.plot}"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class BenchOfCases(Bench):
+    """Run a benchmark, or some of its cases."""
+
+    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")] = ()
+    """Measure only these. Default: all that are there."""
+
+    def _measure(self) -> "list[Result]":
+        return find_benchmark(self.name).run(self.only)
+
+
 def _preset(benchmark: Benchmark) -> Preset:
-    kind = BenchWithPicture if benchmark.chart_function else Bench
+    kind = _kind(benchmark)
     measured = benchmark.summary[0].upper() + benchmark.summary[1:]
-    return Preset(
-        kind(name=benchmark.name), f"{measured}.\n\nMeasures this and prints the results as tables."
-    )
+    about = f"{measured}.\n\nMeasures this and prints the results as tables."
+    if benchmark.cases:
+        about += f" --only takes some of {', '.join(benchmark.cases)}."
+    return Preset(kind(name=benchmark.name), about)
+
+
+def _kind(benchmark: Benchmark) -> type[Bench]:
+    if benchmark.cases:
+        return BenchOfCases
+    return BenchWithPicture if benchmark.chart_function else Bench
 
 
 BENCH = Group(

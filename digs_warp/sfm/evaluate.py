@@ -1,10 +1,11 @@
 """Estimated cameras against true ones, up to the similarity that structure from motion cannot know."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from digs_warp.camera import Camera
 from digs_warp.checks import DigsError, check_shape
 from digs_warp.data.frame import Frame
 from digs_warp.data.sfm_model import SfmModel
@@ -71,12 +72,21 @@ def pose_errors(model: SfmModel, frames: Sequence[Frame]) -> PoseErrors:
     Raises:
         DigsError: fewer than three cameras, or cameras on one line.
     """
+    return camera_errors(dict(zip(model.names, model.cameras, strict=True)), frames)
+
+
+def camera_errors(cameras: Mapping[str, Camera], frames: Sequence[Frame]) -> PoseErrors:
+    """Compare cameras, by the names of their frames, with those of ``frames``, taken as true.
+
+    Raises:
+        DigsError: fewer than three cameras, or cameras on one line.
+    """
     true = {frame.name: frame.camera for frame in frames}
-    truths = [true[name] for name in model.names]
-    found = np.array([camera.center_world for camera in model.cameras])
+    truths = [true[name] for name in cameras]
+    found = np.array([camera.center_world for camera in cameras.values()])
     expected = np.array([camera.center_world for camera in truths])
     alignment = umeyama(found, expected)
-    turned = np.array([alignment.rotation @ c.world_from_cam[:3, :3] for c in model.cameras])
+    turned = np.array([alignment.rotation @ c.world_from_cam[:3, :3] for c in cameras.values()])
     rotations = np.array([c.world_from_cam[:3, :3] for c in truths])
     # The Frobenius norm of R - S is 2 sqrt(2) sin(angle / 2): exact for small angles, unlike the trace.
     chords = np.linalg.norm((turned - rotations).reshape(-1, 9), axis=1) / np.sqrt(8.0)

@@ -20,9 +20,10 @@ class Benchmark:
     Attributes:
         name: as the command line takes it.
         summary: one line for the help.
-        function: takes nothing and returns a list of `Result`.
+        function: returns a list of `Result`; takes names out of ``cases``, if there are any, or nothing.
         page: file in docs/ that shows its tables (`scripts/pages.py`).
         chart_function: takes the results and returns charts; empty: there are none.
+        cases: names of the cases, where one can measure some of them.
     """
 
     name: str
@@ -30,10 +31,11 @@ class Benchmark:
     function: str
     page: str
     chart_function: str = ""
+    cases: tuple[str, ...] = ()
 
-    def run(self) -> "list[Result]":
-        """Import the module and measure."""
-        return _load(self.function)()
+    def run(self, only: Sequence[str] = ()) -> "list[Result]":
+        """Import the module and measure all cases, or ``only`` some of `cases`."""
+        return _load(self.function)(*([only] if only else []))
 
     def charts(self, results: "Sequence[Result]") -> "Sequence[Chart]":
         """Return what the results look like."""
@@ -206,5 +208,15 @@ BENCHMARKS = (
         "what is learned from simulated scenes, with and without ground, tried on real frames",
         "bench_transfer:bench_transfer",
         "scenes.md",
+    ),
+    Benchmark(
+        "recordings",
+        "real recordings, poses as recorded and estimated: held-out quality, depth error, what goes wrong",
+        "bench_recordings:bench_recordings",
+        "real-recordings.md",
+        cases=(
+            *("hololens_room_sequence", "tum_cabinet_orbit", "lund_door_photos"),
+            *("euroc_static_stereo", "zed2i_stereo_pair"),
+        ),
     ),
 )

@@ -103,6 +103,8 @@ def test_a_benchmark_says_what_it_measures(capsys: pytest.CaptureFixture[str]) -
         text = "\n".join(help_lines(["bench", benchmark.name, "--help"], capsys))
         assert benchmark.summary[1:] in text
         assert ("--plot" in text) == bool(benchmark.chart_function)
+        assert ("--only" in text) == bool(benchmark.cases)
+        assert all(case in text for case in benchmark.cases)
 
 
 # Commands of commands
