@@ -105,7 +105,8 @@ class DegradationCurve:
             if error < LARGEST_FALL * highest:
                 return (
                     f"the error falls while the noise rises, from strength {at:g} to {strength:g}: it "
-                    "measures something else, or leaves out what is bad"
+                    "measures something else, or leaves out what is bad. If another seed changes that, it is "
+                    "chance: more or larger frames make it settle"
                 )
             if error > highest:
                 highest, at = error, strength
@@ -126,13 +127,22 @@ class DegradationCurve:
             pieces.append((s0, s1, exponent))
         return pieces
 
+    def shares(self) -> list[float]:
+        """Return each error as a share of the largest, 0 to 1; 0 for those that are no numbers."""
+        largest = max((error for error in self.errors if math.isfinite(error)), default=0.0)
+        return [
+            max(error / largest, 0.0) if math.isfinite(error) and largest > 0 else 0.0
+            for error in self.errors
+        ]
+
+    def to_json(self) -> dict[str, list[float]]:
+        """Return the curve as lists."""
+        return {"strengths": list(self.strengths), "errors": list(self.errors)}
+
     def __str__(self) -> str:
         """A table with a bar per strength."""
-        finite = [error for error in self.errors if math.isfinite(error)]
-        largest = max(finite, default=0.0)
         lines = ["strength        error"]
-        for strength, error in zip(self.strengths, self.errors, strict=True):
-            share = error / largest if math.isfinite(error) and largest > 0 else 0.0
-            bar = "#" * round(BAR_WIDTH * max(share, 0.0))
+        for strength, error, share in zip(self.strengths, self.errors, self.shares(), strict=True):
+            bar = "#" * round(BAR_WIDTH * share)
             lines.append(f"{strength:8g} {error:12.5g} {bar}".rstrip())
         return "\n".join(lines)

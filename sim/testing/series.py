@@ -82,11 +82,13 @@ class NoiseSeries:
         config: of the recording at strength 1.
         strengths: factors on the sensor's errors; 0: perfect depth, 1: as the real sensor.
         cache: keeps the captures.
+        on_curve: called with the name of each function that was measured, and its curve.
     """
 
     config: SimulateConfig
     strengths: tuple[float, ...]
     cache: CaptureCache
+    on_curve: Callable[[str, DegradationCurve], None] = lambda _name, _curve: None
 
     def __post_init__(self) -> None:
         check_strengths(self.strengths)
@@ -113,7 +115,9 @@ class NoiseSeries:
             except Exception as failure:
                 failure.add_note(f"on the simulated capture at sensor noise strength {strength:g}")
                 raise
-        return DegradationCurve(self.strengths, tuple(errors))
+        curve = DegradationCurve(self.strengths, tuple(errors))
+        self.on_curve(getattr(error, "__name__", type(error).__name__), curve)
+        return curve
 
 
 def check_strengths(strengths: Iterable[float]) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.testing import each
 from digs_warp.sim.testing.curve import DegradationCurve
 from digs_warp.sim.testing.plugin import read_marker
 from digs_warp.sim.testing.series import CaptureCache, NoiseSeries
@@ -268,6 +269,54 @@ def test_the_worked_example_passes_in_another_project(tmp_path: Path) -> None:
     done = run_pytest(tmp_path, "-q")
     assert done.returncode == 0, done.stdout + done.stderr
     assert list(tmp_path.glob(".pytest_cache/d/sensor_noise/*/*/transforms.json"))
+
+
+EACH = """
+import pytest
+from digs_warp.sim.testing import each
+
+@pytest.mark.sensor_noise(
+    effects=each("shot-noise", "static-field"), strengths=(0, 1, 4), frames=1, width=48, height=36
+)
+def test_effects(sensor_noise, request):
+    curve = sensor_noise.measure(noise)
+    assert "static" not in request.node.name, "<planned>"
+
+def noise(capture):
+    return len(capture)
+"""
+
+
+@pytest.mark.parametrize("processes", [(), ("--numprocesses", "2")])
+def test_each_effect_is_a_test_of_its_own_and_the_page_has_its_curve(
+    processes: tuple[str, ...], tmp_path: Path
+) -> None:
+    (tmp_path / "test_each.py").write_text(EACH)
+    page = tmp_path / "noise.html"
+    done = run_pytest(tmp_path, "-q", "--sensor-noise-report", str(page), *processes)
+    assert "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
+    assert "test_each.py::test_effects[static-field]" in done.stdout
+    text = page.read_text()
+    assert "test_each.py::test_effects[shot-noise]: noise" in text
+    assert text.count("<table>") == 2
+    assert text.count('class="failed"') == text.count('class="passed"') == 1
+    assert "https://" not in text and "<script" not in text
+
+
+def test_each_names_effects_that_exist() -> None:
+    marker = pytest.mark.sensor_noise(effects=each("shot-noise", "shot-nose")).mark
+    with pytest.raises(DigsError, match="shot-nose"):
+        read_marker(marker)
+    (config, _) = read_marker(
+        pytest.mark.sensor_noise(effects=each("shot-noise")).mark, "shot-noise"
+    )
+    assert config.effects == "shot-noise"
+
+
+def test_without_measurements_the_page_says_so(tmp_path: Path) -> None:
+    (tmp_path / "test_nothing.py").write_text("def test_nothing(): pass")
+    run_pytest(tmp_path, "--sensor-noise-report", str(tmp_path / "noise.html"))
+    assert "0 curves" in (tmp_path / "noise.html").read_text()
 
 
 def test_the_marker_is_described(tmp_path: Path) -> None:
