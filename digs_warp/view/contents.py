@@ -19,6 +19,7 @@ from digs_warp.pipeline.scene_files import UpAxis, read_scene
 from digs_warp.record import layout
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.view.sensed_points import sensed_points
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -99,7 +100,7 @@ def _of_capture(folder: Path) -> Contents:
         )
     sparse = capture.load_points()
     points = {"points of the recording": sparse} if sparse is not None else {}
-    facts = (f"{len(frames)} frames of {capture.frames[0].camera.intrinsics.width} px",)
+    facts = (f"{counted(len(frames), 'frame')} of {frames[0].camera.intrinsics.width} px",)
     return Contents(
         folder.name,
         facts,
@@ -115,7 +116,7 @@ def _of_mesh(path: Path) -> Contents:
 
     scene = load_scene(path)
     mesh = TriangleMesh(scene.vertices, scene.faces, srgb_vertex_colors(scene))
-    return Contents(path.name, (f"{len(mesh):,} triangles",), meshes={"mesh": mesh})
+    return Contents(path.name, (counted(len(mesh), "triangle"),), meshes={"mesh": mesh})
 
 
 def _of_reconstruction(path: Path, result: Reconstruction) -> Contents:
@@ -146,7 +147,7 @@ def _stages(result: Reconstruction) -> Iterable[Stage]:
 
 
 def _facts(result: Reconstruction) -> tuple[str, ...]:
-    facts = [f"{len(result.gaussians):,} Gaussians, degree {result.gaussians.sh_degree}"]
+    facts = [f"{counted(len(result.gaussians), 'Gaussian')}, degree {result.gaussians.sh_degree}"]
     if result.scores.views:
         mean = result.scores.mean
         facts.append(f"held out: {mean.psnr_object:.2f} dB, SSIM {mean.ssim_object:.3f}")

@@ -43,10 +43,10 @@ def test_planted_defects_are_noticed(worker: Worker, tmp_path: Path, line: str, 
 @pytest.mark.slow
 def test_damaged_inputs_of_every_kind_are_read_or_refused(tmp_path: Path) -> None:
     """`python scripts/fuzz.py --count 556` does the same at length; docs/stability.md has its result."""
-    tallies = fuzz(KINDS, count=2, seed=2026, keep=tmp_path / "kept")
+    tallies = fuzz(KINDS, count=1, seed=2026, keep=tmp_path / "kept")
     assert len(tallies) == 21
     assert not list(tmp_path.glob("kept/*")), table(tallies).text()
-    assert all(len(tally.outcomes) == 2 for tally in tallies.values())
+    assert all(len(tally.outcomes) == 1 for tally in tallies.values())
 
 
 def test_a_kept_input_can_be_run_again(tmp_path: Path) -> None:
