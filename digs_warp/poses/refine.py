@@ -44,7 +44,7 @@ def refine(
         return _left(frames, "no two frames with depth show the same surface", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)
     if gain < LEAST_GAIN and not needed:
-        return _left(frames, f"with refined poses the frames would differ {gain:.0%} less", needed)
+        return _left(frames, f"with refined poses the frames would differ {_less(gain)}", needed)
     motion = _motion(given, found.poses)
     if motion[1] > LARGEST_TURN:
         return _left(frames, f"the frames do not hold together: turned by {motion[1]:.1f}°", needed)
@@ -52,7 +52,7 @@ def refine(
         replace(frame, camera=replace(frame.camera, world_from_cam=pose))
         for frame, pose in zip(frames, found.poses, strict=True)
     ]
-    return posed, PoseRefinement(True, f"the frames differ {gain:.0%} less", *motion)
+    return posed, PoseRefinement(True, f"the frames differ {_less(gain)}", *motion)
 
 
 def _left(
@@ -63,6 +63,10 @@ def _left(
             f"--refine-poses on: {because}; record overlapping frames with depth, or use --poses sfm"
         )
     return list(frames), PoseRefinement(False, because)
+
+
+def _less(gain: float) -> str:
+    return f"{gain:.0%} less" if gain >= 0 else f"{-gain:.0%} more"
 
 
 def _motion(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:

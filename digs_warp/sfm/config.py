@@ -61,7 +61,7 @@ class SfmConfig:
     translation_error: float = 0.005
     """For perturbed: standard deviation of the camera's position along each axis [m]."""
 
-    refine_poses: Literal["off", "auto", "on"] = "off"
+    refine_poses: Literal["off", "auto", "on"] = "auto"
     """Whether the poses are refined before anything is made from them, by aligning color and depth of
     overlapping frames, held-out ones included. off: never; auto: if the frames then agree much better, but
     not for the exact poses of a simulation; on: always."""
