@@ -72,6 +72,7 @@ def test_without_pycolmap_matching_is_refused_before_any_work(
     ("module", "remedy", "command"),
     [
         ("open3d", "open3d", "mesh {splats} --out {out}.ply"),
+        ("open3d", "open3d", "reconstruct {capture} --poses rgbd --out {out}"),
         ("trimesh", "trimesh", "simulate --mesh {mesh} --frames 1 --width 32 --out {out}"),
         ("yaml", "pyyaml", "simulate --config {yaml} --out {out}"),
         ("pxr", "usd-core", "usd info {usda}"),

@@ -26,8 +26,10 @@ from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_imag
 from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.subject import SubjectChoice, say_subject, subject_of
+from digs_warp.pipeline.tracked_poses import tracked
 from digs_warp.plausibility.check import check_capture
 from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.poses.tracking import Tracking, check_depth
 from digs_warp.record.layout import INITIAL_POINTS, RUN_RECORD
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog, RunRecord
@@ -66,7 +68,7 @@ class FrontEndConfig:
     def needs_sfm(self) -> bool:
         """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
         is_scaled = self.mono.mono_depth is not None
-        return self.sfm.poses != "capture" or self.init.needs_sfm or is_scaled
+        return self.sfm.poses in ("sfm", "perturbed") or self.init.needs_sfm or is_scaled
 
     @property
     def takes_recorded_points(self) -> bool:
@@ -89,6 +91,7 @@ class Prepared:
         subject: what is reconstructed; the frames of a scene have no masks.
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
         refinement: whether the poses were refined, and why.
+        tracking: how well poses found by color and depth fit together, where they were.
     """
 
     frames: PosedFrames
@@ -99,6 +102,7 @@ class Prepared:
     subject: Subject = "object"
     metric_scale: MetricScale | None = None
     refinement: PoseRefinement | None = None
+    tracking: Tracking | None = None
 
     @staticmethod
     def load(capture: Capture, folder: Path) -> "Prepared":
@@ -120,6 +124,7 @@ class Prepared:
             results.subject,
             results.metric_scale,
             results.refinement,
+            results.tracking,
         )
 
 
@@ -129,10 +134,13 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
     Raises:
         DigsError: no poses, too few frames, or masks or their source are missing.
     """
-    if not capture.knows_poses and config.sfm.poses != "sfm":
+    if not capture.knows_poses and config.sfm.poses not in ("sfm", "rgbd"):
+        other = ", or with --poses rgbd from color and depth" if capture.has_depth else ""
         raise DigsError(
-            f"{capture}: the recording has no camera poses; estimate them with --poses sfm"
+            f"{capture}: the recording has no camera poses; estimate them with --poses sfm{other}"
         )
+    if config.sfm.poses == "rgbd":
+        check_depth(capture.frames)
     check_scale_from(capture, config.scale_from)
     check_mono_depth(capture, config.mono)
     _check_instance(capture, config.segment.instance)
@@ -166,6 +174,10 @@ def front_end(
     if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
         return Prepared.load(capture, folder)
     check_front_end(capture, config)
+    tracking: Tracking | None = None
+    if config.sfm.poses == "rgbd":
+        with log.stage("track"):
+            capture, tracking = tracked(capture, config.sfm)
     frames = _split(capture, config.test_every)
     subject = subject_of(capture, config.subject, config.segment)
     say_subject(capture, config.subject, subject)
@@ -227,6 +239,7 @@ def front_end(
         subject=subject,
         metric_scale=scale,
         refinement=refinement,
+        tracking=tracking,
     )
     _save(prepared, capture, folder, log)
     return prepared
@@ -241,6 +254,7 @@ def _save(prepared: Prepared, capture: Capture, folder: Path, log: RunLog) -> No
         subject=prepared.subject,
         metric_scale=prepared.metric_scale,
         refinement=prepared.refinement,
+        tracking=prepared.tracking,
     )
     log.results = results.to_json()
     log.save(folder / RUN_RECORD)

@@ -12,6 +12,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames, with_cameras
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import looked_at
+from digs_warp.device.libraries import MissingLibraryError
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.scale import ScaleEstimate, estimate_scale
@@ -34,12 +35,25 @@ class MetricModel:
 
 
 def match_images(capture: Capture, config: SfmConfig, workspace: Path) -> "SfmResult":
-    """Estimate the poses of all frames, held-out ones included: evaluation needs their poses."""
+    """Estimate the poses of all frames, held-out ones included: evaluation needs their poses.
+
+    Raises:
+        DigsError: as of `digs_warp.sfm.estimate.structure_from_motion`.
+    """
     from digs_warp.sfm.estimate import structure_from_motion
 
     if config.readout_time is None:
         config = replace(config, readout_time=capture.readout_time)
-    return structure_from_motion(capture.frames, config, workspace)
+    if config.poses == "rgbd":  # these are known by now
+        config = replace(config, poses="capture")
+    try:
+        return structure_from_motion(capture.frames, config, workspace)
+    except MissingLibraryError:
+        raise
+    except DigsError as error:
+        if config.poses != "sfm" or not capture.has_depth:
+            raise
+        raise DigsError(f"{error}; or use the depth of a film, too: --poses rgbd") from error
 
 
 def in_metres(

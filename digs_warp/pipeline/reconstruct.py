@@ -12,7 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import CAMERAS
-from digs_warp.device.libraries import import_pycolmap
+from digs_warp.device.libraries import import_open3d, import_pycolmap
 from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import MAX_SCALE_RATIO, SCENE_SCALE_RATIO, seed_gaussians
 from digs_warp.init.view_dependence import view_dependence
@@ -96,6 +96,8 @@ def check_machine(config: ReconstructConfig) -> None:
     require_device(config.train.device)
     if config.needs_sfm:
         import_pycolmap()
+    if config.sfm.poses == "rgbd":
+        import_open3d()
 
 
 def _drop_what_follows(lost: Sequence[str], folder: Path) -> None:
@@ -149,6 +151,7 @@ def _reconstruct(
             subject=prepared.subject,
             metric_scale=prepared.metric_scale,
             refinement=prepared.refinement,
+            tracking=prepared.tracking,
             shutter=shutter,
             color=color,
         )

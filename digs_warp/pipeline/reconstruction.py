@@ -25,6 +25,7 @@ from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
 from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.poses.tracking import Tracking
 from digs_warp.record.fields import Fields
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.layout import (
@@ -79,6 +80,7 @@ class Reconstruction:
         metric_scale: whether lengths are in metres, and how that is known; None where nothing says it.
         surface: how far the surface is from the true one; None where that is not known.
         refinement: whether the poses were refined, and why; None where it is not known.
+        tracking: how well poses found by color and depth fit together, where they were.
         shutter: whether the training drew the rolling shutter, and why; None where it is not known.
         color: the degree of the color that the photographs called for; None where the settings said which.
     """
@@ -100,6 +102,7 @@ class Reconstruction:
     metric_scale: MetricScale | None = None
     surface: SurfaceError | None = None
     refinement: PoseRefinement | None = None
+    tracking: Tracking | None = None
     shutter: ShutterPlan | None = None
     color: ViewDependence | None = None
 
@@ -145,6 +148,7 @@ class Reconstruction:
             subject=self.subject,
             metric_scale=self.metric_scale,
             refinement=self.refinement,
+            tracking=self.tracking,
             shutter=self.shutter,
             color=self.color,
             gaussians=len(self.gaussians),
@@ -286,6 +290,7 @@ class Reconstruction:
             metric_scale=results.metric_scale,
             surface=results.surface,
             refinement=results.refinement,
+            tracking=results.tracking,
             shutter=results.shutter,
             color=results.color,
         )

@@ -25,6 +25,8 @@ def refined(
         return frames, PoseRefinement(False, "--refine-poses off")
     if config.refine_poses == "auto" and capture.about.tier and config.poses == "capture":
         return frames, PoseRefinement(False, "the poses are those of a simulation")
+    if config.refine_poses == "auto" and config.poses == "rgbd":
+        return frames, PoseRefinement(False, "the poses were aligned when they were found")
     readout_time = config.readout_time
     if readout_time is None:
         readout_time = capture.readout_time or 0.0

@@ -11,6 +11,7 @@ from digs_warp.init.start import DepthReport, Initialization, Subject
 from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Score
 from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.poses.tracking import Tracking
 from digs_warp.record.fields import Fields
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
@@ -36,6 +37,7 @@ class Results:
         because: what they are and why, in words.
         depth: how many pixels of the depth maps were used, if the start is from depth.
         refinement: whether the poses were refined, and why.
+        tracking: how well poses found by color and depth fit together, where they were.
         shutter: whether the training draws the rolling shutter, and why.
         color: the degree of the color that the photographs call for; None: the settings said which.
         initial_points, gaussians: how many.
@@ -59,6 +61,7 @@ class Results:
     because: str | None = None
     depth: DepthReport | None = None
     refinement: PoseRefinement | None = None
+    tracking: Tracking | None = None
     shutter: ShutterPlan | None = None
     color: ViewDependence | None = None
     initial_points: int | None = None
@@ -110,6 +113,7 @@ class Results:
             "scale": asdict(self.scale) if self.scale else None,
             "initialization": start,
             "pose_refinement": asdict(self.refinement) if self.refinement else None,
+            "tracking": asdict(self.tracking) if self.tracking else None,
             "rolling_shutter": asdict(self.shutter) if self.shutter else None,
             "view_dependence": self.color.to_json() if self.color else None,
             "initial_points": self.initial_points,
@@ -149,6 +153,7 @@ class Results:
             because=start.text("because", None),
             depth=_depth_report(start),
             refinement=_refinement(found),
+            tracking=_dataclass(Tracking, found, "tracking"),
             shutter=_shutter(found),
             color=_color(found),
             initial_points=found.whole("initial_points", default=None),

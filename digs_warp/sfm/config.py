@@ -14,9 +14,10 @@ LONGEST_READOUT = 0.5
 class SfmConfig:
     """Where camera poses and sparse points come from."""
 
-    poses: Literal["sfm", "capture", "perturbed"] = "sfm"
-    """Camera poses. sfm: estimated from the images; capture: those of the recording, points are only
-    triangulated; perturbed: the same after moving every camera by a random error."""
+    poses: Literal["sfm", "rgbd", "capture", "perturbed"] = "sfm"
+    """Camera poses. sfm: estimated from the images; rgbd: from color and depth; capture: those of the
+    recording, points are only triangulated; perturbed: the same after moving every camera by a random
+    error."""
 
     feature_size: int = 1200
     """Longest side [px] of the images used for feature detection; larger images are reduced to it. Smaller

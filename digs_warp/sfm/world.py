@@ -36,7 +36,7 @@ def upright_world(cameras: Sequence[Camera], center: np.ndarray) -> np.ndarray:
     z = upward(cameras)
     if z is None:
         raise DigsError(
-            "structure from motion: the images are turned in all directions, so nothing tells where up is; "
+            "estimated poses: the images are turned in all directions, so nothing tells where up is; "
             "give the recording's poses, or leave out the images that are turned"
         )
     ahead = center - cameras[0].center_world

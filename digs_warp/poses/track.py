@@ -1,0 +1,267 @@
+"""Poses of a recording from nothing but its color and depth, for scenes with too little texture to match."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from digs_warp.checks import DigsError
+from digs_warp.data.frame import Frame
+from digs_warp.device.libraries import import_open3d
+from digs_warp.geometry import invert_rigid
+from digs_warp.poses.align import align
+from digs_warp.poses.edges import Edge, disagreement, edge_between, starts_for, usual_distance
+from digs_warp.poses.pairs import overlapping_pairs
+from digs_warp.poses.tracking import Tracking, check_depth, some_of
+from digs_warp.poses.views import Picture, load_pictures
+from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
+
+# The widest image of the odometry [px]; the alignment in the end looks at more.
+WIDEST = 320
+# Frames that disagree more were not placed: true motions of 3 to 20 degrees have 0.3 to 1.0.
+BROKEN = 1.05
+# Poses that differ more from the motions between frames contradict themselves [degree]: those of good
+# recordings differ by 0.1 to 0.5, those with wrong motions between frames by 1.2 and more.
+CONTRADICTION = 1.0
+# Loops for each frame, at most: those of the best overlap come first.
+LOOPS_PER_FRAME = 6
+# Motions that contradict the others by more than this are dropped by the pose graph (0 to 1).
+PRUNE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """What was found.
+
+    Attributes:
+        poses: ``world_from_cam``, (n, 4, 4); the world is the first camera.
+        middle: of the nearer half of what is seen, in the world [m], (3,).
+        tracking: how well it fits together.
+    """
+
+    poses: np.ndarray
+    middle: np.ndarray
+    tracking: Tracking
+
+
+def track(frames: Sequence[Frame], readout_time: float) -> Tracked:
+    """Find the poses of all frames, in metres.
+
+    Odometry from frame to frame; loops where frames overlap that are not neighbors; a pose graph of all
+    motions (Choi et al., "Robust reconstruction of indoor scenes", CVPR 2015); in the end `align` over all
+    frames at once.
+
+    Args:
+        frames: at least two, in order of time, all with depth; their cameras' poses are not used.
+        readout_time: from the first row to the last [s]; 0: all rows at once.
+
+    Raises:
+        DigsError: frames without depth, or neighbors that do not show the same: the message names them.
+        MissingLibraryError: Open3D is not installed.
+    """
+    import_open3d()
+    check_depth(frames)
+    pictures = load_pictures(frames, readout_time)
+    _check_measured(frames, pictures)
+    small = [_reduced(picture) for picture in pictures]
+    chain = _chain(small)
+    _check_whole(frames, chain)
+    rough = _along(chain)
+    loops = _loops(small, rough)
+    placed = _optimized(rough, chain, loops)
+    found = align(pictures, placed)
+    poses = placed if found is None else _better(small, placed, found.poses, chain)
+    poses = invert_rigid(poses[0]) @ poses
+    tracking = _told(small, poses, rough, loops)
+    _check_agreement(tracking)
+    return Tracked(poses, _middle(small, poses), tracking)
+
+
+def _check_measured(frames: Sequence[Frame], pictures: Sequence[Picture]) -> None:
+    blind = [
+        frame.name
+        for frame, picture in zip(frames, pictures, strict=True)
+        if not np.isfinite(picture.depth).any()
+    ]
+    if blind:
+        raise DigsError(
+            f"--poses rgbd: the depth of {counted(len(blind), 'frame')} ({some_of(blind)}) is empty; leave "
+            "them out, or use --poses sfm"
+        )
+
+
+def _reduced(picture: Picture) -> Picture:
+    while picture.intrinsics.width > WIDEST:
+        picture = picture.halved()
+    return picture
+
+
+def _chain(pictures: Sequence[Picture]) -> list[Edge]:
+    """Return the motion from each frame to the next."""
+    edges: list[Edge] = []
+    before = np.eye(4)
+    for number in range(len(pictures) - 1):
+        edge = edge_between(pictures, number, number + 1, starts_for(pictures[number], before))
+        edges.append(edge)
+        before = edge.target_from_source if edge.disagreement <= BROKEN else np.eye(4)
+    return edges
+
+
+def _check_whole(frames: Sequence[Frame], chain: Sequence[Edge]) -> None:
+    broken = [edge for edge in chain if edge.disagreement > BROKEN]
+    if not broken:
+        return
+    names = [f"{frames[edge.source].name} and {frames[edge.target].name}" for edge in broken]
+    hint = (
+        "are these two recordings in one? Reconstruct each alone"
+        if len(broken) == 1
+        else "are they in order of time, and at most 10 degrees apart? Take more of the film's frames"
+    )
+    raise DigsError(
+        f"--poses rgbd: tracking broke at {len(broken)} of {counted(len(chain), 'step')}, between frames "
+        f"{some_of(names)}: color and depth do not show the same; {hint}, or use --poses sfm"
+    )
+
+
+def _check_agreement(tracking: Tracking) -> None:
+    if tracking.residual_deg > CONTRADICTION:
+        raise DigsError(
+            f"--poses rgbd: the motions between frames contradict each other by {tracking.residual_mm:.0f} "
+            f"mm and {tracking.residual_deg:.1f}° (median of {tracking.loops} loops, expected at most "
+            f"{CONTRADICTION}°): too little tells frames apart; take frames nearer to each other in time (at "
+            "most 10 degrees), or use --poses sfm"
+        )
+
+
+def _along(chain: Sequence[Edge]) -> np.ndarray:
+    """Return ``world_from_cam`` of each frame from the motions one after the other, (n, 4, 4)."""
+    poses = [np.eye(4)]
+    for edge in chain:
+        poses.append(poses[-1] @ invert_rigid(edge.target_from_source))
+    return np.stack(poses)
+
+
+def _loops(pictures: Sequence[Picture], poses: np.ndarray) -> list[Edge]:
+    """Return measured motions between frames that overlap but are not neighbors, farthest in time first."""
+    pairs = [(i, j) for i, j in overlapping_pairs(pictures, poses).tolist() if j > i + 1]
+    taken = np.zeros(len(pictures), np.intp)
+    found: list[Edge] = []
+    for i, j in sorted(pairs, key=lambda pair: (pair[0] - pair[1], pair)):
+        if max(taken[i], taken[j]) >= LOOPS_PER_FRAME:
+            continue
+        taken[[i, j]] += 1
+        edge = edge_between(pictures, i, j, [invert_rigid(poses[j]) @ poses[i]])
+        if edge.disagreement <= BROKEN:
+            found.append(edge)
+    return found
+
+
+def _optimized(rough: np.ndarray, chain: Sequence[Edge], loops: Sequence[Edge]) -> np.ndarray:
+    """Return the poses that fit all motions best; loops that contradict the others do not count."""
+    registration = import_open3d().pipelines.registration
+    graph = registration.PoseGraph()
+    for pose in rough:
+        graph.nodes.append(registration.PoseGraphNode(pose))
+    for edges, uncertain in ((chain, False), (loops, True)):
+        for edge in edges:
+            motion, known = edge.target_from_source, edge.information
+            graph.edges.append(
+                registration.PoseGraphEdge(edge.source, edge.target, motion, known, uncertain)
+            )
+    registration.global_optimization(
+        graph,
+        registration.GlobalOptimizationLevenbergMarquardt(),
+        registration.GlobalOptimizationConvergenceCriteria(),
+        registration.GlobalOptimizationOption(edge_prune_threshold=PRUNE, reference_node=0),
+    )
+    return np.stack([node.pose for node in graph.nodes])
+
+
+def _better(
+    pictures: Sequence[Picture], placed: np.ndarray, aligned: np.ndarray, chain: Sequence[Edge]
+) -> np.ndarray:
+    """Return the poses under which neighbors agree better: where little holds them, they may slide."""
+
+    def total(poses: np.ndarray) -> float:
+        return sum(
+            disagreement(
+                pictures[e.source],
+                pictures[e.target],
+                invert_rigid(poses[e.target]) @ poses[e.source],
+            )
+            for e in chain
+        )
+
+    return aligned if total(aligned) <= total(placed) else placed
+
+
+def _told(
+    pictures: Sequence[Picture], poses: np.ndarray, rough: np.ndarray, loops: Sequence[Edge]
+) -> Tracking:
+    drift, residual = (_apart(each, loops) for each in (rough, poses))
+    return Tracking(
+        frames=len(poses),
+        loops=len(loops),
+        longest_loop=max((edge.target - edge.source for edge in loops), default=0),
+        loop_mm=drift[0],
+        loop_deg=drift[1],
+        residual_mm=residual[0],
+        residual_deg=residual[1],
+        depth_mm=_depth_apart(pictures, poses),
+    )
+
+
+def _apart(poses: np.ndarray, loops: Sequence[Edge]) -> tuple[float, float]:
+    """Return the median difference of loops from poses [mm, degree]."""
+    if not loops:
+        return 0.0, 0.0
+    motions = [
+        invert_rigid(e.target_from_source) @ invert_rigid(poses[e.target]) @ poses[e.source]
+        for e in loops
+    ]
+    lengths = [np.linalg.norm(motion[:3, 3]) for motion in motions]
+    # The Frobenius norm of R - 1 is 2 sqrt(2) sin(angle / 2).
+    chords = [np.linalg.norm(motion[:3, :3] - np.eye(3)) / np.sqrt(8.0) for motion in motions]
+    turns = np.degrees(2 * np.arcsin(np.minimum(chords, 1.0)))
+    return round(1000 * float(np.median(lengths)), 4), round(float(np.median(turns)), 4)
+
+
+def _depth_apart(pictures: Sequence[Picture], poses: np.ndarray) -> float:
+    """Return the median difference of depth between neighbors [mm]."""
+    medians = []
+    for number in range(len(pictures) - 1):
+        first, second = pictures[number], pictures[number + 1]
+        points = _points(first, invert_rigid(poses[number + 1]) @ poses[number])
+        points = points[points[:, 2] > 0]
+        k = second.intrinsics
+        u = points[:, 0] / points[:, 2] * k.fx + k.cx
+        v = points[:, 1] / points[:, 2] * k.fy + k.cy
+        inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        measured = second.depth[v[inside].astype(np.intp), u[inside].astype(np.intp)]
+        apart = np.abs(measured - points[inside, 2])
+        # Only what is the same surface.
+        same = apart < 0.1 * usual_distance(second)
+        medians.append(float(np.median(apart[same])) if same.any() else np.nan)
+    return round(1000 * float(np.nanmedian(medians)), 4) if np.isfinite(medians).any() else 0.0
+
+
+def _points(picture: Picture, world_from_cam: np.ndarray) -> np.ndarray:
+    """Return every tenth measured point in the world, (k, 3)."""
+    rows, columns = np.argwhere(np.isfinite(picture.depth))[::10].T
+    k, z = picture.intrinsics, picture.depth[rows, columns].astype(np.float64)
+    seen = np.stack([(columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z, z], axis=1)
+    return seen @ world_from_cam[:3, :3].T + world_from_cam[:3, 3]
+
+
+def _middle(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
+    """Return the median of the nearer half of what each frame sees, (3,): walls are not what is looked at."""
+    near = [
+        replace(each, depth=np.where(each.depth <= np.nanmedian(each.depth), each.depth, np.nan))
+        for each in pictures
+    ]
+    return np.median(
+        np.concatenate([_points(*each) for each in zip(near, poses, strict=True)]), axis=0
+    )

@@ -1,0 +1,89 @@
+"""--poses rgbd: an object in an almost white room, whose poses nobody knows."""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import digs_warp as dw
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
+from digs_warp.pipeline.front_end import FrontEndConfig, front_end
+from digs_warp.pipeline.results import Results
+from digs_warp.poses.align import in_place
+from digs_warp.record.layout import RUN_RECORD
+from digs_warp.record.run_log import RunLog, RunRecord
+from digs_warp.sfm.config import SfmConfig
+from reference.optional import open3d_or_skip
+
+CONFIG = FrontEndConfig(sfm=SfmConfig(poses="rgbd"), test_every=4)
+# How far poses may be off in the median and at worst [mm], [degree]: 240 x 135 pixels, an arc of 60 degrees,
+# noise of 18 mm in the depth of what is mostly 2 m away. Errors add up from frame to frame.
+CENTERS_MM, TURNS_DEG = (25.0, 70.0), (1.6, 4.0)
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """An arc around the built-in object; white walls, law-like depth."""
+    white = tmp_path_factory.mktemp("white") / "white.png"
+    across = np.cos(np.linspace(0, 2 * np.pi, 128))[None, :, None]
+    pixels = np.broadcast_to(228 + 8 * across, (64, 128, 3)).astype(np.uint8)
+    write_image(white, np.ascontiguousarray(pixels))
+    settings = {"environment": white, "width": 240, "tier": "law", "path": "arc", "seed": 2}
+    whole = dw.simulate(frames=40, elevations=(35.0,), **settings)
+    return replace(whole, frames=whole.frames[:18])
+
+
+def unknown(capture: Capture) -> Capture:
+    lost = [replace(f, camera=replace(f.camera, world_from_cam=np.eye(4))) for f in capture.frames]
+    about = replace(capture.about, poses_known=False)
+    return replace(capture, frames=tuple(lost), about=about)
+
+
+def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
+    capture: Capture, tmp_path: Path
+) -> None:
+    open3d_or_skip()
+    prepared = front_end(unknown(capture), CONFIG, tmp_path, RunLog("test", {}))
+    assert not (tmp_path / "sfm").exists()
+    by_time = [frame for frame, _ in prepared.frames.by_time]
+    assert len(by_time) == len(capture)  # held-out ones are placed with the others
+    found = np.stack([frame.camera.world_from_cam for frame in by_time])
+    true = np.stack([frame.camera.world_from_cam for frame in capture.frames])
+    moved = in_place(found, true, 0.6)
+    apart = 1000 * np.linalg.norm((moved - true)[:, :3, 3], axis=1)
+    assert np.median(apart) < CENTERS_MM[0] and apart.max() < CENTERS_MM[1]
+    turns = np.degrees(np.linalg.norm((moved - true)[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0))
+    assert np.median(turns) < TURNS_DEG[0] and turns.max() < TURNS_DEG[1]
+    # z is up in the images; the origin is in the middle of what is seen.
+    assert (found[:, 2, 1] < -0.5).all()
+    low, high = prepared.start.points.bounds
+    assert (low < 0.3).all() and (high > -0.3).all()
+    assert prepared.tracking is not None and prepared.tracking.loops > 0
+    record = RunRecord.find(tmp_path)
+    assert record is not None
+    assert Results.read(record, tmp_path / RUN_RECORD).tracking == prepared.tracking
+
+
+def test_without_depth_in_all_frames_nothing_starts(capture: Capture, tmp_path: Path) -> None:
+    frames = [frame.without_layer(Layer.DEPTH) for frame in capture.frames]
+    blind = replace(unknown(capture), frames=tuple(frames))
+    with pytest.raises(DigsError, match="18 of 18 frames have no depth"):
+        front_end(blind, CONFIG, tmp_path, RunLog("test", {}))
+    with pytest.raises(DigsError, match="or with --poses rgbd from color and depth"):
+        front_end(unknown(capture), FrontEndConfig(), tmp_path, RunLog("test", {}))
+
+
+def test_a_failed_match_of_images_names_the_other_way(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.ERROR)
+    grey = np.full((135, 240, 3), 200, np.uint8)
+    frames = [frame.with_layer(Layer.IMAGE, grey) for frame in capture.frames[:4]]
+    plain = replace(unknown(capture), frames=tuple(frames))
+    with pytest.raises(DigsError, match="use the depth of a film, too: --poses rgbd"):
+        front_end(plain, FrontEndConfig(sfm=SfmConfig()), tmp_path, RunLog("test", {}))
