@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
-from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
@@ -22,7 +21,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import ENVIRONMENT, sample_data
+from digs_warp.study.scenes import with_meshes
 from digs_warp.train.config import Density, Stop, TrainConfig
 
 # The first was looked at while the hull was written, the second was kept aside.
@@ -59,20 +58,11 @@ def bench_no_depth(
         iterations: training steps.
         starts: names in `STARTS`.
     """
-    data = data or sample_data()
-    present = [mesh for mesh in meshes if (data / "meshes" / mesh).is_dir()]
-    if not present:
-        raise DigsError(f"bench no-depth: no sample meshes in '{data}'; set DIGS_WARP_SAMPLE_DATA")
     recording = recording or SimulateConfig(frames=FRAMES, width=WIDTH)
-    surround = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
+    scenes = with_meshes(recording, meshes, data, "no-depth")
     results = []
-    with progress(len(present) * len(starts), "Measuring", "run") as bar:
-        for mesh in present:
-            scene = replace(
-                recording,
-                mesh=data / "meshes" / mesh / f"{mesh}.glb",
-                environment=surround if surround.is_file() else None,
-            )
+    with progress(len(scenes) * len(starts), "Measuring", "run") as bar:
+        for mesh, scene in scenes.items():
             with tempfile.TemporaryDirectory() as folder:
                 capture = simulate(scene, Path(folder) / "capture")
                 for start in starts:

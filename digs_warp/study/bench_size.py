@@ -11,14 +11,13 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-from digs_warp.checks import DigsError
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import ENVIRONMENT, OBJECT_SIZE, sample_data
+from digs_warp.study.scenes import OBJECT_SIZE, with_meshes
 from digs_warp.train.config import Stop, TrainConfig
 
 # 6 cm to 2 m; the last two were kept aside until the default was chosen.
@@ -50,20 +49,11 @@ def bench_size(
         recording: its frames and image size; None: those of the published table.
         iterations: training steps.
     """
-    data = data or sample_data()
-    present = [mesh for mesh in meshes if (data / "meshes" / mesh).is_dir()]
-    if not present:
-        raise DigsError(f"bench size: no sample meshes in '{data}'; set DIGS_WARP_SAMPLE_DATA")
     recording = recording or SimulateConfig(frames=FRAMES, width=WIDTH)
-    surround = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
+    scenes = with_meshes(recording, meshes, data, "size")
     results = []
-    with progress(len(present) * len(SETTINGS), "Measuring", "run") as bar:
-        for mesh in present:
-            scene = replace(
-                recording,
-                mesh=data / "meshes" / mesh / f"{mesh}.glb",
-                environment=surround if surround.is_file() else None,
-            )
+    with progress(len(scenes) * len(SETTINGS), "Measuring", "run") as bar:
+        for mesh, scene in scenes.items():
             for name, (changes, voxel) in SETTINGS.items():
                 results.append(_measured(mesh, name, replace(scene, **changes), voxel, iterations))
                 bar.update()

@@ -2,8 +2,12 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from digs_warp.checks import DigsError
+from digs_warp.sim.config import SimulateConfig
 
 BUILT_IN = "built-in vase"
 
@@ -29,6 +33,34 @@ def sample_data() -> Path:
 def voxel_size(strategy: str) -> float:
     """Return the edge length [m] of the voxels that studies give a strategy of initialization."""
     return COARSE_VOXEL if strategy == "depth" else VOXEL
+
+
+def with_meshes(
+    recording: SimulateConfig, meshes: Sequence[str], data: Path | None, bench: str
+) -> dict[str, SimulateConfig]:
+    """Return the recording of each sample mesh that is there, by its name.
+
+    Args:
+        recording: of every mesh.
+        meshes: names of sample meshes.
+        data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
+        bench: the benchmark that asks, for the message.
+
+    Raises:
+        DigsError: none of the meshes is there.
+    """
+    data = data or sample_data()
+    present = [mesh for mesh in meshes if (data / "meshes" / mesh).is_dir()]
+    if not present:
+        raise DigsError(f"bench {bench}: no sample meshes in '{data}'; set DIGS_WARP_SAMPLE_DATA")
+    surround = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
+    environment = surround if surround.is_file() else None
+    return {
+        mesh: replace(
+            recording, mesh=data / "meshes" / mesh / f"{mesh}.glb", environment=environment
+        )
+        for mesh in present
+    }
 
 
 def objects(count: int, first: Sequence[str] = ()) -> dict[str, dict[str, Any]]:
