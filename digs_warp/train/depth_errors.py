@@ -1,6 +1,6 @@
 """What is wrong with measured depth, as the photographs tell: an offset of its disparity, and its noise.
 
-A calibration that has drifted moves a whole surface by millimeters to centimeters, in every frame alike, so
+A drifted calibration moves a whole surface by millimeters to centimeters, by the same in every frame, so
 averaging does not remove it. But the photographs contradict it: they put the surface where their rays meet.
 After each rendering, the offset of its view is the median of 1/d - 1/z (d measured, z rendered); that of the
 recording is the median over the views. The depth term compares with the depth without it: it holds the shape.

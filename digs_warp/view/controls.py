@@ -115,9 +115,10 @@ class Controls:
         self._pictures.on_update(lambda _: action())
 
     def on_crop(self, action: Action) -> None:
-        """Call ``action`` when the box has changed."""
-        for switch in (self.cuts, self.box_center, self.box_size):
-            switch.on_update(lambda _: action())
+        """Call ``action`` when something else is cut."""
+        self.cuts.on_update(lambda _: action())
+        for side in (self.box_center, self.box_size):
+            side.on_update(lambda _: action() if self.cuts.value else None)
 
     def on_save(self, save: Callable[[Path], str]) -> None:
         """Call ``save`` with the file's name when the button is pressed, and show what it returns."""

@@ -13,7 +13,7 @@ from digs_warp.view.server import started
 NAME = "training"
 HOST, FIRST_PORT = "127.0.0.1", 8080
 
-# Showing takes at most this share of the time, and happens at most once in so many seconds.
+# Updates of the page take at most this share of the time, and are at least this many seconds apart.
 MOST_SHARE, LEAST_SECONDS = 0.03, 1.0
 
 

@@ -51,6 +51,7 @@ class Page:
         self._streamers: dict[int, Streamer] = {}
         self._changing = threading.RLock()
         self._renderer: TrueRenderer | None = None
+        self._rendered: list[int] = []  # whose Gaussians the renderer holds
         self.controls = Controls(server.gui, contents)
         self._connect()
         server.initial_camera.position = FIRST_EYE
@@ -90,8 +91,7 @@ class Page:
                 visible &= not (true_render and layer == nodes.GAUSSIANS)
                 for handle in handles:
                     handle.visible = visible
-            self._renderer = None
-            for streamer in self._streamers.values():
+            for streamer in list(self._streamers.values()):  # browsers come and go meanwhile
                 streamer.update()
 
     def save(self, target: Path) -> str:
@@ -110,7 +110,7 @@ class Page:
 
     def end(self) -> None:
         """Stop what runs for the browsers."""
-        for streamer in self._streamers.values():
+        for streamer in list(self._streamers.values()):
             streamer.end()
 
     def _connect(self) -> None:
@@ -183,14 +183,12 @@ class Page:
             shown = self.controls.true_render
             if shown is None:
                 return None
-            if self._renderer is None:
-                sets = [
-                    self._page_gaussians(number)
-                    for number in range(len(self._contents))
-                    if self.controls.shows(number, nodes.GAUSSIANS)
-                ]
-                found = [each for each in sets if each is not None]
+            everyone = range(len(self._contents))
+            numbers = [n for n in everyone if self.controls.shows(n, nodes.GAUSSIANS)]
+            if self._renderer is None or self._rendered != numbers:
+                found = [page for n in numbers if (page := self._page_gaussians(n)) is not None]
                 self._renderer = TrueRenderer(joined(found)) if found else None
+                self._rendered = numbers
             return (self._renderer, shown) if self._renderer else None
 
     def _welcome(self, client: "viser.ClientHandle") -> None:
