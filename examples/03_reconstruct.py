@@ -13,7 +13,7 @@ capture = dw.simulate(frames=frames, width=width)
 
 # Settings are the flags of `digs-warp reconstruct`. `capture` may also be a folder.
 result = dw.reconstruct(capture, iterations=10 * frames, strategy="depth")
-print(f"{len(result.gaussians):,} Gaussians, {result.scores}")
+print(f"{len(result.gaussians):,} Gaussians, {result.quality}")
 for stage, seconds in result.seconds.items():
     print(f"  {seconds:6.2f} s  {stage}")
 for row in result.course:

@@ -26,4 +26,4 @@ with TemporaryDirectory() as folder:
 
     # Without poses of your own: poses="sfm". Without masks: masks="depth".
     result = dw.reconstruct(capture, iterations=10 * frames, masks="depth")
-    print(f"{len(result.gaussians):,} Gaussians, {result.scores}")
+    print(f"{len(result.gaussians):,} Gaussians, {result.quality}")

@@ -16,7 +16,7 @@ def format_facts(facts: dict[str, str]) -> str:
 
 def reconstruction_words(result: "Reconstruction", frames: int) -> str:
     """Say how many Gaussians there are, from what, and how good they are."""
-    from digs_warp.report.summaries import surface_words
+    from digs_warp.report.facts.results import surface_words
 
     depth = result.start.depth if result.start else None
     scale = result.metric_scale
@@ -27,5 +27,5 @@ def reconstruction_words(result: "Reconstruction", frames: int) -> str:
         voxels = f" in voxels of {size}"
     gaussians = counted(len(result.gaussians), "Gaussian")
     unknown = [] if is_known else ["scale unknown"]
-    words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", str(result.scores)]
+    words = [f"{gaussians} from {counted(frames, 'frame')}{voxels}", result.quality]
     return ", ".join(words + surface_words(result) + unknown)

@@ -107,7 +107,7 @@ class Run(ReconstructionOptions, SettingsCommand):
 
 
 def _summary(folder: Path, log: RunLog, what: str) -> str:
-    from digs_warp.report.summaries import recorded_object
+    from digs_warp.report.facts.captures import recorded_object
 
     places = {
         "capture": layout.CAPTURE,

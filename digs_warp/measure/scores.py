@@ -76,11 +76,20 @@ class Scores:
         return mean_score(self.views)
 
     def __str__(self) -> str:
-        """Return one phrase for summaries."""
+        """Return one phrase for summaries, of an object."""
+        return self.words()
+
+    def words(self, has_object: bool = True) -> str:
+        """Return one phrase for summaries.
+
+        Args:
+            has_object: False: the whole frame was reconstructed, so its figures are the only ones.
+        """
         mean = self.mean
-        words = [] if math.isnan(mean.psnr_object) else [f"PSNR {mean.psnr_object:.2f} dB"]
-        words += [] if math.isnan(mean.ssim_object) else [f"SSIM {mean.ssim_object:.4f}"]
-        on_object = f"{' and '.join(words) or 'no measure'} on the object"
+        if not has_object:
+            figures = _figures(mean.psnr_frame, mean.ssim_frame)
+            return f"{figures} over the frame in {counted(len(self.views), 'held-out view')}"
+        on_object = f"{_figures(mean.psnr_object, mean.ssim_object)} on the object"
         frame = "" if math.isnan(mean.psnr_frame) else f" ({mean.psnr_frame:.2f} dB over the frame)"
         return f"{on_object} in {counted(len(self.views), 'held-out view')}{frame}"
 
@@ -100,6 +109,12 @@ class Scores:
         _metrics(scores.section("mean"))  # stored for other readers; we compute it from the views
         views = scores.sections("views")
         return Scores(tuple(ViewScore(name=view.text("name"), **_metrics(view)) for view in views))
+
+
+def _figures(psnr: float, ssim: float) -> str:
+    words = [] if math.isnan(psnr) else [f"PSNR {psnr:.2f} dB"]
+    words += [] if math.isnan(ssim) else [f"SSIM {ssim:.4f}"]
+    return " and ".join(words) or "no measure"
 
 
 def mean_score(scores: Sequence[Score]) -> Score:

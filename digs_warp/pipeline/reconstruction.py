@@ -139,6 +139,11 @@ class Reconstruction:
         return measured[-1] if measured else None
 
     @property
+    def quality(self) -> str:
+        """How well the held-out views match, in a phrase that names what was compared."""
+        return self.scores.words(has_object=self.subject == "object")
+
+    @property
     def results(self) -> Results:
         """The counts and figures in run.json."""
         last = self.course[-1] if self.course else None

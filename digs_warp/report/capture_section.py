@@ -63,13 +63,22 @@ def capture_section(capture: Capture, doubts: Sequence[str] = ()) -> str:
     warnings = "".join(f"<p><strong>Warning:</strong> {escape(doubt)}</p>" for doubt in doubts)
     return section(
         "Capture",
-        f"{len(frames)} of {len(capture)} frames, evenly spaced. Depths share one colour scale that is "
-        "fitted to the object; what lies farther has its darkest colour. Errors are shown on the object.",
+        f"{len(frames)} of {len(capture)} frames, evenly spaced. {_scale_words(frames)}",
         warnings,
         picture_grid(headings, rows),
         f"<div class=legends>{''.join(legends)}</div>",
         swatches(causes) if (causes := describe_causes(capture, frames)) else "",
     )
+
+
+def _scale_words(frames: Sequence[Frame]) -> str:
+    """Say which pixels the color scales of depths and their errors fit."""
+    if any(frame.has(Layer.MASK) for frame in frames):
+        return (
+            "Depths share one colour scale that is fitted to the object; what lies farther has its darkest "
+            "colour. Errors are shown on the object."
+        )
+    return "Depths share one colour scale that is fitted to everything in view."
 
 
 def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:

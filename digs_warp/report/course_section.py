@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import isfinite
 
+from digs_warp.init.start import Subject
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.report.markup import chart, section, table
 from digs_warp.report.plots import Line, line_chart
@@ -17,10 +18,11 @@ _Value = Callable[[CourseRow], float | None]
 def course_section(result: Reconstruction) -> str:
     """Return the section; charts without two values are left out."""
     rows = result.course
+    psnr, ssim = _shown(_PSNR, result.subject), _shown(_SSIM, result.subject)
     charts = [
-        *_quality_chart(rows, _iteration, "iterations", _PSNR, "PSNR [dB]"),
-        *_quality_chart(rows, lambda row: row.seconds, "training time [s]", _PSNR, "PSNR [dB]"),
-        *_quality_chart(rows, _iteration, "iterations", _SSIM, "SSIM"),
+        *_quality_chart(rows, _iteration, "iterations", psnr, "PSNR [dB]"),
+        *_quality_chart(rows, lambda row: row.seconds, "training time [s]", psnr, "PSNR [dB]"),
+        *_quality_chart(rows, _iteration, "iterations", ssim, "SSIM"),
         *_adherence_chart(rows),
         *_loss_chart(rows),
         *_splats_chart(rows),
@@ -34,6 +36,11 @@ def course_section(result: Reconstruction) -> str:
         *([table(["Decision", "Because"], decisions)] if decisions else []),
         f"<div class=charts>{''.join(charts)}</div>",
     )
+
+
+def _shown(metrics: dict[str, str], subject: Subject) -> dict[str, str]:
+    """Return the metrics that differ: where no object was cut out, it has none of its own."""
+    return {k: v for k, v in metrics.items() if subject == "object" or k.endswith("_frame")}
 
 
 def _decisions(result: Reconstruction) -> list[tuple[str, str]]:

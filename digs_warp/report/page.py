@@ -5,6 +5,8 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.init.start import Subject
+from digs_warp.measure.scores import Score
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record.files import write_atomically
 from digs_warp.report.capture_section import capture_section
@@ -83,17 +85,32 @@ def _surface_cards(result: Reconstruction) -> list[str]:
     return cards
 
 
+def _object_cards(mean: Score) -> list[str]:
+    return [
+        card("PSNR", number(mean.psnr_object, 2, "dB"), "on the object, held-out views"),
+        card("SSIM", number(mean.ssim_object, 4), "on the object, held-out views"),
+    ]
+
+
+def _frame_cards(mean: Score, subject: Subject) -> list[str]:
+    note = "of everything in view, held-out views"
+    if subject == "object":
+        note = "with the white around the object"
+    return [
+        card("PSNR, frame", number(mean.psnr_frame, 2, "dB"), note),
+        card("SSIM, frame", number(mean.ssim_frame, 4), note),
+    ]
+
+
 def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> str:
     k = capture.frames[0].camera.intrinsics
     mean = result.scores.mean
     last = result.course[-1] if result.course else None
     points = len(result.start.points) if result.start else None
     cards = [
-        card("PSNR", number(mean.psnr_object, 2, "dB"), "on the object, held-out views"),
-        card("SSIM", number(mean.ssim_object, 4), "on the object, held-out views"),
+        *(_object_cards(mean) if result.subject == "object" else []),
         *_surface_cards(result),
-        card("PSNR, frame", number(mean.psnr_frame, 2, "dB"), "with the white around the object"),
-        card("SSIM, frame", number(mean.ssim_frame, 4), "with the white around the object"),
+        *_frame_cards(mean, result.subject),
         card("Gaussians", f"{len(result.gaussians):,}", f"from {number(points, 0)} points"),
         card(
             "Training",

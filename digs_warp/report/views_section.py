@@ -1,5 +1,6 @@
 """Rendered and true held-out views side by side, to show where the reconstruction is wrong."""
 
+from dataclasses import dataclass
 from math import isnan
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
+from digs_warp.init.start import Subject
 from digs_warp.measure.scores import METRICS, Score, ViewScore
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.report.markup import (
@@ -28,6 +30,42 @@ PICTURE_WIDTH = 800  # pixels; three columns of about 400 on a common screen
 DIFFERENCE = ColorScale("mean absolute difference of the channels [of 255]", 0, 32, "magma")
 
 
+_HEADINGS = {
+    "psnr_object": "PSNR, object [dB]",
+    "ssim_object": "SSIM, object",
+    "psnr_object_aligned": "PSNR, object, color-aligned [dB]",
+    "psnr_frame": "PSNR, frame [dB]",
+    "ssim_frame": "SSIM, frame",
+    "psnr_frame_aligned": "PSNR, frame, color-aligned [dB]",
+}
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """What the figures of a view are of: the names of its metrics, and what the pictures show."""
+
+    psnr: str
+    ssim: str
+    metrics: tuple[str, ...]
+    shown: str
+
+
+_OF: dict[Subject, _Compared] = {
+    "object": _Compared(
+        "psnr_object",
+        "ssim_object",
+        METRICS,
+        "The object is shown on white, as in training and evaluation.",
+    ),
+    "scene": _Compared(
+        "psnr_frame",
+        "ssim_frame",
+        tuple(name for name in METRICS if "frame" in name),
+        "No object was cut out: the figures are of everything in view.",
+    ),
+}
+
+
 def views_section(capture: Capture, result: Reconstruction) -> str:
     """Return the section.
 
@@ -35,21 +73,19 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
         DigsError: the evaluation names a view that the capture or the renders lack.
     """
     views = result.scores.views
-    ranked = sorted(views, key=lambda view: 0.0 if isnan(view.psnr_object) else view.psnr_object)
+    of = _OF[result.subject]
+    ranked = sorted(views, key=lambda view: _or_zero(getattr(view, of.psnr)))
     if not ranked:
         return section("Held-out views", "No view was held out.")
     chosen = np.linspace(0, len(ranked) - 1, min(MAX_VIEWS, len(ranked))).round().astype(int)
-    rows = [(_label(ranked[i]), _cells(capture, result, ranked[i].name)) for i in chosen]
-    names = (
-        *("View", "PSNR, object [dB]", "SSIM, object", "PSNR, object, color-aligned [dB]"),
-        *("PSNR, frame [dB]", "SSIM, frame", "PSNR, frame, color-aligned [dB]"),
-    )
-    numbers = [[view.name, *_metrics(view)] for view in views]
-    mean = ["mean", *_metrics(result.scores.mean)]
+    rows = [(_label(ranked[i], of), _cells(capture, result, ranked[i].name)) for i in chosen]
+    names = ["View", *(_HEADINGS[name] for name in of.metrics)]
+    numbers = [[view.name, *_metrics(view, of)] for view in views]
+    mean = ["mean", *_metrics(result.scores.mean, of)]
     return section(
         "Held-out views",
         f"{len(chosen)} of {len(ranked)} views that training never saw, from the worst to the best. "
-        "The object is shown on white, as in training and evaluation. Color-aligned: after the exposure and "
+        f"{of.shown} Color-aligned: after the exposure and "
         f"white balance of the photograph were fitted. {_exposure_words(result)}",
         picture_grid(["True", "Rendered", "Difference, amplified"], rows),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
@@ -63,12 +99,17 @@ def _exposure_words(result: Reconstruction) -> str:
     return f"In the training, they vary by {result.exposure_stops:.2f} stops from view to view."
 
 
-def _label(view: ViewScore) -> str:
-    return f"{view.name}\n{number(view.psnr_object, 2, 'dB')}\nSSIM {number(view.ssim_object, 4)}"
+def _or_zero(value: float) -> float:
+    return 0.0 if isnan(value) else value
 
 
-def _metrics(score: Score) -> list[str]:
-    return [number(getattr(score, name), 2 if "psnr" in name else 4) for name in METRICS]
+def _label(view: ViewScore, of: _Compared) -> str:
+    psnr, ssim = getattr(view, of.psnr), getattr(view, of.ssim)
+    return f"{view.name}\n{number(psnr, 2, 'dB')}\nSSIM {number(ssim, 4)}"
+
+
+def _metrics(score: Score, of: _Compared) -> list[str]:
+    return [number(getattr(score, name), 2 if "psnr" in name else 4) for name in of.metrics]
 
 
 def _cells(capture: Capture, result: Reconstruction, name: str) -> list[str]:
@@ -79,7 +120,7 @@ def _cells(capture: Capture, result: Reconstruction, name: str) -> list[str]:
             f"'{capture.folder}' lacks; give the capture that was reconstructed"
         )
     truth = frame.load_image()
-    if frame.has(Layer.MASK):
+    if frame.has(Layer.MASK) and result.subject == "object":
         mask = frame.load_mask()
         truth = over_white(without_surround(truth, mask), mask)
     rendered = result.load_render(frame.name, truth.shape)

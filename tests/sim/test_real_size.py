@@ -14,7 +14,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry import rigid
 from digs_warp.measure.surface_metrics import distances_to_surface
-from digs_warp.report.summaries import describe, recorded_object
+from digs_warp.report.facts.captures import recorded_object
+from digs_warp.report.facts.describe import describe
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.data_set import plan_jobs, simulate_many
 from digs_warp.sim.mesh.placement import Unit

@@ -15,7 +15,7 @@ from digs_warp.data.capture_writer import CaptureWriter, FrameImages
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.plausibility.check import check_capture
-from digs_warp.report.summaries import describe
+from digs_warp.report.facts.describe import describe
 from digs_warp.sim.config import SimulateConfig, Tier
 from digs_warp.sim.frame_maker import FrameMaker, RenderedFrame
 from digs_warp.sim.record import simulate_in_memory

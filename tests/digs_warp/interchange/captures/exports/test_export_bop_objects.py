@@ -10,7 +10,7 @@ import trimesh
 from digs_warp.checks import DigsError
 from digs_warp.commands.convert import export_capture_folder
 from digs_warp.data.images import read_image
-from digs_warp.report.summaries import describe
+from digs_warp.report.facts.describe import describe
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.segment.masks import segment
 from digs_warp.sim.config import SimulateConfig

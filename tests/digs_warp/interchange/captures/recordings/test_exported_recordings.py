@@ -10,7 +10,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.interchange.captures.formats import READERS, export_capture, read_recording
-from digs_warp.report.summaries import describe
+from digs_warp.report.facts.describe import describe
 from reference.recorded import check_same, converted
 
 
