@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry import invert_rigid, transform_points
-from digs_warp.plausibility.small_frames import SmallFrame
+from digs_warp.plausibility.small_frames import SmallFrame, pixels_showing
 
 # Points looked at in each frame of a pair.
 SAMPLES = 500
@@ -76,22 +75,12 @@ def reproject(
     rows, columns = np.nonzero(np.isfinite(first.depth))
     step = max(1, len(rows) // SAMPLES)
     rows, columns = rows[::step], columns[::step]
-    k = first.camera.intrinsics
-    z = first.depth[rows, columns].astype(np.float64)
-    rays = np.stack(
-        [(columns + 0.5 - k.cx) / k.fx, (rows + 0.5 - k.cy) / k.fy, np.ones(len(z))], axis=1
-    )
-    second_from_first = invert_rigid(second.camera.world_from_cam) @ first.camera.world_from_cam
-    x, y, depth = transform_points(second_from_first, rays * z[:, None]).T
-    k = second.camera.intrinsics
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = k.fx * x / depth + k.cx, k.fy * y / depth + k.cy
-        inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
-    at = v[inside].astype(np.intp), u[inside].astype(np.intp)
-    nearer = np.log(depth[inside] / second.depth[at])
+    pixel, depth = pixels_showing(second.camera, first.points_at(rows, columns))
+    inside = pixel >= 0
+    nearer = np.log(depth[inside] / second.depth.reshape(-1)[pixel[inside]])
     known = np.isfinite(nearer)
     here = first.green[rows, columns][inside]
-    return nearer[known], here[known], second.green[at][known], len(z)
+    return nearer[known], here[known], second.green.reshape(-1)[pixel[inside]][known], len(pixel)
 
 
 def _as_exposed_here(nearer: np.ndarray, here: np.ndarray, there: np.ndarray) -> np.ndarray:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry import invert_rigid
-from digs_warp.plausibility.small_frames import SmallFrame
+from digs_warp.plausibility.small_frames import SmallFrame, pixels_showing
 
 # This many other views vote: of the nearer half of all, every n-th.
 VOTERS = 12
@@ -81,12 +80,11 @@ def _nearer(centers: np.ndarray, number: int, voters: Sequence[int]) -> list[int
 
 def _votes(frame: SmallFrame, others: Sequence[SmallFrame]) -> MaskVotes:
     rows, columns = np.nonzero(np.isfinite(frame.depth))
-    pixels = np.stack([columns + 0.5, rows + 0.5], axis=1)
-    points = frame.camera.unproject(pixels, frame.depth[rows, columns].astype(np.float64))
+    points = frame.points_at(rows, columns)
     votes, for_object = np.zeros((2, len(points)))
     for other in others:
         assert other.mask is not None
-        pixel, depth = _looked_up(points, other)
+        pixel, depth = pixels_showing(other.camera, points)
         measured = other.depth.reshape(-1)[pixel]
         with np.errstate(invalid="ignore"):
             sees = (pixel >= 0) & (np.abs(measured - depth) < SAME_DEPTH * depth)
@@ -98,18 +96,6 @@ def _votes(frame: SmallFrame, others: Sequence[SmallFrame]) -> MaskVotes:
     is_object[rows[enough], columns[enough]] = for_object[enough] > votes[enough] / 2
     assert frame.mask is not None
     return MaskVotes(known, is_object, _overlap(frame.mask, known, is_object))
-
-
-def _looked_up(points: np.ndarray, frame: SmallFrame) -> tuple[np.ndarray, np.ndarray]:
-    """Return which pixel of a frame shows each world point, -1 for none, and its depth [m], (n,)."""
-    cam_from_world, k = invert_rigid(frame.camera.world_from_cam), frame.camera.intrinsics
-    x, y, depth = (points @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]).T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = k.fx * x / depth + k.cx, k.fy * y / depth + k.cy
-        inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
-    pixel = np.full(len(points), -1)
-    pixel[inside] = v[inside].astype(np.intp) * k.width + u[inside].astype(np.intp)
-    return pixel, depth
 
 
 def _overlap(mask: np.ndarray, known: np.ndarray, is_object: np.ndarray) -> float:

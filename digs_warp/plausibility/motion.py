@@ -8,10 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from digs_warp.camera import Camera
-from digs_warp.geometry import invert_rigid, transform_points
 from digs_warp.plausibility.brightness import brightness_ratio
-from digs_warp.plausibility.small_frames import SmallFrame
+from digs_warp.plausibility.small_frames import SmallFrame, pixels_showing
 
 # The other frame sees through a point if all it measures around there is farther by this share ...
 FARTHER = 0.1
@@ -42,7 +40,7 @@ def moved_share(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int
 
 def _share(first: SmallFrame, second: SmallFrame) -> float:
     rows, columns = np.nonzero(_solid(first.depth))
-    pixel, depth = _seen_by(first, rows, columns, second.camera)
+    pixel, depth = pixels_showing(second.camera, first.points_at(rows, columns))
     inside = pixel >= 0
     nearest = _least_around(_known(second.depth)).reshape(-1)[pixel[inside]]
     known = np.isfinite(nearest)
@@ -52,29 +50,13 @@ def _share(first: SmallFrame, second: SmallFrame) -> float:
     return np.count_nonzero(gone) / max(len(through), FEW)
 
 
-def _seen_by(
-    frame: SmallFrame, rows: np.ndarray, columns: np.ndarray, camera: Camera
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return where another camera sees pixels: the index of its pixel, -1 outside; the depth [m], (n,)."""
-    centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
-    points = frame.camera.unproject(centers, frame.depth[rows, columns].astype(np.float64))
-    x, y, depth = transform_points(invert_rigid(camera.world_from_cam), points).T
-    k = camera.intrinsics
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = k.fx * x / depth + k.cx, k.fy * y / depth + k.cy
-        inside = (depth > 0) & (u >= 0) & (v >= 0) & (u < k.width) & (v < k.height)
-    pixel = np.full(len(depth), -1)
-    pixel[inside] = v[inside].astype(np.intp) * k.width + u[inside].astype(np.intp)
-    return pixel, depth
-
-
 def _unlike(first: SmallFrame, second: SmallFrame) -> np.ndarray:
     """Return where the first frame has another brightness than what the second one shows there.
 
     Bool, (height, width); False where the second frame shows nothing.
     """
     rows, columns = np.nonzero(np.isfinite(second.depth))
-    pixel, _ = _seen_by(second, rows, columns, first.camera)
+    pixel, _ = pixels_showing(first.camera, second.points_at(rows, columns))
     ratio = brightness_ratio(first, second) or 1.0  # the exposure may differ
     brightness = second.green[rows, columns][pixel >= 0] / ratio
     darkest, brightest = np.full((2, first.depth.size), [[np.inf], [-np.inf]])

@@ -47,6 +47,26 @@ class SmallFrame:
     green: np.ndarray
     mask: np.ndarray | None
 
+    def points_at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Return the world points that pixels measure, (n, 3)."""
+        centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
+        return self.camera.unproject(centers, self.depth[rows, columns].astype(np.float64))
+
+
+def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which pixel of a camera shows each world point, and its depth [m], both (n,).
+
+    Pixels are indices into the flattened image; -1: the point lies outside of it.
+    """
+    k = camera.intrinsics
+    px, depth = camera.project(points)
+    with np.errstate(invalid="ignore"):
+        inside = (depth > 0) & np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
+    columns, rows = px[inside].astype(np.intp).T
+    pixel = np.full(len(depth), -1)
+    pixel[inside] = rows * k.width + columns
+    return pixel, depth
+
 
 def small_frame(frame: Frame, number: int) -> SmallFrame:
     """Return the thumbnail of a frame that has depth."""
