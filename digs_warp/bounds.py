@@ -84,6 +84,9 @@ _SIDE = (1, 8192)
 # Flag -> the smallest and the largest value. Far beyond what makes sense, within what ends.
 FLAGS: dict[str, tuple[float, float]] = {
     "--background-weight": (1, _MANY),
+    "--case-memory": (1e-3, _MANY),
+    "--case-threads": (1, 1024),
+    "--case-time": (1e-9, 366 * 86_400),
     "--colors-rate": (1e-12, 1000),
     "--confidence-threshold": (0, 1),
     "--coverage-weight": (0, _MANY),

@@ -14,8 +14,8 @@ from typing import Any
 
 from page_marks import DOCS, fill
 
+from digs_warp.engines.results import RESULTS
 from digs_warp.measure.scores import named_now
-from digs_warp.study.engine.store import RESULTS
 
 PAGE = "studies.md"
 

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from digs_warp.engines.results import RESULTS
 from digs_warp.record.files import write_atomically
 from digs_warp.study.catalogue import STUDIES, Study, find_study
-from digs_warp.study.engine.store import RESULTS, Store
+from digs_warp.study.engine.store import Store
 from digs_warp.study.page import MARKDOWN, PAGE
 
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "study"

@@ -24,7 +24,7 @@ FLOORS = {
     ),
     "digs_warp.record": 0,
     **dict.fromkeys(("digs_warp.data", "digs_warp.device"), 1),
-    **dict.fromkeys(("digs_warp.measure", "digs_warp.plausibility"), 2),
+    **dict.fromkeys(("digs_warp.measure", "digs_warp.plausibility", "digs_warp.engines"), 2),
     **dict.fromkeys(("digs_warp.init", "digs_warp.splat", "digs_warp.sfm", "digs_warp.segment"), 3),
     "digs_warp.poses": 3,
     **dict.fromkeys(("digs_warp.losses", "digs_warp.sim", "digs_warp.usd"), 3),

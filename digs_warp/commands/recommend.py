@@ -34,7 +34,8 @@ class Recommend(Command):
 
     def execute(self) -> str:
         """Return the settings as flags, with their measured time and quality."""
-        from digs_warp.study.engine.store import RESULTS, Store
+        from digs_warp.engines.results import RESULTS
+        from digs_warp.study.engine.store import Store
         from digs_warp.study.studies.tradeoff import best_within
 
         own = Path("out/study/tradeoff")

@@ -1,6 +1,6 @@
 """`digs-warp study list|run|report`: which studies there are, run one, draw its report."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -10,6 +10,7 @@ from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command, Group, Preset
 from digs_warp.commands.facts import format_facts
+from digs_warp.engines.config import EngineConfig
 from digs_warp.record.durations import DURATION
 from digs_warp.study.catalogue import STUDIES, Study, find_study
 
@@ -29,7 +30,8 @@ class ListStudies(Command):
 class RunStudy(Command):
     """Measure the cases that have no result yet, then draw the report of all results.
 
-    Run it again after an interruption, or with more objects, seeds or time: finished cases are kept.
+    Run it again after an interruption, or with more objects, seeds or time: finished cases are kept. Cases
+    that run at the same time share the cores, so their seconds are only meaningful with one worker.
     """
 
     name: Name
@@ -50,13 +52,12 @@ class RunStudy(Command):
     seeds: int = 1
     """How often to repeat each case with another walk and other noise, to measure the spread."""
 
-    workers: int = 1
-    """Cases to run at the same time. They share the cores, so times are only meaningful with 1."""
+    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
 
     can_resume: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        for name in ("objects", "seeds", "iterations", "workers"):
+        for name in ("objects", "seeds", "iterations"):
             check_flag(f"--{name}", getattr(self, name))
         check_flag("--time-budget", self.time_budget)
 
@@ -71,15 +72,15 @@ class RunStudy(Command):
             study.cases(self.objects, self.seeds, self.iterations),
             self.out,
             measure=run_case,
-            workers=self.workers,
+            engine=self.on,
             budget=self.time_budget,
         )
         return f"{outcome}\nreport: {study.report(self.out)}"
 
     def _check_folder(self) -> None:
         """Refuse a folder that holds something else: the report would replace files of the same names."""
+        from digs_warp.engines.results import RESULTS
         from digs_warp.study.engine.chain import CAPTURES
-        from digs_warp.study.engine.store import RESULTS
 
         if not self.out.is_dir() or not any(self.out.iterdir()):
             return

@@ -53,7 +53,8 @@ class Study:
         Raises:
             DigsError: no case succeeded; the message has their errors.
         """
-        from digs_warp.study.engine.store import RESULTS, Store
+        from digs_warp.engines.results import RESULTS
+        from digs_warp.study.engine.store import Store
         from digs_warp.study.page import write_pages
 
         store = Store(folder)

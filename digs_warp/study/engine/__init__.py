@@ -1,1 +1,1 @@
-"""The study engine: cases as data, a resumable runner, one JSON line per result, and a report."""
+"""The study engine: cases as data, how one is run and scored, and queries on their results."""

@@ -1,38 +1,15 @@
-"""The results of a study on disk: one JSON line per case, added as it ends."""
+"""The results of a study on disk, checked on reading."""
 
-import json
-from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
+from digs_warp.engines.results import Results
 from digs_warp.measure.scores import named_now
-from digs_warp.record.fields import Fields, parse_json
-from digs_warp.record.files import add_line
-
-RESULTS = "results.jsonl"
+from digs_warp.record.fields import Fields
 
 
-class Store:
-    """Records of finished cases in ``folder/results.jsonl``, by the key of the case.
-
-    A partial last line, left by a killed run, is dropped on reading. The last record of a case counts:
-    a failed case can be run again.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.path = Path(folder) / RESULTS
-        self.records: dict[str, dict[str, Any]] = {}
-        if self.path.is_file():
-            self._read()
-
-    def add(self, record: dict[str, Any]) -> None:
-        """Append a record; it has the ``key`` of its case."""
-        add_line(self.path, json.dumps(record, allow_nan=False))
-        self.records[record["key"]] = record
-
-    def is_done(self, key: str) -> bool:
-        """Whether the case succeeded."""
-        return "error" not in self.records.get(key, {"error": ""})
+class Store(Results):
+    """Records of finished cases in ``folder/results.jsonl``, by the key of the case."""
 
     def finished(self) -> list[dict[str, Any]]:
         """Return the records of the cases that succeeded.
@@ -49,21 +26,13 @@ class Store:
                 )
         return found
 
-    def _read(self) -> None:
-        lines = self.path.read_bytes().split(b"\n")
-        for number, line in enumerate(lines, start=1):
-            if not line.strip():
-                continue
-            try:
-                record = _checked(parse_json(line))
-                self.records[record["key"]] = record
-            except ValueError as error:
-                if number == len(lines):  # no newline: the run was killed while it wrote
-                    continue
-                raise DigsError(
-                    f"results '{self.path}', line {number}: not a record ({error}); delete the line, "
-                    "and its case runs again"
-                ) from error
+    def checked(self, content: Any) -> dict[str, Any]:
+        """Return a record whose parts have the types that the reports count on, its metrics named as today.
+
+        Raises:
+            DigsError: one has another type.
+        """
+        return _checked(content)
 
 
 # Sections of a record: settings, seconds, and other numbers; and what a case that succeeded has.
@@ -74,11 +43,6 @@ _FINISHED = (*_SETTINGS, *_SECONDS, "machine")
 
 
 def _checked(content: Any) -> dict[str, Any]:
-    """Return a record whose parts have the types that the reports count on, its metrics named as today.
-
-    Raises:
-        DigsError: one has another type.
-    """
     record = Fields.of(content, "record")
     record.text("key")
     record.text("machine", "")

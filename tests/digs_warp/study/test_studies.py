@@ -10,11 +10,12 @@ from digs_warp import cli
 from digs_warp.cli import main
 from digs_warp.commands.recommend import flags
 from digs_warp.commands.run import Run
+from digs_warp.engines.results import RESULTS
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.catalogue import STUDIES, Study
 from digs_warp.study.engine.case import Case, with_settings
-from digs_warp.study.engine.store import RESULTS, Store
+from digs_warp.study.engine.store import Store
 from reference.study_records import record_of
 
 BY_NAME = {study.name: study for study in STUDIES}

@@ -12,11 +12,15 @@ from typing import Any
 import pytest
 
 from digs_warp.checks import DigsError
-from digs_warp.study.engine import runner
+from digs_warp.engines import children
+from digs_warp.engines.child import Child
+from digs_warp.engines.config import EngineConfig
+from digs_warp.engines.results import RESULTS
+from digs_warp.engines.task import finished_file
+from digs_warp.record.files import write_atomically
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.runner import run_cases
-from digs_warp.study.engine.store import RESULTS, Store
-from digs_warp.study.engine.worker import Worker
+from digs_warp.study.engine.store import Store
 
 
 def measure(case: Case, folder: Path) -> dict[str, Any]:
@@ -59,6 +63,29 @@ def test_a_failed_and_a_killed_case_do_not_stop_the_others(tmp_path: Path) -> No
     assert errors[2] is None
 
 
+def test_what_dies_is_tried_once_more_and_then_reported_by_class(tmp_path: Path) -> None:
+    run_cases(cases(13, 99), tmp_path, measure=measure)
+    assert calls(tmp_path) == [13, 99, 99]  # an exception would come back
+    found = [(r["failure"], r["attempts"]) for r in Store(tmp_path).records.values()]
+    assert found == [("error", 1), ("killed", 2)]
+
+
+def test_a_case_that_takes_too_long_is_ended(tmp_path: Path) -> None:
+    run_cases(cases(2, seconds=60), tmp_path, measure=measure, engine=EngineConfig(case_time=0.5))
+    (record,) = Store(tmp_path).records.values()
+    assert (record["failure"], record["attempts"]) == ("time limit", 1)
+
+
+def test_a_result_that_a_worker_left_is_taken(tmp_path: Path) -> None:
+    """The run was killed between the end of the case and its line."""
+    (case,) = cases(3)
+    write_atomically(finished_file(tmp_path, case.key), b'{"metrics": {"square": 9}}')
+    outcome = run_cases([case], tmp_path, measure=measure)
+    assert (outcome.done_before, outcome.done) == (1, 0)
+    assert Store(tmp_path).records[case.key]["metrics"] == {"square": 9}
+    assert not finished_file(tmp_path, case.key).parent.exists()
+
+
 def test_a_failed_case_runs_again(tmp_path: Path) -> None:
     run_cases(cases(13), tmp_path, measure=measure)
     (tmp_path / "lucky").touch()
@@ -70,7 +97,7 @@ def test_a_failed_case_runs_again(tmp_path: Path) -> None:
 
 def test_workers_share_the_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DIGS_WARP_THREADS", "6")
-    run_cases(cases(1, 2, 3), tmp_path, measure=measure, workers=3)
+    run_cases(cases(1, 2, 3), tmp_path, measure=measure, engine=EngineConfig(workers=3))
     assert {r["threads_seen"] for r in Store(tmp_path).records.values()} == {"2"}
 
 
@@ -150,16 +177,16 @@ def test_ctrl_c_while_a_case_begins_leaves_no_worker(
 ) -> None:
     begun = []
 
-    class Interrupted(Worker):
-        def __init__(self, *arguments: Any) -> None:
-            super().__init__(*arguments)
+    class Interrupted(Child):
+        def __init__(self, threads: int) -> None:
+            super().__init__(threads)
             begun.append(self._process)
-            signal.raise_signal(signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGINT)  # it reaches the main thread
 
-    monkeypatch.setattr(runner, "Worker", Interrupted)
+    monkeypatch.setattr(children, "Child", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_cases(cases(2, seconds=60), tmp_path, measure=measure)
-    assert [process.is_alive() for process in begun] == [False]
+    assert [process.poll() is None for process in begun] == [False]
 
 
 def test_what_is_too_long_for_the_budget_is_left_out_and_shorter_cases_still_run(

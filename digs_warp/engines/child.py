@@ -1,0 +1,147 @@
+"""A process for calls, which isolates their peak memory and their crashes.
+
+The child is a fresh interpreter: a forked one would inherit Warp's threads in an undefined state, and
+processes of `multiprocessing` may have no children inside Dask's workers.
+"""
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from queue import Empty, Queue
+from typing import Any
+
+from digs_warp.engines.needs import CallFailed, FailureClass
+
+# A child without a call for this long ends.
+IDLE_SECONDS = 60.0
+
+# argv: the search path of the parent, where this file is found; the descriptor for the answer.
+_START = """
+import json, sys
+sys.path += [each for each in json.loads(sys.argv[1]) if each not in sys.path]
+from digs_warp.engines.child import answer
+answer(int(sys.argv[2]))
+"""
+
+
+def packed(function: Callable[..., Any], *arguments: Any) -> bytes:
+    """Return a call that a `Child` can make, also on another machine; ``function`` is at module level.
+
+    It is found where this process finds it, or where the other one does.
+    """
+    return pickle.dumps((sys.path, pickle.dumps((function, arguments))))
+
+
+class Child:
+    """A process that makes one call after the other. It ends when its parent does, however that ends.
+
+    Args:
+        threads: of its calls.
+    """
+
+    def __init__(self, threads: int) -> None:
+        reader, writer = os.pipe()
+        command = [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(writer)]
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                pass_fds=[writer],
+                env=os.environ | {"DIGS_WARP_THREADS": str(threads)},
+            )
+        except BaseException:
+            os.close(reader)
+            raise
+        finally:
+            os.close(writer)  # the child's copy is the only one left: its death ends the answers
+        assert self._process.stdin is not None
+        self._answers = Connection(reader, writable=False)
+        # Stays open: the child ends with it.
+        self._calls = Connection(os.dup(self._process.stdin.fileno()), readable=False)
+        self._process.stdin.close()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it can take a call."""
+        return self._process.poll() is None
+
+    def result(self, call: bytes, limit: float | None) -> Any:
+        """Have a call made, for ``limit`` seconds at most, and return what it returns.
+
+        Raises:
+            CallFailed: it raised an exception, took longer than it may, or its process died.
+        """
+        try:
+            self._calls.send_bytes(call)
+            if not self._answers.poll(limit):
+                self.stop()
+                message = f"took longer than {limit:g} s; allow more time, or make it smaller"
+                raise CallFailed(FailureClass.TIME_LIMIT, message)
+            failure, value = self._answers.recv()
+        except (EOFError, BrokenPipeError):
+            raise _cause_of_death(self._process.wait()) from None
+        if failure is not None:
+            raise CallFailed(*failure)
+        return value
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.wait()
+
+
+def answer(descriptor: int) -> None:
+    """Make the calls that come from standard input and answer each: what the child does.
+
+    It ends when there was none for `IDLE_SECONDS`: a worker of a cluster keeps its children.
+    """
+    # Ctrl-C and a closed terminal reach the whole process group; the parent stops its children.
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    os.set_inheritable(descriptor, False)  # what a call starts may outlive it
+    waiting: Queue[bytes] = Queue()
+    reader = threading.Thread(target=_read, args=(waiting,), daemon=True)
+    reader.start()
+    with Connection(descriptor, readable=False) as parent, suppress(Empty):
+        while True:
+            parent.send(_outcome(waiting.get(timeout=IDLE_SECONDS)))
+
+
+def _read(waiting: "Queue[bytes]") -> None:
+    """Read calls. End this process when its parent is gone: a killed parent cannot stop its children."""
+    calls = Connection(os.dup(0), writable=False)
+    try:
+        while True:
+            waiting.put(calls.recv_bytes())
+    except (EOFError, OSError):
+        os._exit(1)
+
+
+def _outcome(call: bytes) -> tuple[tuple[FailureClass, str] | None, Any]:
+    try:
+        search_path, inner = pickle.loads(call)
+        sys.path += [each for each in search_path if each not in sys.path]
+        function, arguments = pickle.loads(inner)
+        return None, function(*arguments)
+    except MemoryError as error:
+        return (FailureClass.OUT_OF_MEMORY, f"MemoryError: {error}"), None
+    except Exception as error:  # one bad case must not stop a night of measuring
+        return (FailureClass.ERROR, f"{type(error).__name__}: {error}"), None
+
+
+def _cause_of_death(code: int) -> CallFailed:
+    if code >= 0:
+        return CallFailed(FailureClass.EXITED, f"its process ended with exit code {code}")
+    name = signal.Signals(-code).name
+    if -code == signal.SIGKILL:
+        return CallFailed(
+            FailureClass.KILLED, f"its process ended with signal {name} (out of memory?)"
+        )
+    return CallFailed(FailureClass.CRASHED, f"its process ended with signal {name}")

@@ -1,0 +1,58 @@
+"""What a call asks its engine for, and how a call can fail."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What one call may use.
+
+    Attributes:
+        threads: CPU threads, >= 1.
+        memory_gb: memory [GB]; None: unknown, nothing is asked for.
+        seconds: the call is ended after this time [s]; None: never.
+        alone: it gets a new process, whose peak memory is its own.
+    """
+
+    threads: int = 1
+    memory_gb: float | None = None
+    seconds: float | None = None
+    alone: bool = False
+
+
+class FailureClass(StrEnum):
+    """Why a call has no result."""
+
+    ERROR = "error"  # it raised an exception
+    OUT_OF_MEMORY = "out of memory"  # it raised MemoryError, or a batch system says so
+    KILLED = "killed"  # SIGKILL: the system was out of memory, or somebody ended it
+    CRASHED = "crashed"  # another signal, such as SIGSEGV
+    EXITED = "exited"  # it left the process with an exit code
+    TIME_LIMIT = "time limit"  # it took longer than it may
+    WORKER_LOST = "worker lost"  # the engine's worker ended, or its machine cannot be reached
+
+
+ONE_THREAD = Needs()
+
+# What can go well the second time. An exception and a time limit come back.
+RETRIED = frozenset(
+    {
+        FailureClass.KILLED,
+        FailureClass.CRASHED,
+        FailureClass.EXITED,
+        FailureClass.WORKER_LOST,
+    }
+)
+
+
+class CallFailed(Exception):
+    """A call on an engine has no result; it can be pickled, as engines send it between machines."""
+
+    def __init__(self, kind: FailureClass, message: str) -> None:
+        super().__init__(kind, message)
+        self.kind = kind
+        self.message = message
+
+    def __str__(self) -> str:
+        return self.message
