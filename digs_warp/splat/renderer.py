@@ -41,6 +41,8 @@ class SplatRenderer:
         options: how splats are drawn, and what a view gives.
         camera_gradient: whether `backward` also gives the gradient of the camera.
         backend: which kernels draw. Default: those for the device.
+        adjoint_of: a renderer of the same size and options, or more outputs, whose ``adj_`` planes this one
+            reads, too. Default: it has its own.
         threads: CPU threads; 0 means all cores. The result does not depend on it.
 
     After `forward`, ``image``, ``transmittance``, and where ``options`` ask for them ``depth`` (channels:
@@ -58,6 +60,7 @@ class SplatRenderer:
         options: RasterOptions = DEFAULT_OPTIONS,
         camera_gradient: bool = False,
         backend: RasterBackend | None = None,
+        adjoint_of: "SplatRenderer | None" = None,
         threads: int = 0,
     ) -> None:
         device = gaussians.device
@@ -73,8 +76,8 @@ class SplatRenderer:
         self.transmittance = planes(1)
         self.depth = planes(2, options.has_depth)
         self.normals = planes(3, options.has_normals)
-        self.adj_image = planes(3)
-        self.adj_transmittance = planes(1)
+        self.adj_image = adjoint_of.adj_image if adjoint_of else planes(3)
+        self.adj_transmittance = adjoint_of.adj_transmittance if adjoint_of else planes(1)
         self.adj_depth = planes(1, options.has_depth)
         self.adj_normals = planes(3, options.has_normals)
         self._drawn = _ViewPlanes(self.image, self.transmittance, self.depth, self.normals)

@@ -1,0 +1,228 @@
+"""Render views with motion blur: `digs_warp.splat.blur` has the formulas."""
+
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from digs_warp.camera import Camera
+from digs_warp.device.contiguous import flat
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import ParallelLaunch, run_together
+from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.splat.background import tiles_with_background
+from digs_warp.splat.blur import Blur
+from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.mean_kernels import BLOCK, add_share_kernel, mean_kernel
+from digs_warp.splat.renderer import WHITE, SplatRenderer
+from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.statistics import SplatStatistics
+
+# Places of the shares among the inputs of the kernels.
+_SHARE, _SHARE_OF_SUM = 5, 1
+
+
+class BlurRenderer:
+    """Renders views of a moving camera, and pulls image gradients back to the Gaussians.
+
+    A `SplatRenderer` for each moment; with one moment, it is that renderer, to the bit.
+
+    Args:
+        gaussians: the parameters, as in `SplatRenderer`.
+        width: width of the largest view [px].
+        height: height of the largest view [px].
+        options: how splats are drawn, and what a view gives.
+        moments: the most that a view has.
+        threads: CPU threads; 0 means all cores. The result does not depend on it.
+
+    After `forward`, ``image`` and ``transmittance`` hold the means. The renderer ``middle`` holds the view of
+    the moment nearest to the middle of the exposure, with its depth. Put the gradients of a loss into
+    ``adj_image`` and ``adj_transmittance``, and `moments` times that in the depth into ``middle.adj_depth``.
+    """
+
+    def __init__(
+        self,
+        gaussians: DeviceGaussians,
+        width: int,
+        height: int,
+        *,
+        options: RasterOptions = DEFAULT_OPTIONS,
+        moments: int = 1,
+        threads: int = 0,
+    ) -> None:
+        self.middle = SplatRenderer(gaussians, width, height, options=options, threads=threads)
+        color = replace(options, outputs="color")
+        others = [
+            SplatRenderer(
+                *(gaussians, width, height),
+                options=color,
+                adjoint_of=self.middle,
+                threads=threads,
+            )
+            for _ in range(moments - 1)
+        ]
+        self._renderers = [self.middle, *others]
+        self.adj_image, self.adj_transmittance = (
+            self.middle.adj_image,
+            self.middle.adj_transmittance,
+        )
+        self.image, self.transmittance = self.middle.image, self.middle.transmittance
+        if others:  # the backward pass still needs the views themselves
+            device = gaussians.device
+            self.image = ImagePlanes(width, height, 3, device)
+            self.transmittance = ImagePlanes(width, height, 1, device)
+        self._box = wp.zeros(4, dtype=int, device=gaussians.device)
+        self._shares = [self._share_launches(renderer) for renderer in self._renderers]
+        self._drawn = self._renderers[:1]
+        self._sums: list[list[ParallelLaunch]] = []
+        self._bind_gradients()
+
+    @property
+    def gaussians(self) -> DeviceGaussians:
+        """The parameters."""
+        return self.middle.gaussians
+
+    @property
+    def gradients(self) -> DeviceGaussians:
+        """Of the parameters, after `backward`."""
+        return self.middle.gradients
+
+    @property
+    def moments(self) -> int:
+        """How many views the last image is the mean of."""
+        return len(self._drawn)
+
+    @property
+    def statistics(self) -> SplatStatistics | None:
+        """Statistics that `backward` adds to, as in `SplatRenderer`; every moment counts as a view."""
+        return self.middle.statistics
+
+    @statistics.setter
+    def statistics(self, statistics: SplatStatistics | None) -> None:
+        for renderer in self._renderers:
+            renderer.statistics = statistics
+
+    def set_gaussians(self, gaussians: DeviceGaussians) -> None:
+        """Render other Gaussians from now on, as in `SplatRenderer`."""
+        for renderer in self._renderers:
+            renderer.set_gaussians(gaussians)
+        self._bind_gradients()
+
+    def forward(
+        self,
+        camera: Camera,
+        *,
+        near: float,
+        background: np.ndarray | tuple[float, float, float] = WHITE,
+        sh_degree: int | None = None,
+        content: PixelBox | None = None,
+        rows: RowMotion | None = None,
+        blur: Blur | None = None,
+    ) -> None:
+        """Render one view into ``image`` and ``transmittance``.
+
+        Args:
+            camera: in the middle of the exposure; see also `SplatRenderer.forward`.
+            near: near plane [m].
+            background: sRGB color behind the Gaussians.
+            sh_degree: bands of the color to use.
+            content: pixels that are looked at although no splat may be there.
+            rows: how the camera moves while the rows are read.
+            blur: how it moves while the shutter is open. Default: it does not.
+
+        Raises:
+            ValueError: the view has more moments than the renderer.
+        """
+        cameras = [camera] if blur is None else blur.cameras(camera)
+        if len(cameras) > len(self._renderers):
+            raise ValueError(f"view of {len(cameras)} moments, renderer of {len(self._renderers)}")
+        self._drawn = self._renderers[: len(cameras)]
+        # Splats reach other tiles at every moment, and each view has to show the background in all of them.
+        seen = content if len(cameras) == 1 else None
+        for renderer, at_moment in zip(self._drawn, cameras, strict=True):
+            renderer.forward(
+                at_moment,
+                near=near,
+                background=background,
+                sh_degree=sh_degree,
+                content=seen,
+                rows=rows,
+            )
+        if self.image is not self.middle.image:
+            self._average(content)
+
+    def backward(self) -> None:
+        """Fill ``gradients`` from the ``adj_`` planes for the last `forward`.
+
+        They are the mean over the moments, hence the factor on the gradient in the depth of one of them.
+        """
+        for renderer in self._drawn:
+            renderer.backward()
+        last = len(self._drawn) - 1
+        for number, launches in enumerate(self._sums[:last], start=1):
+            for launch in launches:
+                launch.set_param(_SHARE_OF_SUM, 1.0 / (last + 1) if number == last else 1.0)
+            run_together(launches)
+
+    def drawn_tiles(self) -> np.ndarray:
+        """Return which tiles have splats at any moment, shape (rows, columns), bool."""
+        return np.logical_or.reduce([r.binner.drawn_tiles() for r in self._drawn])
+
+    def drawn_box(self) -> PixelBox:
+        """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
+        x0, y0, x1, y1 = (edge * TILE_SIZE for edge in mask_box(self.drawn_tiles()))
+        return x0, y0, min(x1, self.middle.image.width), min(y1, self.middle.image.height)
+
+    def _average(self, content: PixelBox | None) -> None:
+        """Fill ``image`` and ``transmittance`` where the views hold something."""
+        middle = self.middle
+        size = middle.image.width, middle.image.height
+        boxes = None if content is None else [self.drawn_box(), content]
+        tiles = tiles_with_background(boxes, middle.binner.columns, middle.binner.rows)
+        x0, x1, y0, y1 = np.maximum(TILE_SIZE * tiles, 0).tolist()
+        self._box.assign(np.array([x0, y0, min(x1, size[0]), min(y1, size[1])], dtype=np.int32))
+        for planes in (self.image, self.transmittance):
+            planes.resize(*size)
+        for launches in self._shares[: self.moments]:
+            for launch in launches:
+                launch.set_param(_SHARE, 1.0 / self.moments)
+            run_together(launches)
+
+    def _share_launches(self, renderer: SplatRenderer) -> list[ParallelLaunch]:
+        """Record what adds the share of a moment to the means."""
+        pairs = ((renderer.image, self.image), (renderer.transmittance, self.transmittance))
+        begins = int(renderer is self.middle)
+        return [
+            ParallelLaunch(
+                add_share_kernel,
+                source.max_height,
+                [self._box, source.pitch, source.plane, source.origin, source.channels]
+                + [1.0, begins, source.data, target.data],
+                renderer.device,
+                renderer.threads,
+            )
+            for source, target in pairs
+        ]
+
+    def _bind_gradients(self) -> None:
+        """Record what adds the gradients of every further moment to those of the first."""
+        first = self.middle
+        self._sums = [
+            [
+                ParallelLaunch(
+                    mean_kernel,
+                    -(-target.shape[0] // BLOCK),
+                    [target.shape[0], 1.0, source, target],
+                    first.device,
+                    first.threads,
+                    even=True,
+                )
+                for source, target in zip(
+                    map(flat, renderer.gradients.arrays),
+                    map(flat, first.gradients.arrays),
+                    strict=True,
+                )
+            ]
+            for renderer in self._renderers[1:]
+        ]
