@@ -104,6 +104,8 @@ FLAGS: dict[str, tuple[float, float]] = {
     "--elevations": (-80, 80),
     "--environment-turn": (-360, 360),
     "--evaluate-at": (0, 10_000_000),
+    # Longer than any video camera's; a larger number was meant in milliseconds.
+    "--exposure-time": (0, 1),
     "--feature-size": (32, 16_384),
     "--features": (50, 100_000),
     "--fov-deg": (0.1, 179),

@@ -155,6 +155,7 @@ class DepthLoss:
         drawn: PixelBox,
         bias: float = 0.0,
         trust: float = 1.0,
+        slope_factor: float = 1.0,
     ) -> None:
         """Compute the term and its gradient.
 
@@ -164,12 +165,13 @@ class DepthLoss:
             drawn: the box in which the gradient is needed (where splats are).
             bias: of the measured inverse depth [1/m], to be taken off.
             trust: factor on the weight.
+            slope_factor: on the gradient alone, where a mean over so many views follows.
         """
         self._scale = trust * self.weight / target.total if target.total > 0 else 0.0
         self._regions.assign(np.array([box, drawn], dtype=np.int32))
         self._launch.set_param(_DEPTH, target.depth)
         self._launch.set_param(_WEIGHTS, target.weights)
-        self._launch.set_param(_SLOPE, self._scale)
+        self._launch.set_param(_SLOPE, slope_factor * self._scale)
         self._launch.set_param(_BIAS, bias)
         self._launch.run()
 

@@ -43,6 +43,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.surface.error import SurfaceError
 from digs_warp.surface.rendered import surface_error
 from digs_warp.surface.true_surface import read_true_surface
+from digs_warp.train.blur_plan import plan_blur
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
@@ -174,8 +175,9 @@ def _with_shutter(
         readout_time = capture.readout_time
     frames, training = prepared.frames, len(prepared.frames.training)
     every = with_motions([*frames.training, *frames.held_out])
-    points, setting = prepared.start.points.points_world, config.train.rolling_shutter
-    plan = plan_shutter(every, points, readout_time, setting)
+    points, train = prepared.start.points.points_world, config.train
+    plan = plan_shutter(every, points, readout_time, train.rolling_shutter)
+    plan = replace(plan, blur=plan_blur(every, points, train.exposure_time, train.motion_blur))
     moving = replace(frames, training=tuple(every[:training]), held_out=tuple(every[training:]))
     return replace(prepared, frames=moving), plan
 

@@ -17,6 +17,7 @@ from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.sh import MAX_DEGREE
 from digs_warp.surface.error import SurfaceError
+from digs_warp.train.blur_plan import NO_BLUR, BlurPlan
 from digs_warp.train.shutter import ShutterPlan
 
 T = TypeVar("T")
@@ -114,7 +115,8 @@ class Results:
             "initialization": start,
             "pose_refinement": asdict(self.refinement) if self.refinement else None,
             "tracking": asdict(self.tracking) if self.tracking else None,
-            "rolling_shutter": asdict(self.shutter) if self.shutter else None,
+            "rolling_shutter": self.shutter.to_json() if self.shutter else None,
+            "motion_blur": self.shutter.blur.to_json() if self.shutter else None,
             "view_dependence": self.color.to_json() if self.color else None,
             "initial_points": self.initial_points,
             "gaussians": self.gaussians,
@@ -201,6 +203,19 @@ def _shutter(found: Fields) -> ShutterPlan | None:
         because=plan.text("because"),
         readout_time=plan.number("readout_time", 0),
         skew_px=plan.number("skew_px", 0, default=None),
+        blur=_blur(found),
+    )
+
+
+def _blur(found: Fields) -> BlurPlan:
+    if "motion_blur" not in found:
+        return NO_BLUR
+    blur = found.section("motion_blur")
+    return BlurPlan(
+        blur.text("because"),
+        blur.number("blur_px", 0, default=None),
+        blur.whole("frames"),
+        blur.whole("moments", 1),
     )
 
 

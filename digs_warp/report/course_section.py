@@ -49,6 +49,9 @@ def _decisions(result: Reconstruction) -> list[tuple[str, str]]:
     if result.shutter is not None:
         state = "is drawn" if result.shutter.rolling else "is not drawn"
         rows.append((f"rolling shutter {state}", result.shutter.because))
+        blur = result.shutter.blur
+        state = "is drawn" if blur.drawn else "is not drawn"
+        rows.append((f"motion blur {state}", blur.because))
     if result.color is not None:
         rows.append((f"color of degree {result.color.degree}", result.color.because))
     return rows

@@ -50,7 +50,7 @@ def bench_train(sizes: tuple[tuple[int, int, float], ...] = SIZES) -> list[Resul
             labels = {
                 "image": f"{width}x{height}",
                 "splats": len(trainer.gaussians),
-                "pairs": trainer.renderer.binner.total_pairs,
+                "pairs": trainer.renderer.middle.binner.total_pairs,
                 "threads": default_threads(),
             }
             values = {f"{name} [ms]": time for name, time in ({"step": step} | stages).items()}
@@ -91,7 +91,7 @@ def _median_step(trainer: Trainer) -> float:
 
 def _stages(trainer: Trainer) -> dict[str, float]:
     """Return the median time [ms] of every stage, run in the order of a step."""
-    stages: dict[str, Callable[[], object]] = trainer.renderer.stages()
+    stages: dict[str, Callable[[], object]] = trainer.renderer.middle.stages()
     stages["loss"] = trainer.compare_again
     stages["adam"] = trainer.optimizer.update
     order = ("project", "bin", "forward", "loss", "backward", SUMS, "adam")

@@ -167,6 +167,14 @@ class TrainConfig:
     the camera, which a recording tells, or --readout-time and frames at most 0.15 s apart. auto: where the
     image of the object moves by 0.1 px or more while the rows are read."""
 
+    motion_blur: Literal["auto", "on", "off"] = "auto"
+    """Draw a photograph as the mean of views from poses along its exposure. Needs the exposure time, and, as
+    --rolling-shutter does, the motion of the camera. auto: where the image of the object moves by 1 px or
+    more in that time; on: by 0.5 px."""
+
+    exposure_time: float | None = None
+    """Motion blur: how long each row was exposed [s]; 0: for an instant. Default: as the recording says."""
+
     half_size_until: float | None = None
     """Fraction of the run that trains on half-size images, which is faster. Default: 0.5, but at most 100
     steps, with --density fixed and Gaussians wide enough for such images; else 0."""
@@ -199,6 +207,7 @@ class TrainConfig:
         check_flag("--depth-weight", self.depth_weight)
         check_flag("--opacity-weight", self.opacity_weight)
         check_flag("--scale-weight", self.scale_weight)
+        check_flag("--exposure-time", self.exposure_time)
         check_flag("--image-memory", self.image_memory)
         if self.mask_role == "ignore" and self.coverage_weight > 0:
             raise DigsError(

@@ -15,9 +15,10 @@ from digs_warp.data.layers import Layer
 from digs_warp.measure.color_gain import fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
+from digs_warp.splat.blur import Blur
+from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
-from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.exposure import INSIDE
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
@@ -32,7 +33,8 @@ class TestView:
     """A held-out photograph, composited over white (values in 0..1), its mask (0..1) and object pixels.
 
     ``unknown``: pixels at which something may hide the object, (height, width), bool; None: nothing does.
-    ``rows``: how its camera moves while the rows are read; None: not at all.
+    ``rows``: how its camera moves while the rows are read; None: not at all. ``blur``: how it moves while the
+    shutter is open; None: not at all.
     """
 
     name: str
@@ -42,6 +44,7 @@ class TestView:
     object_pixels: np.ndarray
     unknown: np.ndarray | None = None
     rows: RowMotion | None = None
+    blur: Blur | None = None
 
     def target_for(self, image: np.ndarray) -> np.ndarray:
         """Return the target of a rendered image: the image itself where the photograph tells nothing."""
@@ -72,7 +75,7 @@ def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) 
         views.append(
             TestView(
                 *(frame.name, frame.camera, target, share[..., 0], mask > MASK_THRESHOLD),
-                *(frame.load_unknown(), shutter.rows_of(frame)),
+                *(frame.load_unknown(), shutter.rows_of(frame), shutter.blur.of(frame)),
             )
         )
     return views
@@ -81,13 +84,15 @@ def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) 
 def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[np.ndarray]:
     """Render the Gaussians in each view over white; return images clipped to 0..1, (height, width, 3)."""
     center = gaussians.means.numpy().mean(axis=0)
+    moments = max((view.blur.moments for view in views if view.blur), default=1)
     images = []
     renderer = None
     for view in views:
         k = view.camera.intrinsics
         if renderer is None or (renderer.image.width, renderer.image.height) != (k.width, k.height):
-            renderer = SplatRenderer(gaussians, k.width, k.height)
-        renderer.forward(view.camera, near=near_plane(view.camera, center), rows=view.rows)
+            renderer = BlurRenderer(gaussians, k.width, k.height, moments=moments)
+        near = near_plane(view.camera, center)
+        renderer.forward(view.camera, near=near, rows=view.rows, blur=view.blur)
         images.append(np.clip(renderer.image.to_numpy(), 0.0, 1.0))
     return images
 

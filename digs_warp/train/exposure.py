@@ -15,7 +15,7 @@ import numpy as np
 
 from digs_warp.checks import check_shape
 from digs_warp.measure.color_gain import STOPS_PER_LOG, ColorGain, fit_color_gain
-from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.blur_renderer import BlurRenderer
 
 # Pixels of a view that its gain follows from, spread over the object.
 MOST_SAMPLES = 4096
@@ -112,7 +112,7 @@ class Exposures:
 
 
 def rendered_samples(
-    renderer: SplatRenderer, samples: ColorSamples
+    renderer: BlurRenderer, samples: ColorSamples
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return rendered sRGB values (k, 3) and those of the photograph (k, 3), where Gaussians are opaque."""
     image, transmittance = renderer.image, renderer.transmittance

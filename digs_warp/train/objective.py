@@ -15,7 +15,7 @@ from digs_warp.losses.regularizers import RegularizerLoss
 from digs_warp.losses.target import Target
 from digs_warp.losses.unknown import LeftOut
 from digs_warp.measure.color_gain import ColorGain
-from digs_warp.splat.render import SplatRenderer
+from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors
 from digs_warp.train.views import View
@@ -31,14 +31,15 @@ class Objective:
         extent: the scene's extent [m], see `digs_warp.train.views.scene_extent`.
     """
 
-    def __init__(self, renderer: SplatRenderer, config: TrainConfig, extent: float) -> None:
+    def __init__(self, renderer: BlurRenderer, config: TrainConfig, extent: float) -> None:
         r = renderer
+        device = r.gaussians.device
         self._config = config
         self._extent = extent
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
         self._keeps_color = config.mask_role == "ignore"
-        self._target = Target(width, height, r.device)
+        self._target = Target(width, height, device)
         self._photometric = PhotometricLoss(
             r.image, self._target.image, self._target.mask, r.adj_image, config.dssim_weight
         )
@@ -52,13 +53,14 @@ class Objective:
             self._coverage = CoverageLoss(
                 r.transmittance, self._target.mask, r.adj_transmittance, config.coverage_weight
             )
-        if r.options.has_depth:
+        if r.middle.options.has_depth:  # depth is measured in the middle of the exposure
             weight = config.depth_weight_where(recorded=True)
-            self._depth = DepthLoss(r.depth, r.transmittance, r.adj_depth, weight)
+            m = r.middle
+            self._depth = DepthLoss(m.depth, m.transmittance, m.adj_depth, weight)
         self.rebind()
 
     def rebind(self) -> None:
-        """Bind to new arrays of Gaussians; call it after `SplatRenderer.set_gaussians`."""
+        """Bind to new arrays of Gaussians; call it after `BlurRenderer.set_gaussians`."""
         gaussians, gradients = self._renderer.gaussians, self._renderer.gradients
         opacity_weight, scale_weight = self._config.regularizer_weights
         self._regularizer = None
@@ -88,8 +90,8 @@ class Objective:
             gain: of the photograph, to be taken off. Default: none.
             depth_errors: what is wrong with the measured depth.
         """
-        binner = self._renderer.binner
-        blocks = loss_blocks(view.tiles, binner.drawn_tiles())
+        renderer = self._renderer
+        blocks = loss_blocks(view.tiles, renderer.drawn_tiles())
         region = read_region(blocks, view.size)
         self._target.compose(
             view.pixels,
@@ -99,17 +101,18 @@ class Objective:
             view.size,
             self._keeps_color,
             gain,
-            self._renderer.image,
+            renderer.image,
         )
         left_out = self._left_out
         if left_out and view.unknown:
             left_out.accept(view.unknown)
         self._photometric.run(view.size, blocks, weighted=self._keeps_color)
         if self._coverage is not None:
-            self._coverage.run(view.size, view.box, binner.drawn_box())
+            self._coverage.run(view.size, view.box, renderer.drawn_box())
         if self._depth is not None and view.depth is not None:
-            boxes = view.box, binner.drawn_box()
-            self._depth.run(view.depth, *boxes, depth_errors.offset, depth_errors.trust)
+            boxes = view.box, renderer.drawn_box()
+            errors = depth_errors.offset, depth_errors.trust
+            self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)
         if left_out and view.unknown:
             left_out.erase(view.unknown)
 

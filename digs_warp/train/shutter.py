@@ -7,15 +7,16 @@ and after it say; those are of use only in a video, for a hand shakes several ti
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.camera_motion import CameraMotion
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import transform_points
 from digs_warp.splat.row_motion import RowMotion
+from digs_warp.train.blur_plan import NO_BLUR, BlurPlan
+from digs_warp.train.image_motion import image_speed, some_of
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
@@ -29,9 +30,6 @@ LONGEST_GAP = 0.15
 # The image moves less than this [px] while the rows are read: not worth the two percent that a step costs.
 LEAST_SKEW = 0.1
 
-# Points of the object that tell how far its image moves.
-POINTS = 200
-
 
 @dataclass(frozen=True)
 class ShutterPlan:
@@ -43,12 +41,14 @@ class ShutterPlan:
         readout_time: from the first to the last row [s].
         skew_px: how far the object's image moves meanwhile [px], median over the frames whose motion is
             known; None: unknown.
+        blur: what moves while the shutter is open.
     """
 
     rolling: bool
     because: str
     readout_time: float = 0.0
     skew_px: float | None = None
+    blur: BlurPlan = NO_BLUR
 
     def rows_of(self, frame: Frame) -> RowMotion | None:
         """Return how the camera of a frame moves while its rows are read; None: it is not drawn."""
@@ -57,6 +57,11 @@ class ShutterPlan:
             return None
         turn, shift = np.array(motion.angular_velocity), np.array(motion.velocity)
         return RowMotion(self.readout_time * turn, self.readout_time * shift)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all but the blur as JSON values."""
+        names = ("rolling", "because", "readout_time", "skew_px")
+        return {name: getattr(self, name) for name in names}
 
 
 NO_SHUTTER = ShutterPlan(rolling=False, because="all rows at once")
@@ -138,24 +143,6 @@ def _obstacle(frames: Sequence[Frame], readout_time: float) -> str | None:
 
 def _moved_px(frames: Sequence[Frame], points: np.ndarray, seconds: float) -> float:
     """Return how far the image of points moves in this time [px], median over points and frames."""
-    some = points[:: max(1, len(points) // POINTS)]
-    moves = [
-        _image_speed(frame, frame.exposure.motion, some)
-        for frame in frames
-        if frame.exposure.motion is not None
-    ]
+    some = some_of(points)
+    moves = [image_speed(frame, some) for frame in frames]
     return seconds * float(np.median(np.concatenate(moves)))
-
-
-def _image_speed(frame: Frame, motion: CameraMotion, points: np.ndarray) -> np.ndarray:
-    """Return how fast the points before the camera move on the image [px/s]."""
-    seen = transform_points(frame.camera.cam_from_world, points.astype(np.float64))
-    x, y, z = seen[seen[:, 2] > 0].T
-    moving = (
-        -np.array(motion.velocity)[:, None]
-        - np.cross(np.array(motion.angular_velocity), np.stack([x, y, z], axis=1)).T
-    )
-    k = frame.camera.intrinsics
-    u = k.fx * (moving[0] - x / z * moving[2]) / z
-    v = k.fy * (moving[1] - y / z * moving[2]) / z
-    return np.hypot(u, v)

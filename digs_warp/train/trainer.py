@@ -8,10 +8,10 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.measure.color_gain import ColorGain
 from digs_warp.sh import degree_from_count
+from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
-from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
@@ -58,11 +58,12 @@ class Trainer:
         self._start_count = len(gaussians)
         sizes = [camera.intrinsics for camera in views.cameras]
         with_depth = config.depth_weight_where(views.have_depth) > 0
-        self.renderer = SplatRenderer(
+        self.renderer = BlurRenderer(
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
             options=RasterOptions(outputs="depth" if with_depth else "color", depth_of="skin"),
+            moments=views.moments,
         )
         self._extent = scene_extent(views.cameras)
         self.objective = Objective(self.renderer, config, self._extent)
@@ -89,6 +90,7 @@ class Trainer:
             sh_degree=self._sh_degree(),
             content=view.box,
             rows=view.rows,
+            blur=view.blur,
         )
         self.objective.compare(view, background, self._gain(view), self._depth_errors(view))
         self.objective.pull_back()
@@ -182,7 +184,9 @@ class Trainer:
         if self.depth_judge is None or view.depth_samples is None:
             return NO_ERRORS
         index = self.views.index(self.optimizer.step)
-        return self.depth_judge.fit(index, *rendered_depths(self.renderer, view.depth_samples))
+        return self.depth_judge.fit(
+            index, *rendered_depths(self.renderer.middle, view.depth_samples)
+        )
 
     def _background(self) -> np.ndarray:
         if self.config.background == "random":

@@ -54,10 +54,12 @@ def open_views(
             with_half=may_halve(config),
             on_background=config.mask_role == "object",
             rows=shutter.rows_of(frame),
+            blur=shutter.blur.of(frame),
         )
 
     order = partial(view_index, config.seed, len(frames))
-    return ViewStore(frames, order, load, config.image_memory, first_step)
+    moments = shutter.blur.moments
+    return ViewStore(frames, order, load, config.image_memory, first_step, moments)
 
 
 def view_index(seed: int, count: int, step: int) -> int:
@@ -75,6 +77,7 @@ class ViewStore:
         load: reads a frame.
         memory: memory for views [MiB]; at least `MIN_HELD` views are held.
         first_step: the first step that `view` will be called with.
+        moments: the most poses that a view is drawn from.
 
     Raises:
         DigsError: there is no frame.
@@ -87,9 +90,11 @@ class ViewStore:
         load: Callable[[Frame], View],
         memory: float,
         first_step: int = 0,
+        moments: int = 1,
     ) -> None:
         if not frames:
             raise DigsError("no training views; the capture needs at least two frames")
+        self.moments = moments
         self._frames = frames
         self._index_of = index_of
         self._load = load

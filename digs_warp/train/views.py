@@ -14,6 +14,7 @@ from digs_warp.losses.depth import DepthTarget, depth_weights
 from digs_warp.losses.regions import tiles_of
 from digs_warp.losses.target import pack_view
 from digs_warp.losses.unknown import UnknownPixels
+from digs_warp.splat.blur import Blur
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.depth_errors import DepthSamples
 from digs_warp.train.exposure import ColorSamples
@@ -39,6 +40,7 @@ class View:
         half: the same view at half the size; None if not requested.
         unknown: pixels at which something may hide the object; None: there are none.
         rows: how the camera moves while its rows are read; None: not at all.
+        blur: how it moves while the shutter is open; None: not at all.
     """
 
     name: str
@@ -52,6 +54,7 @@ class View:
     half: "View | None" = None
     unknown: UnknownPixels | None = None
     rows: RowMotion | None = None
+    blur: Blur | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -80,6 +83,7 @@ def load_view(
     with_half: bool = False,
     on_background: bool = True,
     rows: RowMotion | None = None,
+    blur: Blur | None = None,
 ) -> View:
     """Read one frame; without a mask, every pixel belongs to the object.
 
@@ -91,6 +95,7 @@ def load_view(
         on_background: the object will be shown over other backgrounds, so its rim gets the object's color
             alone, see `digs_warp.train.silhouette`.
         rows: how the camera moves while its rows are read.
+        blur: how it moves while the shutter is open.
 
     Raises:
         CaptureError: a file is missing, broken, or its size differs from the index.
@@ -101,7 +106,7 @@ def load_view(
     unknown = frame.load_unknown()
     photo = without_surround(image, mask) if on_background else image
     view = packed_view(frame.name, frame.camera, photo, mask, device, unknown)
-    view = replace(view, rows=rows)
+    view = replace(view, rows=rows, blur=blur)
     if with_depth:
         confidence = frame.load_confidence() if frame.has(Layer.CONFIDENCE) else None
         depth = frame.load_depth()
@@ -116,7 +121,8 @@ def load_view(
             half = packed_view(frame.name, camera, *smaller, device, small_unknown)
             if with_depth:
                 half = _with_depth(half, *half_depth(depth, weights), device)
-            view = replace(view, half=replace(half, rows=rows))
+            less = blur.at_half_size() if blur else None
+            view = replace(view, half=replace(half, rows=rows, blur=less))
     return view
 
 

@@ -51,10 +51,16 @@ SHAKE = CameraMotion(velocity=(0.2, 0.1, 0.0), angular_velocity=(1.0, -0.8, 1.5)
 READOUT_TIME = 0.04  # [s]
 
 
-def write_tiny_capture(folder: Path, frames: int = 16, rolling: bool = False) -> Capture:
+EXPOSURE_TIME = 0.03  # [s]
+
+
+def write_tiny_capture(
+    folder: Path, frames: int = 16, rolling: bool = False, blurred: bool = False
+) -> Capture:
     """Write ``frames`` views of the ball from a ring of cameras; depth is that of the sphere.
 
-    ``rolling``: every row of the photographs and masks is drawn from its own pose.
+    ``rolling``: every row of the photographs and masks is drawn from its own pose. ``blurred``: they are
+    means over an exposure.
     """
     intrinsics = Intrinsics.from_fov(WIDTH, HEIGHT, 40.0)
     writer = CaptureWriter(folder, intrinsics)
@@ -62,11 +68,14 @@ def write_tiny_capture(folder: Path, frames: int = 16, rolling: bool = False) ->
         angle = 2 * np.pi * number / frames
         eye = 0.9 * np.array([np.cos(angle), np.sin(angle), 0.3 + 0.3 * (number % 3)])
         camera = Camera(intrinsics, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
-        image, alpha = rolling_view(camera) if rolling else global_view(camera)
+        view = rolling_view if rolling else blurred_view if blurred else global_view
+        image, alpha = view(camera)
         # The mask is straight alpha: the photograph shows the object before black.
         image = to_uint8(image / np.maximum(alpha, 1e-3)[..., None])
         writer.write_frame(number, FrameImages(image, sphere_depth(camera), to_uint8(alpha)))
-        exposure = Exposure(SHAKE, 0.0) if rolling else UNKNOWN
+        exposure = UNKNOWN
+        if rolling or blurred:
+            exposure = Exposure(SHAKE, EXPOSURE_TIME if blurred else 0.0)
         writer.add_pose(number, camera.world_from_cam, 0.1 * number, exposure=exposure)
     return writer.finish(About(readout_time=READOUT_TIME) if rolling else None)
 
@@ -86,6 +95,15 @@ def rolling_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         band = slice(top, top + 3)
         there = global_view(rows.at(camera, (top + 1.5) / HEIGHT - 0.5))
         image[band], alpha[band] = there[0][band], there[1][band]
+    return image, alpha
+
+
+def blurred_view(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The same, the mean of eight moments of an exposure."""
+    turn, shift = np.array(SHAKE.angular_velocity), np.array(SHAKE.velocity)
+    motion = RowMotion(EXPOSURE_TIME * turn, EXPOSURE_TIME * shift)
+    views = [global_view(motion.at(camera, (i + 0.5) / 8 - 0.5)) for i in range(8)]
+    image, alpha = (np.mean(planes, axis=0) for planes in zip(*views, strict=True))
     return image, alpha
 
 

@@ -40,7 +40,7 @@ def trained(
 
 def off_by(trainer: Trainer, frames: Sequence[Frame]) -> float:
     """The median distance [m] between the expected depth of the skins and that of the frames."""
-    gaussians, options = trainer.gaussians.to_numpy(), trainer.renderer.options
+    gaussians, options = trainer.gaussians.to_numpy(), trainer.renderer.middle.options
     options = replace(options, outputs="depth")
     distances = []
     for frame in frames:
@@ -74,7 +74,7 @@ def test_some_or_all_frames_may_lack_depth(capture: Capture) -> None:
     without = trained(bare, TrainConfig())
     off = trained(capture.frames, TrainConfig(depth_weight=0.0))
     assert np.array_equal(without.gaussians.means.numpy(), off.gaussians.means.numpy())
-    assert not without.renderer.options.has_depth
+    assert not without.renderer.middle.options.has_depth
     some = trained([*bare[:3], *capture.frames[3:]], TrainConfig()).gaussians.means.numpy()
     assert np.isfinite(some).all() and not np.array_equal(some, off.gaussians.means.numpy())
 

@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.geometry import look_at
+from digs_warp.losses.depth import DepthTarget
+from digs_warp.splat.blur import Blur
+from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.row_motion import RowMotion
 from digs_warp.train.config import Density, TrainConfig
 from digs_warp.train.objective import Objective
 from digs_warp.train.views import packed_view
@@ -26,7 +30,7 @@ def compared(unknown: np.ndarray | None, image: np.ndarray, mask: np.ndarray) ->
     """Return the objective after a comparison with coverage, and its gradients."""
     view = packed_view("0", CAMERA, image, mask, unknown=unknown)
     splats = DeviceGaussians.from_numpy(random_gaussians(40, seed=1))
-    renderer = SplatRenderer(splats, 64, 48, options=RasterOptions())
+    renderer = BlurRenderer(splats, 64, 48, options=RasterOptions())
     objective = Objective(renderer, replace(MCMC, coverage_weight=0.5), EXTENT)
     renderer.forward(CAMERA, near=0.01, background=np.ones(3))
     objective.compare(view, np.ones(3))
@@ -37,7 +41,7 @@ def loss_and_slope(gaussians: Gaussians, config: TrainConfig) -> tuple[float, np
     """Return the logged loss, and dL/d(opacity logit), shape (n,)."""
     image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     view = packed_view("0", CAMERA, image, np.full((48, 64), 255, np.uint8))
-    renderer = SplatRenderer(DeviceGaussians.from_numpy(gaussians), 64, 48, options=RasterOptions())
+    renderer = BlurRenderer(DeviceGaussians.from_numpy(gaussians), 64, 48, options=RasterOptions())
     objective = Objective(renderer, config, EXTENT)
     renderer.forward(CAMERA, near=0.01, background=np.ones(3))
     objective.compare(view, np.ones(3))
@@ -68,7 +72,7 @@ def test_slopes_of_the_logged_loss_are_the_gradients() -> None:
 
 
 def test_it_goes_on_with_other_gaussians() -> None:
-    renderer = SplatRenderer(DeviceGaussians.from_numpy(random_gaussians(9, seed=1)), 64, 48)
+    renderer = BlurRenderer(DeviceGaussians.from_numpy(random_gaussians(9, seed=1)), 64, 48)
     objective = Objective(renderer, MCMC, EXTENT)
     renderer.set_gaussians(DeviceGaussians.from_numpy(random_gaussians(20, seed=2)))
     objective.rebind()
@@ -107,3 +111,32 @@ def test_unknown_pixels_are_not_judged() -> None:
         plain._renderer.adj_transmittance.to_numpy()[known],
     )
     assert one.value() < plain.value()
+
+
+@pytest.mark.parametrize("moments", [1, 2, 3])
+def test_slopes_are_the_gradients_where_a_blurred_view_has_depth(moments: int) -> None:
+    """The image is a mean over moments, the depth that of one: their terms are weighed as in the loss."""
+    gaussians = random_gaussians(40, seed=1)
+    image = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    view = packed_view("0", CAMERA, image, np.full((48, 64), 255, np.uint8))
+    measured = wp.array(np.full(48 * 64, 2.9, np.float32))
+    trusted = wp.array(np.full(48 * 64, 255, np.uint8), dtype=wp.uint8)
+    view = replace(view, depth=DepthTarget(measured, trusted, 48.0 * 64.0))
+    blur = Blur(RowMotion(np.array([0.02, 0.03, 0.0]), np.zeros(3)), moments - 0.6)
+    assert blur.moments == moments
+
+    def loss_and_slopes(logits: np.ndarray) -> tuple[float, np.ndarray]:
+        splats = DeviceGaussians.from_numpy(replace(gaussians, opacity_logits=logits))
+        options = RasterOptions(outputs="depth")
+        renderer = BlurRenderer(splats, 64, 48, options=options, moments=3)
+        objective = Objective(renderer, TrainConfig(depth_weight=1.0), EXTENT)
+        renderer.forward(CAMERA, near=0.01, background=np.ones(3), blur=blur)
+        objective.compare(view, np.ones(3))
+        objective.pull_back()
+        return objective.value(), renderer.gradients.opacity_logits.numpy().copy()
+
+    start = gaussians.opacity_logits
+    _, slopes = loss_and_slopes(start)
+    direction = np.where(slopes > 0, 1, -1).astype(np.float32)
+    up, down = (loss_and_slopes(start + step * direction)[0] for step in (1e-2, -1e-2))
+    assert (up - down) / 2e-2 == pytest.approx(np.abs(slopes).sum(), rel=0.05)

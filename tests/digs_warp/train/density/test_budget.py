@@ -43,7 +43,7 @@ def allocated(trainer: Trainer) -> int:
     adam = trainer.optimizer
     groups = (trainer.gaussians, trainer.renderer.gradients, adam.moments_1, adam.moments_2)
     arrays = [array for group in groups for array in group.arrays]
-    binner = trainer.renderer.binner
+    binner = trainer.renderer.middle.binner
     arrays += [getattr(binner.lists, field.name) for field in fields(binner.lists)]
     arrays += [binner._order, binner._spare]
     return sum(array.capacity for array in arrays if isinstance(array, wp.array))
