@@ -3,7 +3,7 @@
 Usage: python scripts/tune_guided.py   (a minute or two; needs the sample data)
 
 Every other sample mesh is fitted; the others are kept aside, and the same figures are printed for them. The
-constants are UNIQUENESS in sim/sensor/guided/search.py, ODDS and FLOOR in sim/sensor/guided/confidence.py.
+constants are UNIQUENESS in sim/sensor/guided/search.py; BASE, ODDS and FLOOR in confidence.py beside it.
 """
 
 import sys
@@ -16,7 +16,7 @@ from digs_warp.record.progress import progress, show_progress
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.sim.sensor.frame import Sensed
 from digs_warp.sim.sensor.guided import search as guided
-from digs_warp.sim.sensor.guided.confidence import FLOOR, ODDS
+from digs_warp.sim.sensor.guided.confidence import BASE, FLOOR, ODDS
 from digs_warp.sim.sensor.limit import within_range
 from digs_warp.sim.sensor.matcher import search_range
 from digs_warp.study.realism_scenes import Scene, places
@@ -26,7 +26,7 @@ from digs_warp.study.scenes import sample_data
 
 WIDTH = 640
 THRESHOLDS = range(10, 17)  # of uniqueness [%]
-FLOORS = (0.25, 0.5, 1.0)
+FLOORS = (0.125, 0.25, 0.5, 1.0)
 RANGES = np.linspace(0, 1, 11)
 
 
@@ -43,9 +43,10 @@ class Matches:
     rival: np.ndarray
     right: np.ndarray
 
-    def odds_per_constant(self, floor: float) -> np.ndarray:
-        """Return the odds of `confidence_of` where its constant is 1."""
-        return np.sqrt(np.maximum(self.rival - self.cost, 1e-6)) / np.square(self.cost + floor)
+    def odds(self, base: float, factor: float, floor: float) -> np.ndarray:
+        """Return the odds of `confidence_of` with these constants."""
+        gap = np.maximum(self.rival - self.cost, 0)
+        return base + factor * gap / (self.cost + floor) ** 2.5
 
 
 def find(scene: Scene, uniqueness: int = guided.UNIQUENESS) -> guided.Found:
@@ -88,36 +89,47 @@ def uniqueness_results(scenes: Sequence[Scene], name: str) -> Iterator[Result]:
         )
 
 
-def confidence_results(matches: Sequence[Matches], name: str) -> Iterator[Result]:
-    """Yield the constant that fits best for each floor, and how well it fits; then the one in use."""
+def confidence_results(matches: Sequence[Matches], name: str, fit: bool) -> Iterator[Result]:
+    """Yield the constants that fit best for each floor, if asked for; then how well those in use fit."""
     joined = Matches(*(np.concatenate([getattr(m, k) for m in matches]) for k in vars(matches[0])))
-    for floor in FLOORS:
-        logs = np.log(joined.odds_per_constant(floor))
-        yield _fit_result(name, floor, fitted_constant(logs, joined.right), joined, "fitted")
-    yield _fit_result(name, FLOOR, ODDS, joined, "in use")
+    for floor in FLOORS if fit else ():
+        yield _fit_result(name, (*fitted_constants(joined, floor), floor), joined, "fitted")
+    yield _fit_result(name, (BASE, ODDS, FLOOR), joined, "in use")
 
 
-def fitted_constant(logs: np.ndarray, right: np.ndarray) -> float:
-    """Return the factor on the odds that makes right matches as many as the odds say (maximum likelihood)."""
-    low, high = -20.0, 20.0
-    while high - low > 1e-6:
-        middle = (low + high) / 2
-        expected = (1 / (1 + np.exp(-middle - logs))).mean()
-        low, high = (middle, high) if expected < right.mean() else (low, middle)
-    return float(np.exp(low))
+def fitted_constants(matches: Matches, floor: float) -> tuple[float, float]:
+    """Return the base and the factor of the odds under which the matches are most likely, both > 0."""
+    from scipy.optimize import minimize
+
+    def loss(logs: np.ndarray) -> float:
+        base, factor = np.exp(logs)
+        return _log_loss(matches.odds(base, factor, floor), matches.right)
+
+    start = np.log([BASE, ODDS])
+    found = minimize(loss, start, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-7})
+    base, factor = np.exp(found.x).tolist()
+    return base, factor
 
 
-def _fit_result(name: str, floor: float, odds: float, joined: Matches, how: str) -> Result:
-    values = odds * joined.odds_per_constant(floor)
-    confidence = values / (1 + values)
-    likelihood = np.where(joined.right, confidence, 1 - confidence)
+def _log_loss(odds: np.ndarray, right: np.ndarray) -> float:
+    """Return the mean of -log(probability) of what happened."""
+    return float(np.log1p(np.where(right, 1 / np.maximum(odds, 1e-9), odds)).mean())
+
+
+def _fit_result(
+    name: str, constants: tuple[float, float, float], joined: Matches, how: str
+) -> Result:
+    odds = joined.odds(*constants)
+    confidence = odds / (1 + odds)
     place = np.digitize(confidence, RANGES)
     gaps = [abs((confidence - joined.right)[place == k].sum()) for k in range(1, len(RANGES) + 1)]
+    base, factor, floor = constants
     return Result(
-        {"scenes": name, "floor": floor, "constant": how},
+        {"scenes": name, "floor": floor, "constants": how},
         {
-            "odds": odds,
-            "log loss": float(-np.log(likelihood).mean()),
+            "base": base,
+            "odds": factor,
+            "log loss": _log_loss(odds, joined.right),
             "mean gap of reliability": float(sum(gaps) / len(confidence)),
         },
         "confidence",
@@ -146,7 +158,7 @@ def main() -> None:
         part = [scene for scene in scenes if scene.tuned == tuned]
         if part:
             results += uniqueness_results(part, name)
-            results += confidence_results([matches_of(scene) for scene in part], name)
+            results += confidence_results([matches_of(s) for s in part], name, fit=tuned)
     sys.stdout.write(format_tables(results) + "\n")
 
 
