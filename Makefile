@@ -3,7 +3,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo docs figures sensor sensor-cost performance studies pages test lint format constraints clean
+.PHONY: help setup demo docs figures sensor sensor-cost performance studies pages test lint format constraints release clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -92,6 +92,9 @@ constraints: ## Update constraints.txt to the newest versions that fit pyproject
 		build/constraints/bin/python -m pip freeze --all --exclude pip --exclude digs-warp; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 	rm -rf build/constraints
+
+release: setup ## Build wheel and source package, try them in a fresh environment, write the notes: dist/
+	$(BIN)/python scripts/release.py
 
 clean: ## Remove caches and build products (keeps .venv and out/)
 	rm -rf build dist *.egg-info .pytest_cache .ruff_cache

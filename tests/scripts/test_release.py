@@ -1,0 +1,66 @@
+"""What `make release` does before and after the long part: notes, a clean tree, sums."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from release import git, notes_of, require_clean, sums
+
+from digs_warp.checks import DigsError
+
+CHANGELOG = """# Changelog
+
+## [Unreleased]
+
+- What comes.
+
+## [0.2.0] - 2026-01-02
+
+### Train
+
+- Faster.
+
+## [0.1.0] - 2025-01-02
+
+- First.
+"""
+
+
+@pytest.mark.parametrize(
+    ("version", "title", "notes"),
+    [
+        ("0.2.0", "0.2.0", "### Train\n\n- Faster.\n"),
+        ("0.1.0", "0.1.0", "- First.\n"),
+        ("0.3.0", "Unreleased", "- What comes.\n"),
+    ],
+)
+def test_notes_are_the_section_of_the_version_or_what_comes(
+    version: str, title: str, notes: str
+) -> None:
+    assert notes_of(CHANGELOG, version) == (title, notes)
+
+
+@pytest.mark.parametrize(
+    "changelog", ["", "# Changelog\n\n## [Unreleased]\n\n## [0.1.0]\n\n- First.\n"]
+)
+def test_a_version_without_notes_is_refused(changelog: str) -> None:
+    with pytest.raises(DigsError, match=r"no text under '## \[0\.2\.0\]'"):
+        notes_of(changelog, "0.2.0")
+
+
+def test_files_that_differ_from_the_last_commit_are_named(tmp_path: Path) -> None:
+    git(tmp_path, "init", "--quiet")
+    require_clean(tmp_path)
+    (tmp_path / "forgotten.py").touch()
+    with pytest.raises(DigsError, match=r"'forgotten\.py' is not as in the last commit"):
+        require_clean(tmp_path)
+
+
+def test_sha256sum_reads_the_sums(tmp_path: Path) -> None:
+    (tmp_path / "a.whl").write_bytes(b"wheel")
+    (tmp_path / "b.tar.gz").write_bytes(b"source")
+    (tmp_path / "SHA256SUMS").write_text(sums([tmp_path / "a.whl", tmp_path / "b.tar.gz"]))
+    check = ["sha256sum", "--check", "--strict", "SHA256SUMS"]
+    assert subprocess.run(check, cwd=tmp_path, check=False).returncode == 0
+    (tmp_path / "a.whl").write_bytes(b"other")
+    assert subprocess.run(check, cwd=tmp_path, check=False).returncode != 0
