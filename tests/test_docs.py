@@ -41,6 +41,14 @@ def test_links_lead_somewhere(document: Path) -> None:
     assert [target for target in local if not (document.parent / target).exists()] == []
 
 
+def test_the_navigation_of_the_site_has_every_page() -> None:
+    site = (REPOSITORY / "zensical.toml").read_text(encoding="utf-8")
+    pages = {
+        str(page.relative_to(REPOSITORY / "docs")) for page in (REPOSITORY / "docs").rglob("*.md")
+    }
+    assert set(re.findall(r'"([\w/-]+\.md)"', site)) == pages
+
+
 @each_document
 def test_files_named_in_code_spans_exist(document: Path) -> None:
     spans = re.findall(r"`([^`\n]+)`", document.read_text(encoding="utf-8"))
