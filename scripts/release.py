@@ -17,7 +17,7 @@ import venv
 from pathlib import Path
 
 from digs_warp.checks import DigsError
-from digs_warp.record.files import write_atomically
+from digs_warp.record.files import copy_folder, write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build/release"
@@ -45,12 +45,11 @@ def main() -> int:
     except subprocess.CalledProcessError as error:
         sys.stderr.write(f"release: exit code {error.returncode} of: {' '.join(error.cmd)}\n")
         return 1
+    made = BUILD / "dist"
+    write_atomically(made / f"notes-{version}.md", notes.encode())
+    write_atomically(made / "SHA256SUMS", sums(sorted(made.iterdir())).encode())
     shutil.rmtree(DIST, ignore_errors=True)
-    DIST.mkdir()
-    for each in built:
-        shutil.move(each, DIST / each.name)
-    write_atomically(DIST / f"notes-{version}.md", notes.encode())
-    write_atomically(DIST / "SHA256SUMS", sums(sorted(DIST.iterdir())).encode())
+    copy_folder(made, DIST)
     say(f"{version} is in '{DIST}'; its notes are the section [{title}] of CHANGELOG.md")
     if title == UNRELEASED:
         say(f"before it is published: name that section [{version}] with its date, and commit")
