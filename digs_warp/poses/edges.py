@@ -1,4 +1,4 @@
-"""The motion between two frames by their color and depth, and how well the frames agree under a motion."""
+"""The motion between two frames by their color and depth: where to start, and under which they agree best."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,24 +6,54 @@ from dataclasses import dataclass
 import numpy as np
 
 from digs_warp.device.libraries import import_open3d
-from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.geometry import invert_rigid
+from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.align import align
+from digs_warp.poses.features import Features, Matches, features_of, matched
+from digs_warp.poses.starts import likely_starts
 from digs_warp.poses.views import Picture
 
-# A hand that walks round something turns the camera about what it sees, by up to this [degree].
-TURNS = (-14.0, -7.0, 7.0, 14.0)
+# The widest images of the odometry and of the search for starts [px].
+WIDEST, WIDEST_OF_STARTS = 320, 100
+# Starts that are tried at a fourth of the size, and the best of them that are followed.
+TRIED, FOLLOWED = 6, 2
 # Steps of the odometry at each size, from the smallest image.
 ODOMETRY_STEPS = (20, 15, 10)
 # Depths that differ by more than this share of the usual distance belong to different surfaces.
 SAME_SURFACE = 0.05
 # Farther than this many usual distances, depth is too noisy to place a camera.
 FARTHEST = 3.0
-# Points of a frame that are looked up in another.
-SAMPLES = 700
-# Differences that count as a whole one: of depth (a share of it) and of brightness (0..1).
-OTHER_DEPTH, OTHER_BRIGHTNESS = 0.06, 0.1
-# What a point counts that the other frame does not see: less than one that contradicts it in both.
-UNSEEN = 1.2
+# So many matched features are worth as much disagreement; and with so many, other starts are not tried.
+MATCHES, WORTH = 40, 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A frame as its motion is measured.
+
+    Attributes:
+        picture: at most `WIDEST` columns.
+        coarse: the same at most `WIDEST_OF_STARTS` wide.
+        features: of ``large``.
+        large: the frame as it was given.
+    """
+
+    picture: Picture
+    coarse: Picture
+    features: Features
+    large: Picture
+
+    @staticmethod
+    def of(picture: Picture) -> "Sight":
+        """Return a frame at its sizes, with its features."""
+        small = _reduced(picture, WIDEST)
+        return Sight(small, _reduced(small, WIDEST_OF_STARTS), features_of(picture), picture)
+
+
+def _reduced(picture: Picture, widest: int) -> Picture:
+    while picture.intrinsics.width > widest:
+        picture = picture.halved()
+    return picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +65,9 @@ class Edge:
         target: number of the second.
         target_from_source: (4, 4), metres.
         information: of the motion, (6, 6), rotation first, as Open3D's pose graphs have it.
-        disagreement: of the frames under it, 0 to 2; see `disagreement`.
+        disagreement: of the frames under it, up to 2; see `digs_warp.poses.agreement`; less where features
+            match.
+        matches: features that match under it.
     """
 
     source: int
@@ -43,6 +75,7 @@ class Edge:
     target_from_source: np.ndarray
     information: np.ndarray
     disagreement: float
+    matches: int
 
 
 def usual_distance(picture: Picture) -> float:
@@ -50,77 +83,64 @@ def usual_distance(picture: Picture) -> float:
     return float(1 / np.nanmean(1 / picture.depth))
 
 
-def starts_for(picture: Picture, before: np.ndarray) -> list[np.ndarray]:
-    """Return motions to start from: none, the one ``before`` (4, 4), and turns about what the camera sees."""
-    k = picture.intrinsics
-    middle = picture.depth[k.height // 4 : -k.height // 4, k.width // 4 : -k.width // 4]
-    inner = middle if np.isfinite(middle).any() else picture.depth
-    pivot = np.array([0.0, 0.0, 1 / np.nanmean(1 / inner)])
-    turns = [matrix_from_rotation_vector(np.array([0.0, np.radians(a), 0.0])) for a in TURNS]
-    return [np.eye(4), before, *(rigid(turn, pivot - turn @ pivot) for turn in turns)]
-
-
 def edge_between(
-    pictures: Sequence[Picture], source: int, target: int, starts: Sequence[np.ndarray]
+    sights: Sequence[Sight], source: int, target: int, before: np.ndarray, search: bool = True
 ) -> Edge:
     """Return the motion under which two frames agree best.
 
-    From every start: Open3D's odometry (color and depth together; Park et al., "Colored point
-    cloud registration revisited", ICCV 2017), then the package's own alignment, which knows that the noise of
-    depth grows with distance.
+    It starts from the motion on which many matched features with depth agree. If they are few, it starts from
+    ``before`` as well, and from motions of a hand or a head under which both frames agree best. From there go
+    Open3D's odometry (color and depth together; Park et al., "Colored point cloud registration revisited",
+    ICCV 2017) and the package's own alignment, which knows that the noise of depth grows with distance.
 
     Args:
-        pictures: of the recording; both frames have depth.
+        sights: of the recording; both frames have depth.
         source: number of a frame.
         target: number of another.
-        starts: ``target_from_source`` to begin with, (4, 4) each.
+        before: ``target_from_source`` that is likely, (4, 4).
+        search: whether to look for other starts.
     """
-    first, second = pictures[source], pictures[target]
+    first, second = sights[source], sights[target]
+    matches = matched(first.features, second.features, second.large.intrinsics)
+    by_features = matches.motion()
+    if by_features is not None and matches.agreeing(by_features) >= MATCHES:
+        starts = [by_features]
+    else:
+        starts = [before] if by_features is None else [before, by_features]
+        starts += _searched(first, second, before, matches) if search else []
     found: list[Edge] = []
     for start in starts:
-        moved, information = _odometry(first, second, start)
+        moved, information = _odometry(first.picture, second.picture, start)
         # Where little holds it, the odometry runs away.
-        best = min((start, moved), key=lambda motion: disagreement(first, second, motion))
-        for motion in (moved, _aligned(first, second, best)):
-            apart = disagreement(first, second, motion)
-            found.append(Edge(source, target, motion, information, apart))
+        best = min(
+            (start, moved),
+            key=lambda motion: _doubt(first.picture, second.picture, motion, matches),
+        )
+        for motion in (best, _aligned(first.picture, second.picture, best)):
+            apart = _doubt(first.picture, second.picture, motion, matches)
+            found.append(Edge(source, target, motion, information, apart, matches.agreeing(motion)))
     return min(found, key=lambda edge: edge.disagreement)
 
 
-def disagreement(first: Picture, second: Picture, second_from_first: np.ndarray) -> float:
-    """Return how much two frames contradict each other under a motion: 0 nothing, 1.2 nothing shared.
+def _searched(
+    first: Sight, second: Sight, before: np.ndarray, matches: Matches
+) -> list[np.ndarray]:
+    likely = likely_starts(first.coarse, second.coarse, before, TRIED)
+    followed = [_aligned(first.coarse, second.coarse, motion) for motion in likely]
+    return sorted(followed, key=lambda m: _doubt(first.coarse, second.coarse, m, matches))[
+        :FOLLOWED
+    ]
 
-    The mean over points of the larger of both directions; near points count more. Every point adds its
-    difference of depth and of brightness, each at most 1.
-    """
-    there = _one_way(first, second, second_from_first)
-    return max(there, _one_way(second, first, invert_rigid(second_from_first)))
 
-
-def _one_way(first: Picture, second: Picture, motion: np.ndarray) -> float:
-    known = np.argwhere(np.isfinite(first.depth))
-    rows, columns = known[:: max(1, len(known) // SAMPLES)].T
-    k, z = first.intrinsics, first.depth[rows, columns].astype(np.float64)
-    points = np.stack(
-        [(columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z, z], axis=1
-    )
-    x, y, depth = (points @ motion[:3, :3].T + motion[:3, 3]).T
-    k = second.intrinsics
-    ahead = depth > 0
-    safe = np.where(ahead, depth, 1.0)
-    u, v = x / safe * k.fx + k.cx, y / safe * k.fy + k.cy
-    inside = ahead & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
-    column, row = (np.where(inside, each, 0).astype(np.intp) for each in (u, v))
-    apart = np.abs(second.depth[row, column] - depth) / safe / OTHER_DEPTH
-    darker = np.abs(second.brightness[row, column] - first.brightness[rows, columns])
-    seen = inside & np.isfinite(apart)
-    each = np.minimum(apart, 1) + np.minimum(darker / OTHER_BRIGHTNESS, 1)
-    return float(np.average(np.where(seen, each, UNSEEN), weights=1 / z))
+def _doubt(first: Picture, second: Picture, motion: np.ndarray, matches: Matches) -> float:
+    """Return the disagreement of two frames, less what matched features speak for the motion."""
+    agreeing = min(1.0, matches.agreeing(motion) / MATCHES)
+    return disagreement(first, second, motion) - WORTH * agreeing
 
 
 def _aligned(first: Picture, second: Picture, motion: np.ndarray) -> np.ndarray:
     """Return the motion after `align` of the two; the same where they have nothing in common."""
-    found = align([first, second], np.stack([np.eye(4), invert_rigid(motion)]))
+    found = align([first, second], np.stack([np.eye(4), invert_rigid(motion)]), threads=1)
     return motion if found is None else invert_rigid(found.poses[1]) @ found.poses[0]
 
 

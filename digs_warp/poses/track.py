@@ -10,8 +10,10 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
 from digs_warp.geometry import invert_rigid
+from digs_warp.poses.agreement import disagreements
 from digs_warp.poses.align import align
-from digs_warp.poses.edges import Edge, disagreement, edge_between, starts_for, usual_distance
+from digs_warp.poses.chain import along, bridged, holds, measured_again, measured_chain, turn_deg
+from digs_warp.poses.edges import Edge, Sight, edge_between, usual_distance
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.tracking import Tracking, check_depth, some_of
 from digs_warp.poses.views import Picture, load_pictures
@@ -19,15 +21,15 @@ from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
-# The widest image of the odometry [px]; the alignment in the end looks at more.
-WIDEST = 320
-# Frames that disagree more were not placed: true motions of 3 to 20 degrees have 0.3 to 1.0.
-BROKEN = 1.05
 # Poses that differ more from the motions between frames contradict themselves [degree]: those of good
 # recordings differ by 0.1 to 0.5, those with wrong motions between frames by 1.2 and more.
 CONTRADICTION = 1.0
-# Loops for each frame, at most: those of the best overlap come first.
-LOOPS_PER_FRAME = 6
+# From this contradiction on [degree], loops are measured again from the poses that were found.
+UNCERTAIN = 0.5
+# Loops for each frame, at most.
+LOOPS_PER_FRAME = 4
+# Loops over at most so many frames hold what is near in time together; the others close circles.
+NEAR = 3
 # Motions that contradict the others by more than this are dropped by the pose graph (0 to 1).
 PRUNE = 0.25
 
@@ -66,18 +68,36 @@ def track(frames: Sequence[Frame], readout_time: float) -> Tracked:
     check_depth(frames)
     pictures = load_pictures(frames, readout_time)
     _check_measured(frames, pictures)
-    small = [_reduced(picture) for picture in pictures]
-    chain = _chain(small)
+    sights = [Sight.of(picture) for picture in pictures]
+    small = [sight.picture for sight in sights]
+    chain = bridged(sights, measured_chain(sights))
     _check_whole(frames, chain)
-    rough = _along(chain)
-    loops = _loops(small, rough)
-    placed = _optimized(rough, chain, loops)
-    found = align(pictures, placed)
-    poses = placed if found is None else _better(small, placed, found.poses, chain)
+    rough = along(chain)
+    near = _loops(sights, rough, 2, NEAR)
+    placed = _optimized(rough, chain, near)
+    chain = measured_again(sights, chain, placed)
+    poses, loops = _closed(pictures, sights, chain, near, placed)
+    if _apart(poses, loops)[1] > UNCERTAIN:
+        poses, loops = _closed(pictures, sights, chain, near, poses)
     poses = invert_rigid(poses[0]) @ poses
     tracking = _told(small, poses, rough, loops)
     _check_agreement(tracking)
     return Tracked(poses, _middle(small, poses), tracking)
+
+
+def _closed(
+    pictures: Sequence[Picture],
+    sights: Sequence[Sight],
+    chain: Sequence[Edge],
+    near: Sequence[Edge],
+    placed: np.ndarray,
+) -> tuple[np.ndarray, list[Edge]]:
+    """Return the poses after circles are closed and all frames are aligned, and all loops."""
+    loops = [*near, *_loops(sights, placed, NEAR + 1, len(sights))]
+    placed = _optimized(placed, chain, loops)
+    found = align(pictures, placed)
+    small = [sight.picture for sight in sights]
+    return placed if found is None else _better(small, placed, found.poses, chain, loops), loops
 
 
 def _check_measured(frames: Sequence[Frame], pictures: Sequence[Picture]) -> None:
@@ -93,25 +113,8 @@ def _check_measured(frames: Sequence[Frame], pictures: Sequence[Picture]) -> Non
         )
 
 
-def _reduced(picture: Picture) -> Picture:
-    while picture.intrinsics.width > WIDEST:
-        picture = picture.halved()
-    return picture
-
-
-def _chain(pictures: Sequence[Picture]) -> list[Edge]:
-    """Return the motion from each frame to the next."""
-    edges: list[Edge] = []
-    before = np.eye(4)
-    for number in range(len(pictures) - 1):
-        edge = edge_between(pictures, number, number + 1, starts_for(pictures[number], before))
-        edges.append(edge)
-        before = edge.target_from_source if edge.disagreement <= BROKEN else np.eye(4)
-    return edges
-
-
 def _check_whole(frames: Sequence[Frame], chain: Sequence[Edge]) -> None:
-    broken = [edge for edge in chain if edge.disagreement > BROKEN]
+    broken = [edge for edge in chain if not holds(edge)]
     if not broken:
         return
     names = [f"{frames[edge.source].name} and {frames[edge.target].name}" for edge in broken]
@@ -136,41 +139,38 @@ def _check_agreement(tracking: Tracking) -> None:
         )
 
 
-def _along(chain: Sequence[Edge]) -> np.ndarray:
-    """Return ``world_from_cam`` of each frame from the motions one after the other, (n, 4, 4)."""
-    poses = [np.eye(4)]
-    for edge in chain:
-        poses.append(poses[-1] @ invert_rigid(edge.target_from_source))
-    return np.stack(poses)
+def _loops(sights: Sequence[Sight], poses: np.ndarray, least: int, most: int) -> list[Edge]:
+    """Return measured motions between frames that overlap, ``least`` to ``most`` apart in time.
 
-
-def _loops(pictures: Sequence[Picture], poses: np.ndarray) -> list[Edge]:
-    """Return measured motions between frames that overlap but are not neighbors, farthest in time first."""
-    pairs = [(i, j) for i, j in overlapping_pairs(pictures, poses).tolist() if j > i + 1]
-    taken = np.zeros(len(pictures), np.intp)
+    The farthest in time come first; each frame has at most `LOOPS_PER_FRAME`.
+    """
+    pictures = [sight.picture for sight in sights]
+    pairs = [
+        (i, j) for i, j in overlapping_pairs(pictures, poses).tolist() if least <= j - i <= most
+    ]
+    taken = np.zeros(len(sights), np.intp)
     found: list[Edge] = []
     for i, j in sorted(pairs, key=lambda pair: (pair[0] - pair[1], pair)):
         if max(taken[i], taken[j]) >= LOOPS_PER_FRAME:
             continue
         taken[[i, j]] += 1
-        edge = edge_between(pictures, i, j, [invert_rigid(poses[j]) @ poses[i]])
-        if edge.disagreement <= BROKEN:
+        edge = edge_between(sights, i, j, invert_rigid(poses[j]) @ poses[i], search=False)
+        if holds(edge):
             found.append(edge)
     return found
 
 
 def _optimized(rough: np.ndarray, chain: Sequence[Edge], loops: Sequence[Edge]) -> np.ndarray:
-    """Return the poses that fit all motions best; loops that contradict the others do not count."""
+    """Return the poses that fit all motions best; motions that contradict the others do not count."""
     registration = import_open3d().pipelines.registration
     graph = registration.PoseGraph()
     for pose in rough:
         graph.nodes.append(registration.PoseGraphNode(pose))
-    for edges, uncertain in ((chain, False), (loops, True)):
-        for edge in edges:
-            motion, known = edge.target_from_source, edge.information
-            graph.edges.append(
-                registration.PoseGraphEdge(edge.source, edge.target, motion, known, uncertain)
-            )
+    for edge, uncertain in [*((e, False) for e in chain), *((e, True) for e in loops)]:
+        motion, known = edge.target_from_source, edge.information
+        graph.edges.append(
+            registration.PoseGraphEdge(edge.source, edge.target, motion, known, uncertain)
+        )
     registration.global_optimization(
         graph,
         registration.GlobalOptimizationLevenbergMarquardt(),
@@ -181,21 +181,23 @@ def _optimized(rough: np.ndarray, chain: Sequence[Edge], loops: Sequence[Edge]) 
 
 
 def _better(
-    pictures: Sequence[Picture], placed: np.ndarray, aligned: np.ndarray, chain: Sequence[Edge]
+    pictures: Sequence[Picture],
+    placed: np.ndarray,
+    aligned: np.ndarray,
+    chain: Sequence[Edge],
+    loops: Sequence[Edge],
 ) -> np.ndarray:
-    """Return the poses under which neighbors agree better: where little holds them, they may slide."""
+    """Return the aligned pose of each frame, or the placed one where its pairs agree better under that.
 
-    def total(poses: np.ndarray) -> float:
-        return sum(
-            disagreement(
-                pictures[e.source],
-                pictures[e.target],
-                invert_rigid(poses[e.target]) @ poses[e.source],
-            )
-            for e in chain
-        )
-
-    return aligned if total(aligned) <= total(placed) else placed
+    Where little holds a frame, the alignment may slide.
+    """
+    totals = np.zeros((2, len(placed)))
+    for edge in (*chain, *loops):
+        i, j = edge.source, edge.target
+        motions = [invert_rigid(poses[j]) @ poses[i] for poses in (placed, aligned)]
+        totals[:, [i, j]] += disagreements(pictures[i], pictures[j], motions)[:, None]
+    slid = totals[1] > totals[0]
+    return np.where(slid[:, None, None], placed, aligned)
 
 
 def _told(
@@ -223,9 +225,7 @@ def _apart(poses: np.ndarray, loops: Sequence[Edge]) -> tuple[float, float]:
         for e in loops
     ]
     lengths = [np.linalg.norm(motion[:3, 3]) for motion in motions]
-    # The Frobenius norm of R - 1 is 2 sqrt(2) sin(angle / 2).
-    chords = [np.linalg.norm(motion[:3, :3] - np.eye(3)) / np.sqrt(8.0) for motion in motions]
-    turns = np.degrees(2 * np.arcsin(np.minimum(chords, 1.0)))
+    turns = [turn_deg(motion) for motion in motions]
     return round(1000 * float(np.median(lengths)), 4), round(float(np.median(turns)), 4)
 
 

@@ -19,6 +19,8 @@ DULL = 0.02
 POINTS = 4000
 # A pixel whose neighbors' depth differs by more than this share lies on a rim, where depth is smeared.
 RIM = 0.03
+# Added to all colors before their tint is taken: that of dark pixels is noise.
+DARK = 16
 # The widest image that is compared [px].
 WIDEST = 640
 # Brightness of sRGB red, green and blue (BT.601).
@@ -33,6 +35,7 @@ class Picture:
         intrinsics: of this size.
         brightness: 0..1, (height, width), float32.
         depth: planar z [m], (height, width), float32, NaN where unknown.
+        tint: shares of red and green in the color, which no exposure changes, (height, width, 2), float32.
         turn, shift: motion of the camera while all rows are read, (3,) each, in the axes of the middle row
             [rad, m]; 0 where it is not known.
     """
@@ -40,6 +43,7 @@ class Picture:
     intrinsics: Intrinsics
     brightness: np.ndarray
     depth: np.ndarray
+    tint: np.ndarray
     turn: np.ndarray
     shift: np.ndarray
 
@@ -49,11 +53,12 @@ class Picture:
         smaller = Intrinsics(k.width // 2, k.height // 2, k.fx / 2, k.fy / 2, k.cx / 2, k.cy / 2)
         shape = (smaller.height, 2, smaller.width, 2)
         rows, columns = 2 * smaller.height, 2 * smaller.width
-        brightness, depth = (
+        brightness, depth, red, green = (
             plane[:rows, :columns].reshape(shape).mean(axis=(1, 3))
-            for plane in (self.brightness, self.depth)
+            for plane in (self.brightness, self.depth, self.tint[..., 0], self.tint[..., 1])
         )
-        return replace(self, intrinsics=smaller, brightness=brightness, depth=depth)
+        tint = np.stack([red, green], axis=2)
+        return replace(self, intrinsics=smaller, brightness=brightness, depth=depth, tint=tint)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +97,19 @@ def _picture(frame: Frame, readout_time: float) -> Picture:
         frame.camera.intrinsics,
         image.astype(np.float32) @ (LUMA / np.float32(255)),
         frame.load_depth() if known else np.full(image.shape[:2], np.nan, np.float32),
+        tint_of(image),
         readout_time * np.array(motion.angular_velocity) if motion else np.zeros(3),
         readout_time * np.array(motion.velocity) if motion else np.zeros(3),
     )
     while found.intrinsics.width > WIDEST:
         found = found.halved()
     return found
+
+
+def tint_of(image: np.ndarray) -> np.ndarray:
+    """Return the shares of red and green in sRGB colors (..., 3) of 0..255, (..., 2); dark is gray."""
+    color = image.astype(np.float32) + DARK
+    return color[..., :2] / color.sum(axis=-1, keepdims=True)
 
 
 def view_of(picture: Picture) -> View:

@@ -28,7 +28,8 @@ def picture(pose: np.ndarray) -> Picture:
         depth = depth + (_height(points) - points[..., 2]) / slope
     points = camera.unproject(px, depth)
     still = np.zeros(3)
-    return Picture(k, _texture(points), depth.astype(np.float32), still, still)
+    gray = np.full((k.height, k.width, 2), 1 / 3, np.float32)
+    return Picture(k, _texture(points), depth.astype(np.float32), gray, still, still)
 
 
 def _height(points: np.ndarray) -> np.ndarray:

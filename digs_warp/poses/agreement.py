@@ -1,0 +1,91 @@
+"""How much two frames contradict each other under a motion: their depth, and their color where it agrees."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.geometry import invert_rigid
+from digs_warp.poses.views import Picture
+
+# Points of a frame that are looked up in another.
+SAMPLES = 700
+# Differences that count as a whole one: of depth (a share of it; more beyond the usual distance, where stereo
+# is noisy), of brightness (0..1) and of tint.
+OTHER_DEPTH, OTHER_BRIGHTNESS, OTHER_TINT = 0.06, 0.1, 0.05
+# What a point counts of which the other frame says nothing: outside of it, or behind what it sees.
+UNSEEN, HIDDEN = 1.2, 0.9
+# What a missing depth counts: half a difference, and the colors are compared.
+NO_DEPTH = 0.5
+# What a point counts that the other frame looks through.
+CONTRADICTED = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Points of a frame that are looked up in others.
+
+    Attributes:
+        points: in the axes of its camera [m], (n, 3).
+        brightness: of each, (n,).
+        tint: of each, (n, 2).
+        weights: near points count most, (n,), sum 1.
+        near: the usual distance [m]: the harmonic mean of the depth.
+    """
+
+    points: np.ndarray
+    brightness: np.ndarray
+    tint: np.ndarray
+    weights: np.ndarray
+    near: float
+
+    @staticmethod
+    def of(picture: Picture, most: int = SAMPLES) -> "Samples":
+        """Return every n-th pixel that has depth, at least ``most`` where there are as many."""
+        known = np.argwhere(np.isfinite(picture.depth))
+        rows, columns = known[:: max(1, len(known) // most)].T
+        k, z = picture.intrinsics, picture.depth[rows, columns].astype(np.float64)
+        x, y = (columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z
+        found = picture.brightness[rows, columns], picture.tint[rows, columns]
+        inverse = 1 / z
+        weights = inverse / inverse.sum()
+        return Samples(np.stack([x, y, z], 1), *found, weights, float(1 / inverse.mean()))
+
+
+def disagreement(first: Picture, second: Picture, second_from_first: np.ndarray) -> float:
+    """Return how much two frames contradict each other under a motion, 0 to 2; 1.2: nothing is shared.
+
+    The mean over points of the larger of both directions; near points count more.
+    """
+    return float(disagreements(first, second, [second_from_first])[0])
+
+
+def disagreements(
+    first: Picture, second: Picture, motions: Sequence[np.ndarray], most: int = SAMPLES
+) -> np.ndarray:
+    """Return `disagreement` under each of m motions ``second_from_first``, (m,), from ``most`` points."""
+    there = _one_way(Samples.of(first, most), second, np.stack(motions))
+    back = np.stack([invert_rigid(motion) for motion in motions])
+    return np.maximum(there, _one_way(Samples.of(second, most), first, back))
+
+
+def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarray:
+    """Return the mean over the points under each motion, (m,)."""
+    points = np.einsum("mij,nj->mni", motions[:, :3, :3], samples.points) + motions[:, None, :3, 3]
+    x, y, depth = np.moveaxis(points, 2, 0)
+    k = other.intrinsics
+    ahead = depth > 0
+    safe = np.where(ahead, depth, 1.0)
+    u, v = x / safe * k.fx + k.cx, y / safe * k.fy + k.cy
+    inside = ahead & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+    column, row = (np.where(inside, each, 0).astype(np.intp) for each in (u, v))
+    behind = (depth - other.depth[row, column]) / safe / OTHER_DEPTH
+    behind /= np.maximum(1.0, safe / samples.near)
+    darker = np.abs(other.brightness[row, column] - samples.brightness) / OTHER_BRIGHTNESS
+    tinted = np.abs(other.tint[row, column] - samples.tint).sum(axis=2) / OTHER_TINT
+    color = np.minimum(darker + tinted, 1.0)
+    known = np.isfinite(behind)
+    each = np.where(known, np.minimum(np.abs(behind), 1.0), NO_DEPTH) + color
+    each = np.where(known & (behind > 1), HIDDEN, each)
+    each = np.where(known & (behind < -1), CONTRADICTED, each)
+    return np.where(inside, each, UNSEEN) @ samples.weights

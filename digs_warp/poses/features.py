@@ -1,0 +1,121 @@
+"""Motions between frames from matched features whose depth is measured: metric, from any start."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.camera import Intrinsics
+from digs_warp.geometry import rigid
+from digs_warp.poses.views import Picture
+
+# Features of a frame, the strongest first; OpenCV's threshold of contrast, a tenth of what is usual, and of
+# edges, over twice: in a white room, weak features are all that there is.
+FEATURES, CONTRAST, EDGE = 1500, 0.004, 25.0
+# A match is nearer than this share of the second nearest (Lowe, IJCV 2004, section 7.1, has 0.8).
+RATIO = 0.85
+# Matches that agree with a motion lie within this of where it takes them [px]; fewer prove nothing.
+WITHIN, FEWEST = 3.0, 10
+# Draws of RANSAC.
+DRAWS = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Of a frame.
+
+    Attributes:
+        px: places, pixel centers at +0.5, (n, 2), float64.
+        points: in the axes of the camera [m], (n, 3); NaN without depth.
+        descriptors: (n, 128), float32, SIFT's as square roots (Arandjelovic and Zisserman, CVPR 2012).
+    """
+
+    px: np.ndarray
+    points: np.ndarray
+    descriptors: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Features that are alike in two frames, right or wrong.
+
+    Attributes:
+        points: in the axes of the source [m], (n, 3).
+        px: where the target has them, (n, 2).
+        camera: of the target, (3, 3).
+    """
+
+    points: np.ndarray
+    px: np.ndarray
+    camera: np.ndarray
+
+    def agreeing(self, target_from_source: np.ndarray) -> int:
+        """Return how many matches agree with a motion."""
+        moved = self.points @ target_from_source[:3, :3].T + target_from_source[:3, 3]
+        seen = moved[moved[:, 2] > 0] @ self.camera.T
+        apart = seen[:, :2] / seen[:, 2:] - self.px[moved[:, 2] > 0]
+        return int(np.count_nonzero((apart**2).sum(axis=1) < WITHIN**2))
+
+    def motion(self) -> np.ndarray | None:
+        """Return the motion that most agree on, (4, 4), by RANSAC over three; None if they are few."""
+        import cv2
+
+        if len(self.px) < FEWEST:
+            return None
+        good, turn, shift, inside = cv2.solvePnPRansac(
+            *(self.points, self.px, self.camera, None),
+            iterationsCount=DRAWS,
+            reprojectionError=WITHIN,
+            confidence=0.9999,
+            flags=cv2.SOLVEPNP_AP3P,
+        )
+        if not good or inside is None or len(inside) < FEWEST:
+            return None
+        kept = np.asarray(inside, dtype=np.intp)[:, 0]
+        turn, shift = cv2.solvePnPRefineLM(
+            self.points[kept], self.px[kept], self.camera, None, turn, shift
+        )
+        return rigid(cv2.Rodrigues(turn)[0], shift[:, 0])
+
+
+def features_of(picture: Picture) -> Features:
+    """Return the SIFT features of a picture."""
+    import cv2
+
+    gray = (255 * picture.brightness).clip(0, 255).astype(np.uint8)
+    sift = cv2.SIFT.create(nfeatures=FEATURES, contrastThreshold=CONTRAST, edgeThreshold=EDGE)
+    keys, found = sift.detectAndCompute(gray, None)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    if not keys:
+        return Features(np.zeros((0, 2)), np.zeros((0, 3)), np.zeros((0, 128), np.float32))
+    # OpenCV puts integers at the centers of pixels.
+    px = np.array([key.pt for key in keys]) + 0.5
+    k = picture.intrinsics
+    column, row = np.minimum(px, [k.width - 1, k.height - 1]).astype(np.intp).T
+    z = picture.depth[row, column].astype(np.float64)
+    points = np.stack([(px[:, 0] - k.cx) / k.fx * z, (px[:, 1] - k.cy) / k.fy * z, z], axis=1)
+    shares = found / np.maximum(found.sum(axis=1, keepdims=True), 1e-6)
+    return Features(px, points, np.sqrt(shares).astype(np.float32))
+
+
+def matched(first: Features, second: Features, target: Intrinsics) -> Matches:
+    """Return the matches of two frames: of the second, with intrinsics ``target``, only the pixels count."""
+    here, there = _alike(first, second)
+    camera = np.array([[target.fx, 0, target.cx], [0, target.fy, target.cy], [0, 0, 1.0]])
+    return Matches(first.points[here], second.px[there], camera)
+
+
+def _alike(first: Features, second: Features) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of features that are each other's nearest; those of the first have depth."""
+    nothing = np.zeros(0, np.intp)
+    deep = np.flatnonzero(np.isfinite(first.points[:, 2]))
+    if len(deep) < FEWEST or len(second.px) < FEWEST:
+        return nothing, nothing
+    # Descriptors of length 1: the larger the product, the nearer.
+    alike = first.descriptors[deep] @ second.descriptors.T
+    order = np.argpartition(-alike, 1, axis=1)[:, :2]
+    two = np.take_along_axis(alike, order, axis=1)
+    best = np.where(two[:, 0] >= two[:, 1], order[:, 0], order[:, 1])
+    distances = np.sqrt(np.maximum(2 - 2 * two, 0.0))
+    clear = distances.min(axis=1) < RATIO * distances.max(axis=1)
+    mutual = alike.argmax(axis=0)[best] == np.arange(len(deep))
+    kept = clear & mutual
+    return deep[kept], best[kept]
