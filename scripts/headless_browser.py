@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,12 +23,22 @@ FLAGS = [
 ]
 
 
+_KEY_CODES = {
+    **{"Tab": 9, "Enter": 13, "Home": 36, " ": 32},
+    **{"ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40, "Backspace": 8},
+}
+
+
 class NoBrowserError(Exception):
     """There is no browser, or it does not start; the message says what to install."""
 
 
 class Browser:
-    """One tab."""
+    """One tab.
+
+    Attributes:
+        requests: the addresses that pages asked for, since the first visit.
+    """
 
     def __init__(self, address: str) -> None:
         from websockets.sync.client import connect
@@ -36,13 +46,74 @@ class Browser:
         self._socket = connect(address, max_size=None)
         self._numbers = itertools.count(1)
         self._events: set[str] = set()
+        self.requests: list[str] = []
 
     def visit(self, url: str) -> None:
         """Load a page, and wait until it is there."""
         self._call("Page.enable")
+        self._call("Network.enable")
+        self._events.discard("Page.loadEventFired")
         self._call("Page.navigate", url=url)
         while "Page.loadEventFired" not in self._events:
             self._receive()
+
+    def run(self, script: str) -> Any:
+        """Return the value of a JavaScript expression; promises are waited for.
+
+        Raises:
+            RuntimeError: it raised an error.
+        """
+        found = self._call(
+            "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
+        )
+        if "exceptionDetails" in found:
+            raise RuntimeError(f"{script}: {found['exceptionDetails']}")
+        return found["result"].get("value")
+
+    def wait_for(self, condition: str, seconds: float = 60.0) -> None:
+        """Wait until a JavaScript expression is true.
+
+        Raises:
+            TimeoutError: it is not.
+        """
+        end = time.monotonic() + seconds
+        while not self.run(condition):
+            if time.monotonic() > end:
+                raise TimeoutError(f"not within {seconds:g} s: {condition}")
+            time.sleep(0.05)
+
+    def press(self, key: str) -> None:
+        """Press and release a key, by its name in events, such as "ArrowLeft" or "a"."""
+        code = _KEY_CODES.get(key, ord(key[0].upper()))
+        about = {"key": key, "windowsVirtualKeyCode": code}
+        text = {"text": key} if len(key) == 1 else {}
+        self._call("Input.dispatchKeyEvent", type="keyDown", **about, **text)
+        self._call("Input.dispatchKeyEvent", type="keyUp", **about)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Press the left button at a place of the window [px], move, and release it; or click there."""
+        button = {"button": "left", "clickCount": 1}
+        for kind, (x, y) in (("mousePressed", start), ("mouseMoved", end), ("mouseReleased", end)):
+            self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, buttons=1, **button)
+
+    def click(self, selector: str) -> None:
+        """Click the middle of an element, by its CSS selector, after scrolling to it."""
+        element = f"document.querySelector({json.dumps(selector)})"
+        self.run(f"{element}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
+        box = self.run(f"JSON.parse(JSON.stringify({element}.getBoundingClientRect()))")
+        place = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        self.drag(place, place)
+
+    def resize(self, width: int, height: int, dark: bool = False) -> None:
+        """Give the window another size [px], and light or dark colors."""
+        size = {"width": width, "height": height}
+        self._call("Emulation.setDeviceMetricsOverride", **size, deviceScaleFactor=1, mobile=False)
+        theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self._call("Emulation.setEmulatedMedia", features=[theme])
+
+    def keep_downloads(self, folder: Path) -> None:
+        """Save what pages download into a folder."""
+        self._call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
 
     def screenshot(self) -> np.ndarray:
         """Return the window's pixels, (height, width, 3), uint8."""
@@ -68,12 +139,16 @@ class Browser:
         message = json.loads(self._socket.recv(timeout=60))
         if "method" in message:
             self._events.add(message["method"])
+            if message["method"] == "Network.requestWillBeSent":
+                self.requests.append(message["params"]["request"]["url"])
         return message
 
 
 @contextmanager
-def browser(folder: Path, size: tuple[int, int] = (900, 700)) -> Iterator[Browser]:
-    """Yield a browser with an empty profile in ``folder``; it ends with the block.
+def browser(
+    folder: Path, size: tuple[int, int] = (900, 700), flags: Sequence[str] = ()
+) -> Iterator[Browser]:
+    """Yield a browser with an empty profile in ``folder`` and further flags; it ends with the block.
 
     Raises:
         NoBrowserError: there is none, or it does not start.
@@ -85,6 +160,7 @@ def browser(folder: Path, size: tuple[int, int] = (900, 700)) -> Iterator[Browse
         [
             program,
             *FLAGS,
+            *flags,
             f"--window-size={size[0]},{size[1]}",
             f"--user-data-dir={folder}",
             "about:blank",

@@ -85,7 +85,7 @@ class Render(Command):
 
     def execute(self) -> str:
         """Render, write, and say how fast it went."""
-        from digs_warp.film.camera_path import find_subject
+        from digs_warp.film.camera_path import find_framed_subject
         from digs_warp.film.shoot import Clock, shoot
         from digs_warp.film.video import SUFFIXES, write_video
 
@@ -98,7 +98,7 @@ class Render(Command):
         if is_file:
             check_output_file(self.out, self.overwrite, [self.source, self.follow])
         gaussians = self.scene.read(self.source).gaussians
-        subject = find_subject(gaussians)
+        subject = find_framed_subject(gaussians)
         cameras = self._cameras(subject)
         clock = Clock()
         frames = _with_progress(

@@ -36,4 +36,4 @@ def run_files() -> list[str]:
     parts = {layout.CAPTURE: capture_files(), layout.RECONSTRUCTION: reconstruction_files()}
     both = (layout.RUN_RECORD, layout.MANIFEST)
     inner = [f"{part}/{name}" for part, names in parts.items() for name in (*names, *both)]
-    return [layout.SCENE, layout.REPORT, *inner]
+    return [layout.SCENE, layout.SPLATS, layout.REPORT, *inner]

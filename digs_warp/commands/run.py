@@ -78,6 +78,7 @@ class Run(ReconstructionOptions, SettingsCommand):
     def _run_stages(self, folder: Path, config: "ReconstructConfig", log: RunLog) -> str:
         """Write everything into ``folder``; return the result in a phrase."""
         from digs_warp.pipeline.reconstruct import reconstruct
+        from digs_warp.pipeline.scene_files import write_scene_file
         from digs_warp.pipeline.usd_scene import write_capture_package
         from digs_warp.report import write_report
         from digs_warp.sim.record import simulate
@@ -101,6 +102,7 @@ class Run(ReconstructionOptions, SettingsCommand):
         }
         with log.saved(record), log.stage("export"):
             write_capture_package(capture, [result], folder / layout.SCENE, WriteOptions())
+            write_scene_file(folder / layout.SPLATS, result, reconstruction)
         with log.saved(record), log.stage("report"):
             write_report(capture, result, folder / layout.REPORT)
         return reconstruction_words(result, len(capture))
@@ -113,6 +115,7 @@ def _summary(folder: Path, log: RunLog, what: str) -> str:
         "capture": layout.CAPTURE,
         "reconstruction": layout.RECONSTRUCTION,
         "scene": layout.SCENE,
+        "splats": layout.SPLATS,
         "report": layout.REPORT,
     }
     facts = {name: str(folder / place) for name, place in places.items()}

@@ -16,6 +16,10 @@ UP = np.array([0.0, 0.0, 1.0])
 LEAST_OPACITY = 0.1
 OUTLIERS_PERCENT = 1.0
 
+# A part of the object is at most this many radii of its bulk away, and has more than this share.
+FARTHEST_PART = 2.0
+STRAYS_PERCENT = 0.1
+
 # Free space around the object: the ball is enlarged by this factor.
 MARGIN = 1.1
 
@@ -37,7 +41,7 @@ def find_subject(gaussians: Gaussians) -> Subject:
     if not len(gaussians):
         raise DigsError("film: there are 0 Gaussians, nothing to show")
     visible = gaussians.opacities >= LEAST_OPACITY
-    means = gaussians.means[visible] if visible.any() else gaussians.means
+    means = _visible_means(gaussians)
     low, high = np.percentile(means, [OUTLIERS_PERCENT, 100 - OUTLIERS_PERCENT], axis=0)
     center = 0.5 * (low + high)
     radius = np.percentile(np.linalg.norm(means - center, axis=1), 100 - OUTLIERS_PERCENT)
@@ -45,10 +49,38 @@ def find_subject(gaussians: Gaussians) -> Subject:
     return Subject(center, max(float(radius), 3.0 * largest, 1e-6))
 
 
+def find_framed_subject(gaussians: Gaussians) -> Subject:
+    """Return the ball around the object with its thin parts, such as a handle, for a picture of all of it.
+
+    They can hold less than a percent of the Gaussians, as strays do, which lie farther away.
+
+    Raises:
+        DigsError: there are no Gaussians.
+    """
+    bulk = find_subject(gaussians)
+    means = _visible_means(gaussians)
+    near = means[np.linalg.norm(means - bulk.center_world, axis=1) <= FARTHEST_PART * bulk.radius]
+    if len(near) < 2:
+        return bulk
+    low, high = np.percentile(near, [STRAYS_PERCENT, 100 - STRAYS_PERCENT], axis=0)
+    center = 0.5 * (low + high)
+    radius = np.percentile(np.linalg.norm(near - center, axis=1), 100 - STRAYS_PERCENT)
+    return Subject(center, max(float(radius), bulk.radius))
+
+
+def _visible_means(gaussians: Gaussians) -> np.ndarray:
+    visible = gaussians.opacities >= LEAST_OPACITY
+    return gaussians.means[visible] if visible.any() else gaussians.means
+
+
 def orbit(
-    subject: Subject, intrinsics: Intrinsics, frames: int, elevation_deg: float = 20.0
+    subject: Subject,
+    intrinsics: Intrinsics,
+    frames: int,
+    elevation_deg: float = 20.0,
+    up: np.ndarray = UP,
 ) -> list[Camera]:
-    """Return ``frames`` cameras evenly spread over one turn around the vertical (z) through the subject.
+    """Return ``frames`` cameras evenly spread over one turn around the vertical through the subject.
 
     The distance is such that the subject's ball fills the smaller side of the image.
 
@@ -57,6 +89,7 @@ def orbit(
         intrinsics: of all cameras.
         frames: at least 1.
         elevation_deg: angle of the camera above the horizon, above -90 and below 90.
+        up: what is up in the world, of length 1, shape (3,).
 
     Raises:
         DigsError: an elevation from which "up" is not defined, or no frames.
@@ -70,12 +103,35 @@ def orbit(
     half = 0.5 * min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy)
     distance = MARGIN * subject.radius / np.sin(np.arctan(half))
     elevation = np.deg2rad(elevation_deg)
+    east = _level_axis(up)
+    north = np.cross(up, east)
     cameras = []
     for azimuth in np.arange(frames) * (2 * np.pi / frames):
-        direction = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation)]
-        eye = subject.center_world + distance * np.array([*direction, np.sin(elevation)])
-        cameras.append(Camera(intrinsics, look_at(eye, subject.center_world, UP)))
+        level = np.cos(azimuth) * east + np.sin(azimuth) * north
+        direction = np.cos(elevation) * level + np.sin(elevation) * up
+        eye = subject.center_world + distance * direction
+        cameras.append(Camera(intrinsics, look_at(eye, subject.center_world, up)))
     return cameras
+
+
+def _level_axis(up: np.ndarray) -> np.ndarray:
+    """Return the horizontal unit vector nearest to x, or to y where x is upright."""
+    axis = np.array([1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0])
+    level = axis - (axis @ up) * up
+    return level / np.linalg.norm(level)
+
+
+def up_of(cameras: Sequence[Camera]) -> np.ndarray:
+    """Return what is up in the world of a recording, shape (3,): z, unless its cameras say otherwise.
+
+    Worlds that begin at the first camera have y down. People hold cameras upright, so the axis nearest to
+    the mean of what is up in the images is up; it is z up to steep views from one side.
+    """
+    found = np.mean([-camera.world_from_cam[:3, 1] for camera in cameras], axis=0)
+    if not len(cameras) or not np.linalg.norm(found) or found[2] > 0.3 * np.linalg.norm(found):
+        return UP
+    axis = int(np.abs(found).argmax())
+    return np.sign(found[axis]) * np.eye(3)[axis]
 
 
 def along(

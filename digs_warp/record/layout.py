@@ -8,6 +8,7 @@ from digs_warp.checks import DigsError
 CAPTURE = "capture"
 RECONSTRUCTION = "reconstruction"
 SCENE = "scene.usdz"
+SPLATS = "splats.ply"
 REPORT = "report.html"
 # In every folder that a command wrote:
 RUN_RECORD = "run.json"

@@ -5,19 +5,35 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.start import Subject
 from digs_warp.measure.scores import Score
 from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.record import layout
 from digs_warp.record.files import write_atomically
 from digs_warp.report.capture_section import capture_section
 from digs_warp.report.course_section import course_section
+from digs_warp.report.geometry_section import geometry_section
 from digs_warp.report.markup import card, number
 from digs_warp.report.run_section import RunRecords, settings_section, times_section
 from digs_warp.report.sensor_section import sensor_section
 from digs_warp.report.start_section import start_section
 from digs_warp.report.style import CSS
+from digs_warp.report.view3d.section import view_section
 from digs_warp.report.views_section import views_section
 from digs_warp.words import counted
+
+# The page needs nothing from elsewhere, and browsers refuse it should text from a file ask for it.
+_ALLOWED = (
+    "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; "
+    "script-src 'unsafe-inline'"
+)
+
+# What a run leaves beside the report.
+_FILES = {
+    layout.SCENE: "the scene for USD programs",
+    layout.SPLATS: "the Gaussians as PLY, for viewers of splats",
+}
 
 
 def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
@@ -41,7 +57,8 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
     records = RunRecords.find(capture, result, path)
     body = "\n".join(
         [
-            _header(capture, result, records),
+            _header(capture, result, records, path),
+            *_gaussian_sections(capture, result),
             views_section(capture, result),
             course_section(result),
             start_section(result),
@@ -55,10 +72,19 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
     page = (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_ALLOWED}">\n'
         f"<title>{name} · digs-warp report</title>\n<style>{CSS}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
     write_atomically(path, page.encode("utf-8"))
+
+
+def _gaussian_sections(capture: Capture, result: Reconstruction) -> list[str]:
+    """Return the sections that need Gaussians to show."""
+    if not len(result.gaussians):
+        return []
+    posed = result.frames or PosedFrames.as_recorded(capture)
+    return [view_section(result, posed), geometry_section(result, posed)]
 
 
 def _subject(capture: Capture, records: RunRecords) -> str:
@@ -102,7 +128,17 @@ def _frame_cards(mean: Score, subject: Subject) -> list[str]:
     ]
 
 
-def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> str:
+def _links(folder: Path) -> str:
+    """Return links to the files beside the report, with their sizes; nothing where there are none."""
+    links = [
+        f'<a href="{name}">{words}</a> ({(folder / name).stat().st_size / 1e6:.1f} MB)'
+        for name, words in _FILES.items()
+        if (folder / name).is_file()
+    ]
+    return f"<p class=links>Beside this page: {', '.join(links)}.</p>" if links else ""
+
+
+def _header(capture: Capture, result: Reconstruction, records: RunRecords, path: Path) -> str:
     k = capture.frames[0].camera.intrinsics
     mean = result.scores.mean
     last = result.course[-1] if result.course else None
@@ -124,5 +160,5 @@ def _header(capture: Capture, result: Reconstruction, records: RunRecords) -> st
     about = f"{frames} of {k.width} by {k.height} pixels, {held_out} of them held out."
     return (
         f"<header><h1>{escape(_subject(capture, records))}</h1><p>{escape(about)}</p>"
-        f"<div class=cards>{''.join(cards)}</div></header>"
+        f"<div class=cards>{''.join(cards)}</div>{_links(path.parent)}</header>"
     )

@@ -6,10 +6,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 # Placeholder for the page's text color inside matplotlib; no chart uses it for anything else.
 _INK = "#010203"
 COLORS = ("#2f7ed8", "#e07b20", "#159a84", "#b04fc4", "#c8423b")
+# Lines of a chart differ in these, too: not everyone sees colors, and not every page is printed in them.
+DASHES = ("-", "--", ":", "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 _SIZE = (5.2, 3.1)  # inches; the page scales it
+_MAP_SIZE = (5.2, 4.2)
 
 
 @dataclass(frozen=True)
@@ -36,9 +41,17 @@ def line_chart(lines: Sequence[Line], x_label: str, y_label: str, log_y: bool = 
     from matplotlib.ticker import LogLocator, NullFormatter
 
     def draw(axes: Any) -> None:
-        for line, color in zip(lines, COLORS, strict=False):
+        for line, color, dash in zip(lines, COLORS, DASHES, strict=False):
             marker = {"marker": "o", "markersize": 4.5} if line.marker else {}
-            axes.plot(line.x, line.y, label=line.label, color=color, linewidth=1.8, **marker)
+            axes.plot(
+                line.x,
+                line.y,
+                label=line.label,
+                color=color,
+                linestyle=dash,
+                linewidth=1.8,
+                **marker,
+            )
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
         if log_y:
@@ -70,6 +83,60 @@ def bar_chart(bars: Sequence[Bar], x_label: str) -> str:
         axes.margins(x=0.1)
 
     return _svg(draw, (6.4, 0.75 + 0.3 * len(bars)))
+
+
+def step_chart(steps: Sequence[Line], x_label: str, y_label: str) -> str:
+    """Return an SVG element with histograms as outlines: ``x`` has one edge more than ``y`` has bins."""
+
+    def draw(axes: Any) -> None:
+        for line, color, dash in zip(steps, COLORS, DASHES, strict=False):
+            style = {"color": color, "linestyle": dash, "linewidth": 1.8}
+            axes.stairs(line.y, line.x, label=line.label, **style)
+        axes.set_xlabel(x_label)
+        axes.set_ylabel(y_label)
+        axes.margins(x=0)
+        axes.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.2))
+
+    return _svg(draw, _MAP_SIZE)
+
+
+def map_chart(
+    places: np.ndarray,
+    directions: np.ndarray,
+    marked: np.ndarray,
+    ball: tuple[np.ndarray, float] | None,
+    unit: str,
+) -> str:
+    """Return an SVG element with a path on a map, all axes in ``unit``.
+
+    Args:
+        places: along the path, shape (n, 2).
+        directions: in which something looks at each place, shape (n, 2), of length 1 at most.
+        marked: the places that were held out, shape (n,), bool; triangles instead of discs.
+        ball: center, shape (2,), and radius of what is looked at; None: nothing of a known size.
+        unit: of the axes.
+    """
+
+    def draw(axes: Any) -> None:
+        axes.plot(*places.T, color=_INK, alpha=0.4, linewidth=0.8)
+        look = {"angles": "xy", "width": 0.003, "headwidth": 1, "headlength": 0, "alpha": 0.6}
+        axes.quiver(*places.T, *directions.T, color=_INK, scale=18, **look)
+        for keep, mark, color, label in (
+            (~marked, "o", COLORS[0], "training"),
+            (marked, "^", COLORS[1], "held out"),
+        ):
+            if keep.any():
+                axes.plot(*places[keep].T, mark, color=color, markersize=5, label=label)
+        if ball is not None:
+            turn = np.linspace(0, 2 * np.pi, 73)
+            circle = ball[0] + ball[1] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+            axes.plot(*circle.T, "--", color=_INK, linewidth=1.2)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel(unit)
+        axes.set_ylabel(unit)
+        axes.legend(frameon=False, loc="best")
+
+    return _svg(draw, _MAP_SIZE)
 
 
 def _svg(draw: Callable[[Any], None], size: tuple[float, float]) -> str:

@@ -43,8 +43,9 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
 .chart svg { width: 100%; height: auto; max-width: 46rem; }
 .chart svg text { font-family: inherit !important; }
 .legends { display: flex; flex-wrap: wrap; gap: .5rem 2.5rem; margin: .5rem 0 1rem; }
-.legend { display: flex; align-items: center; gap: .75rem; font-size: .82rem; color: var(--soft); }
-.ramp { width: 15rem; height: .75rem; border-radius: 3px; }
+.legend { display: flex; flex-wrap: wrap; align-items: center; gap: .25rem .75rem;
+  font-size: .82rem; color: var(--soft); }
+.ramp { width: min(15rem, 70vw); height: .75rem; border-radius: 3px; }
 .ticks { display: flex; justify-content: space-between; font-variant-numeric: tabular-nums; }
 .missing { width: .75rem; height: .75rem; border-radius: 3px; background: rgb(128 128 128);
   margin-right: -.35rem; }
@@ -54,7 +55,26 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
   margin-right: .35rem; outline: 1px solid var(--rule); vertical-align: -.08rem; }
 .columns { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
   gap: 0 2.5rem; align-items: start; }
+.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr));
+  gap: 1rem 2rem; align-items: start; }
+video { display: block; width: 100%; height: auto; border-radius: 4px; background: var(--rule); }
+#view3d .stage { position: relative; }
+#view3d canvas { display: none; width: 100%; aspect-ratio: 4 / 3; border-radius: 4px;
+  outline: 1px solid var(--rule); cursor: grab; touch-action: none; }
+#view3d canvas:focus-visible { outline: 3px solid var(--accent); }
+#view3d .tools, #view3d .swatches { display: none; }
+#view3d.live canvas { display: block; } #view3d.live img { display: none; }
+#view3d.live .tools { display: flex; flex-wrap: wrap; gap: .5rem 1rem; align-items: center; }
+#view3d.live:has(:checked) .swatches { display: flex; }
+#view3d .swatches { margin-top: .75rem; } #view3d .swatches svg { vertical-align: -.2rem; }
+#view3d .note { font-size: .85rem; margin: .5rem 0; }
+button { font: inherit; font-size: .9rem; color: var(--ink); background: var(--paper);
+  border: 1px solid var(--rule); border-radius: 8px; padding: .4rem .8rem; min-height: 2.5rem; }
+label { font-size: .9rem; min-height: 2.5rem; display: inline-flex; align-items: center; gap: .5rem; }
+input[type=checkbox] { width: 1.15rem; height: 1.15rem; }
 details { margin-top: .75rem; }
+a { color: var(--accent); } .links { margin: 1rem 0 0; }
 summary { cursor: pointer; color: var(--accent); }
-@media print { body { background: none; } section { break-inside: avoid-page; border: 0; padding: 0; } }
+@media print { #view3d.live canvas { display: none; } #view3d.live img { display: block; }
+  body { background: none; } section { break-inside: avoid-page; border: 0; padding: 0; } }
 """

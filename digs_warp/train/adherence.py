@@ -7,6 +7,7 @@ noise, not 0. Outliers of the sensor and the rim of the object do not change a m
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 
 # The median hardly changes with more views, and each takes the time of a training step.
 VIEWS = 8
+
+DepthLayer = Literal[Layer.DEPTH, Layer.DEPTH_TRUE]
 
 # Mask values from this on belong to the object.
 OBJECT = 128
@@ -47,23 +50,26 @@ class MeasuredView:
 
 
 def load_measured_views(
-    frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER
+    frames: Sequence[Frame],
+    shutter: ShutterPlan = NO_SHUTTER,
+    layer: DepthLayer = Layer.DEPTH,
 ) -> list[MeasuredView]:
     """Read the depth of at most `VIEWS` frames, evenly spread; frames without depth are left out.
 
     Args:
         frames: of the recording.
         shutter: how the cameras move while their rows are read.
+        layer: the measured depth, or the true one of a simulated recording.
 
     Raises:
         CaptureError: a file is missing or broken.
     """
-    known = [frame for frame in frames if frame.has(Layer.DEPTH)]
-    return [_measured(frame, shutter.rows_of(frame)) for frame in evenly(known, VIEWS)]
+    known = [frame for frame in frames if frame.has(layer)]
+    return [_measured(frame, layer, shutter.rows_of(frame)) for frame in evenly(known, VIEWS)]
 
 
-def _measured(frame: Frame, rows: RowMotion | None) -> MeasuredView:
-    depth = frame.load_depth()
+def _measured(frame: Frame, layer: DepthLayer, rows: RowMotion | None) -> MeasuredView:
+    depth = frame.load_depth() if layer is Layer.DEPTH else frame.load_depth_true()
     mask = np.full(depth.shape, 255, np.uint8)
     if frame.has(Layer.MASK):
         mask = frame.load_mask()
@@ -79,8 +85,14 @@ def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> floa
 
     A pixel compares where depth was measured and the Gaussians cover it by half.
     """
+    found = signed_distances(gaussians, views)
+    return float(np.median(np.abs(found))) if len(found) else None
+
+
+def signed_distances(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> np.ndarray:
+    """Return rendered minus measured depth [m] of all pixels that compare, shape (n,), float64."""
     if not views or not len(gaussians):
-        return None
+        return np.zeros(0)
     sizes = [view.camera.intrinsics for view in views]
     renderer = SplatRenderer(
         gaussians,
@@ -89,9 +101,7 @@ def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> floa
         options=RasterOptions(outputs="depth", depth_of="skin"),
     )
     center = gaussians.means.numpy().mean(axis=0)
-    distances = [_distances(renderer, view, center) for view in views]
-    found = np.concatenate(distances)
-    return float(np.median(found)) if len(found) else None
+    return np.concatenate([_distances(renderer, view, center) for view in views])
 
 
 def _distances(renderer: SplatRenderer, view: MeasuredView, center: np.ndarray) -> np.ndarray:
@@ -99,4 +109,4 @@ def _distances(renderer: SplatRenderer, view: MeasuredView, center: np.ndarray) 
     x0, y0, x1, y1 = view.box
     drawn = renderer.depth.to_numpy()[y0:y1, x0:x1, MEDIAN].astype(np.float64)
     compared = np.isfinite(view.depth) & (drawn > 0)
-    return np.abs(drawn - view.depth)[compared]
+    return (drawn - view.depth)[compared]

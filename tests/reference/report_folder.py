@@ -21,7 +21,7 @@ from digs_warp.report import write_report
 from digs_warp.report.pictures import over_white
 
 WIDTH, HEIGHT, FRAMES, TEST_EVERY = 48, 32, 20, 2
-VOID_TAGS = {"meta", "img", "br", "link"}
+VOID_TAGS = {"meta", "img", "br", "link", "input"}
 
 
 class Page(HTMLParser):
@@ -32,7 +32,7 @@ class Page(HTMLParser):
         self.images: list[dict[str, str | None]] = []
         self.links: list[str] = []
         self.text = ""
-        self.scripts = 0
+        self.scripts: list[str] = []
         self._open: list[str] = []
         self.feed(text)
         assert self._open == []
@@ -41,7 +41,8 @@ class Page(HTMLParser):
         values = dict(attrs)
         if tag == "img":
             self.images.append(values)
-        self.scripts += tag == "script"
+        if tag == "script":
+            self.scripts.append("")
         outside = [values.get(key) for key in ("src", "href", "xlink:href", "action")]
         self.links += [link for link in outside if link]
         if tag not in VOID_TAGS:
@@ -56,7 +57,9 @@ class Page(HTMLParser):
             self.handle_endtag(tag)
 
     def handle_data(self, data: str) -> None:
-        if self._open and self._open[-1] != "style":
+        if self._open and self._open[-1] == "script":
+            self.scripts[-1] += data
+        elif self._open and self._open[-1] != "style":
             self.text += data + " "
 
 

@@ -85,7 +85,11 @@ def of_run(folder: Path) -> Facts:
             facts[name] = words.format(**summary(folder / place))
         except (DigsError, KeyError):
             facts[name] = "not finished"
-    for name, place in {"scene": layout.SCENE, "report": layout.REPORT}.items():
+    for name, place in {
+        "scene": layout.SCENE,
+        "splats": layout.SPLATS,
+        "report": layout.REPORT,
+    }.items():
         path = folder / place
         facts[name] = f"{path} ({megabytes(path)})" if path.is_file() else "not finished"
     return facts | record_facts(folder)

@@ -122,10 +122,10 @@ def _films(
 def _cameras(
     results: Mapping[str, Gaussians], size: tuple[int, int], count: int
 ) -> tuple[list[Camera], np.ndarray]:
-    from digs_warp.film.camera_path import find_subject, orbit
+    from digs_warp.film.camera_path import find_framed_subject, orbit
 
     # Far stray Gaussians would make the object look small, so the tightest result defines the view.
-    subject = min(map(find_subject, results.values()), key=lambda subject: subject.radius)
+    subject = min(map(find_framed_subject, results.values()), key=lambda subject: subject.radius)
     return orbit(subject, Intrinsics.from_fov(*size, FOV_DEG), count), subject.center_world
 
 

@@ -97,7 +97,15 @@ def test_run_leaves_scene_and_report_and_resumes_after_an_interruption(
     arguments = ["run", "--out", str(folder), *sizes, "--iterations", "2", "--voxel-size", "0.03"]
     assert main(arguments) == EXIT_OK
     summary = capsys.readouterr().out
-    left = ["capture", "files.jsonl", "reconstruction", "report.html", "run.json", "scene.usdz"]
+    left = [
+        "capture",
+        "files.jsonl",
+        "reconstruction",
+        "report.html",
+        "run.json",
+        "scene.usdz",
+        "splats.ply",
+    ]
     assert sorted(path.name for path in folder.iterdir()) == left
     assert all(
         str(folder / name) in summary for name in left if name not in ("run.json", "files.jsonl")

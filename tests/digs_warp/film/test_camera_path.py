@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
-from digs_warp.camera import Intrinsics
+from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
-from digs_warp.film.camera_path import Subject, along, find_subject, orbit
+from digs_warp.film.camera_path import (
+    Subject,
+    along,
+    find_framed_subject,
+    find_subject,
+    orbit,
+    up_of,
+)
 from digs_warp.geometry import look_at, rigid
 from reference.splat_files import random_gaussians
 
@@ -52,6 +59,32 @@ def test_strays_and_faint_gaussians_do_not_move_the_subject() -> None:
     np.testing.assert_allclose(moved.center_world, calm.center_world, atol=0.02)
     np.testing.assert_allclose(moved.radius, calm.radius, rtol=0.05)
     np.testing.assert_allclose(calm.center_world, (5, 0, 0), atol=0.02)
+
+
+def test_a_thin_part_is_in_the_frame_and_strays_are_not() -> None:
+    g = random_gaussians(4000, 0)
+    g.means[:] = g.means / np.linalg.norm(g.means, axis=1, keepdims=True) * 0.1
+    g.opacity_logits[:] = 3
+    g.means[:20] = np.linspace((0, 0, 0.1), (0, 0, 0.18), 20)  # half a percent: a rod
+    g.means[20:40] = (3.0, 0.0, 0.0)
+    subject = find_framed_subject(g)
+    assert find_subject(g).radius < 0.11
+    rod = np.linalg.norm(g.means[:20] - subject.center_world, axis=1)
+    assert rod.max() < 1.05 * subject.radius < 0.18
+    alone = random_gaussians(1, 0)
+    assert find_framed_subject(alone).radius == find_subject(alone).radius
+
+
+def test_up_is_z_unless_the_cameras_say_otherwise() -> None:
+    k = Intrinsics.from_fov(64, 48, 40.0)
+    steep = [Camera(k, look_at(np.array([0.3, 0.0, 0.7]), np.zeros(3), UP))] * 3
+    np.testing.assert_array_equal(up_of(steep), UP)
+    np.testing.assert_array_equal(up_of([Camera(k, np.eye(4))]), (0, -1, 0))  # OpenCV axes
+    turn = orbit(SUBJECT, k, 8, 20.0, up=np.array([0.0, -1.0, 0.0]))
+    for camera in turn:
+        assert (camera.center_world - SUBJECT.center_world)[1] < 0
+        assert camera.cam_from_world[1, 1] > 0.9  # y is down in the image
+    np.testing.assert_array_equal(up_of(turn), (0, -1, 0))
 
 
 def test_one_gaussian_is_a_subject() -> None:
