@@ -18,7 +18,7 @@ OUTLIERS_PERCENT = 1.0
 
 # A part of the object is at most this many radii of its bulk away, and has more than this share.
 FARTHEST_PART = 2.0
-STRAYS_PERCENT = 0.1
+STRAYS_PERCENT = 0.02
 
 # Free space around the object: the ball is enlarged by this factor.
 MARGIN = 1.1

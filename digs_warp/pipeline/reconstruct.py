@@ -214,8 +214,8 @@ def _finished_training(folder: Path, before: RunRecord) -> Trained | None:
 
 def _surface_error(result: Reconstruction, config: ReconstructConfig) -> SurfaceError | None:
     """Compare with the true surface, where the recording is a simulated one and its mesh is still there."""
-    if result.capture is None or result.frames is None:
-        return None
+    if result.capture is None or result.frames is None or result.subject == "scene":
+        return None  # the true mesh is that of the object: a room would be far from it
     try:
         truth = read_true_surface(result.capture, config.segment.instance)
     except DigsError as error:
