@@ -84,7 +84,8 @@ class Browser:
 
     def press(self, key: str) -> None:
         """Press and release a key, by its name in events, such as "ArrowLeft" or "a"."""
-        code = _KEY_CODES.get(key, ord(key[0].upper()))
+        plain = len(key) == 1 and key.isascii() and key.isalnum()
+        code = _KEY_CODES.get(key, ord(key.upper()) if plain else 0)
         about = {"key": key, "windowsVirtualKeyCode": code}
         text = {"text": key} if len(key) == 1 else {}
         self._call("Input.dispatchKeyEvent", type="keyDown", **about, **text)

@@ -58,8 +58,8 @@ class MakeKit(Command):
             make_kit(items, folder, size=size, seconds=self.seconds, frame_rate=self.fps)
         return (
             f"{self.output.out}: {VERSIONS} versions of {counted(len(items), 'question')}. Give the next "
-            f"participant the next version (sheet.html and its videos), fill in answers.csv, and keep "
-            f"{KEY} to yourself."
+            f"participant the next version (sheet.html and its videos); the page saves the answers as a "
+            f"CSV file. Keep {KEY} to yourself."
         )
 
 

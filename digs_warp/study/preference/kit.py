@@ -1,7 +1,6 @@
-"""Make the kit: one synchronized 2x2 video per question, answer sheets to print or fill, and the key."""
+"""Make the kit: one synchronized 2x2 video per question, answer sheets, and the key."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +12,12 @@ from digs_warp.record.files import write_atomically
 from digs_warp.record.layout import find_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.study.preference.design import KEY, LETTERS, VERSIONS, Question, design, save_key
+from digs_warp.study.preference.sheet import sheet_page
 from digs_warp.words import counted
 
 FOV_DEG = 45.0
 GAP = 6  # [px] between the pictures
 SHEET_COLUMNS = ("participant", "version", "question", "choice")
-
-STYLE = (
-    "body{font:16px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}"
-    "video{width:100%}section{break-inside:avoid;margin:2rem 0}"
-    "label{font-size:1.4rem;margin-right:2rem}"
-)
 
 
 def find_items(folders: Sequence[Path]) -> dict[str, dict[str, Gaussians]]:
@@ -96,7 +90,7 @@ def make_kit(
             bar.update()
     for version in range(1, VERSIONS + 1):
         mine = [question for question in questions if question.version == version]
-        write_atomically(_version(folder, version) / "sheet.html", _sheet(mine).encode())
+        write_atomically(_version(folder, version) / "sheet.html", sheet_page(mine).encode())
         write_atomically(_version(folder, version) / "answers.csv", _answers(mine).encode())
     save_key(questions, folder / KEY)
     return questions
@@ -160,23 +154,3 @@ def _answers(questions: Sequence[Question]) -> str:
     lines = [",".join(SHEET_COLUMNS)]
     lines += [f",{question.version},{question.number}," for question in questions]
     return "\n".join(lines) + "\n"
-
-
-def _sheet(questions: Sequence[Question]) -> str:
-    """Return the page for a participant; it names no strategy."""
-    parts = [
-        f"<section><h2>Question {question.number}</h2>"
-        f'<video src="question-{question.number}.mp4" controls loop muted></video>'
-        "<p>Which of the four looks best?</p><p>"
-        + "".join(f"<label>&#9744; {letter}</label>" for letter in LETTERS)
-        + "</p></section>"
-        for question in questions
-    ]
-    version = questions[0].version
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f"<title>Answer sheet, version {version}</title><style>{escape(STYLE)}</style></head><body>"
-        f"<h1>Answer sheet, version {version}</h1><p>Participant: ____________________</p>"
-        "<p>Each video shows the same object four times. Watch it as often as you like, then mark one "
-        f"letter per question.</p>{''.join(parts)}</body></html>\n"
-    )
