@@ -1,6 +1,5 @@
 """Many recordings at once: every mesh in every environment on several walks, or scenes drawn at random."""
 
-import logging
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,21 +13,25 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.recorded_object import RecordedObject
+from digs_warp.engines.config import EngineConfig
+from digs_warp.engines.needs import Needs
+from digs_warp.engines.results import Results
+from digs_warp.engines.run import run_tasks
+from digs_warp.engines.start import needs_of, started
+from digs_warp.engines.task import Task
+from digs_warp.record.digest import digest
 from digs_warp.record.files import to_json, write_atomically
 from digs_warp.record.layout import DATA_SET
-from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.randomize.draws import draw_scenes
 from digs_warp.sim.randomize.file import Randomization
-from digs_warp.sim.record import simulate
+from digs_warp.sim.record import is_finished, simulate
 from digs_warp.words import counted
 
 BUILT_IN_OBJECT, BUILT_IN_ROOM = "built-in-object", "built-in-room"
 
 # Frames of a recording whose depth is evaluated for the summary.
 JUDGED_FRAMES = 3
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,12 @@ class SceneResult:
         name: that of the job.
         error: why it failed; empty when it is done.
         frames: number of frames written.
-        seconds: wall-clock time.
+        seconds: wall-clock time of the recording; 0 where it failed.
         fill: share of the object's pixels with depth, 0 to 1; None where nothing could be judged.
         error_mm: median absolute depth error on the object [mm]; None likewise.
         size: longest side of the object [m]; None where it failed.
         drawn: that of the job.
+        failure: the class of the error, see `digs_warp.engines.needs.FailureClass`; empty when it is done.
     """
 
     name: str
@@ -69,6 +73,7 @@ class SceneResult:
     error_mm: float | None = None
     size: float | None = None
     drawn: Mapping[str, Any] | None = None
+    failure: str = ""
 
     def __str__(self) -> str:
         """The outcome in a phrase, without the name."""
@@ -125,40 +130,60 @@ def draw_jobs(
 
 
 def simulate_many(
-    jobs: Sequence[SceneJob], folder: Path, resume: bool = False
+    jobs: Sequence[SceneJob], folder: Path, engine: EngineConfig | None = None
 ) -> tuple[SceneResult, ...]:
-    """Record every job; one that fails is reported and does not stop the rest.
+    """Record every job that is not finished; one that fails is reported and does not stop the rest.
 
-    The summary, ``folder``/summary.json, grows with every recording.
+    Each scene ends as a line of ``folder``/results.jsonl; the summary, ``folder``/summary.json, is written at
+    the end, also of an interrupted run.
 
     Args:
         jobs: from `plan_jobs` or `draw_jobs`.
         folder: of the data set.
-        resume: keep what an interrupted run has finished; see `digs_warp.sim.record.simulate`.
+        engine: where the scenes are recorded; None: one at a time on this machine.
     """
-    results: list[SceneResult] = []
-    with progress(len(jobs), "Scenes", "scene") as bar:
-        for job in jobs:
-            results.append(_attempt(job, folder, resume))
-            write_atomically(folder / DATA_SET, to_json({"scenes": results}).encode())
-            bar.update()
-    return tuple(results)
-
-
-def _attempt(job: SceneJob, folder: Path, resume: bool) -> SceneResult:
-    start = time.perf_counter()
+    folder = Path(folder)
+    config = engine or EngineConfig()
+    needs = needs_of(config)
+    tasks = [_task(job, folder, needs) for job in jobs]
+    done = Results(folder)
+    for job, task in zip(jobs, tasks, strict=True):
+        if done.is_done(task.key) and not is_finished(folder / job.name, job.config):
+            done.forget(task.key)
     try:
-        capture = simulate(job.config, folder / job.name, resume)
-        fill, error_mm = judge_depth(capture)
-    except Exception as error:  # whatever is wrong with one scene, the others are still recorded
-        expected = isinstance(error, DigsError | OSError)
-        message = str(error) if expected else f"{type(error).__name__}: {error}"
-        _log.error("scene '%s' failed: %s", job.name, message, exc_info=not expected)
-        seconds = time.perf_counter() - start
-        return SceneResult(job.name, message, 0, seconds, drawn=job.drawn)
+        with started(config, folder) as workers:
+            run_tasks(tasks, done, folder, workers, label="Scenes", unit="scene")
+    finally:
+        ended = [(job, done.records.get(task.key)) for job, task in zip(jobs, tasks, strict=True)]
+        results = tuple(_result(job, record) for job, record in ended if record)
+        write_atomically(folder / DATA_SET, to_json({"scenes": results}).encode())
+    return results
+
+
+def _task(job: SceneJob, folder: Path, needs: Needs) -> Task:
+    key = digest([job.name, job.config])
+    return Task(
+        key, job.name, record_scene, (job, folder.resolve()), needs, facts={"name": job.name}
+    )
+
+
+def record_scene(job: SceneJob, folder: Path) -> dict[str, Any]:
+    """Record a scene, or go on with it, and return the numbers of its `SceneResult`."""
+    start = time.perf_counter()
+    capture = simulate(job.config, folder / job.name, resume=True)
     seconds = time.perf_counter() - start
+    fill, error_mm = judge_depth(capture)
     size = _longest_side(folder / job.name)
-    return SceneResult(job.name, "", len(capture), seconds, fill, error_mm, size, job.drawn)
+    found = {"frames": len(capture), "seconds": seconds, "fill": fill, "error_mm": error_mm}
+    return {**found, "size": size}
+
+
+def _result(job: SceneJob, record: Mapping[str, Any]) -> SceneResult:
+    if "error" in record:
+        failure = record["failure"]
+        return SceneResult(job.name, record["error"], 0, 0.0, drawn=job.drawn, failure=failure)
+    numbers = {name: record[name] for name in ("frames", "seconds", "fill", "error_mm", "size")}
+    return SceneResult(job.name, "", **numbers, drawn=job.drawn)
 
 
 def _longest_side(folder: Path) -> float | None:

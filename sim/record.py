@@ -66,7 +66,7 @@ def _simulate(
 ) -> Capture:
     record = folder / RUN_RECORD
     log = _claim_folder(folder, config, resume)
-    if resume and _is_finished(folder, config):
+    if resume and is_finished(folder, config):
         return read_capture(folder)
     with log.stage("load"):
         if session is None:
@@ -127,8 +127,8 @@ def _claim_folder(folder: Path, config: SimulateConfig, resume: bool) -> RunLog:
     return log
 
 
-def _is_finished(folder: Path, config: SimulateConfig) -> bool:
-    """Whether nothing is left to do."""
+def is_finished(folder: Path, config: SimulateConfig) -> bool:
+    """Whether nothing is left to do for a recording: all its files are there, and whole."""
     record = RunRecord.find(folder)
     if record is None or not record.results or not Manifest.read(folder).all_whole():
         return False

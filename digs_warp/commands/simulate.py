@@ -14,6 +14,7 @@ from digs_warp.commands.facts import format_facts
 from digs_warp.commands.many_scenes import ManyScenes
 from digs_warp.commands.output import ANY_FOLDER, OUTPUT_FLAGS, OutputFolder
 from digs_warp.commands.result_files import capture_files
+from digs_warp.engines.config import EngineConfig
 from digs_warp.record.layout import DATA_SET, MANIFEST, RUN_RECORD
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
@@ -48,6 +49,7 @@ class Simulate(SettingsCommand):
         default_factory=SimulateConfig
     )
     many: Annotated[ManyScenes, tyro.conf.OmitArgPrefixes] = field(default_factory=ManyScenes)
+    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "simulate"
@@ -55,7 +57,7 @@ class Simulate(SettingsCommand):
         *OUTPUT_FLAGS,
         *RECORDING_FLAGS,
         *("scene", "meshes"),
-        *("scenes", "randomize"),
+        *("scenes", "randomize", "engine"),
     )
 
     def __post_init__(self) -> None:
@@ -63,6 +65,11 @@ class Simulate(SettingsCommand):
         for one, several in one_of_many:
             if getattr(self.recording, one) and getattr(self.many, several):
                 raise DigsError(f"--{one} and --{several} contradict each other; give one of them")
+        if self.on != EngineConfig() and not self.many.asked_for:
+            raise DigsError(
+                "--engine, --workers and --case-... are for many scenes; give --scenes, --meshes, "
+                "--environments or --trajectories, too"
+            )
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
@@ -92,6 +99,7 @@ class Simulate(SettingsCommand):
         )
 
     def _record_many(self) -> str:
+        from digs_warp.engines.results import RESULTS
         from digs_warp.sim.data_set import simulate_many
         from digs_warp.sim.sensor_plan import check_effects
 
@@ -100,7 +108,7 @@ class Simulate(SettingsCommand):
         jobs = self._jobs(meshes, environments)
         one = self.recording.input_files
         names = (*capture_files(), RUN_RECORD, MANIFEST)
-        writes = [DATA_SET, *(f"{job.name}/{name}" for job in jobs for name in names)]
+        writes = [DATA_SET, RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]
         log = RunLog("simulate", {"recording": self.recording, "scenes": self.many})
         with self.output.opened([*one, *meshes, *environments], writes) as folder:
             record = folder / RUN_RECORD
@@ -108,7 +116,7 @@ class Simulate(SettingsCommand):
                 log.continue_from(record)
             log.save(record)
             with log.stage("simulate"):
-                results = simulate_many(jobs, folder, self.output.resume)
+                results = simulate_many(jobs, folder, self.on)
             failed = [each.name for each in results if each.error]
             log.results = {"scenes": len(results), "failed": failed}
             log.save(record)

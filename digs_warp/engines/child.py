@@ -5,18 +5,21 @@ processes of `multiprocessing` may have no children inside Dask's workers.
 """
 
 import json
+import logging
 import os
 import pickle
 import signal
 import subprocess
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from queue import Empty, Queue
 from typing import Any
 
+from digs_warp.checks import DigsError
 from digs_warp.engines.needs import CallFailed, FailureClass
 
 # A child without a call for this long ends.
@@ -34,9 +37,11 @@ answer(int(sys.argv[2]))
 def packed(function: Callable[..., Any], *arguments: Any) -> bytes:
     """Return a call that a `Child` can make, also on another machine; ``function`` is at module level.
 
-    It is found where this process finds it, or where the other one does.
+    It is found where this process finds it, or where the other one does. Relative paths are those of
+    here, and what is logged here is logged there.
     """
-    return pickle.dumps((sys.path, pickle.dumps((function, arguments))))
+    here = (sys.path, os.getcwd(), _log_levels())
+    return pickle.dumps((here, pickle.dumps((function, arguments))))
 
 
 class Child:
@@ -126,14 +131,33 @@ def _read(waiting: "Queue[bytes]") -> None:
 
 def _outcome(call: bytes) -> tuple[tuple[FailureClass, str] | None, Any]:
     try:
-        search_path, inner = pickle.loads(call)
-        sys.path += [each for each in search_path if each not in sys.path]
+        here, inner = pickle.loads(call)
+        _settle(*here)
         function, arguments = pickle.loads(inner)
         return None, function(*arguments)
     except MemoryError as error:
         return (FailureClass.OUT_OF_MEMORY, f"MemoryError: {error}"), None
+    except (DigsError, OSError) as error:  # the message says it all
+        return (FailureClass.ERROR, str(error)), None
     except Exception as error:  # one bad case must not stop a night of measuring
+        traceback.print_exc()
         return (FailureClass.ERROR, f"{type(error).__name__}: {error}"), None
+
+
+def _settle(search_path: list[str], folder: str, levels: dict[str, int]) -> None:
+    """Take the place of the process that a call comes from."""
+    sys.path += [each for each in search_path if each not in sys.path]
+    with suppress(OSError):  # a machine without it: a relative path is then named as missing
+        os.chdir(folder)
+    logging.basicConfig(format="%(levelname)s: %(message)s")
+    for name, level in levels.items():
+        logging.getLogger(name).setLevel(level)
+
+
+def _log_levels() -> dict[str, int]:
+    """Return the levels of the root logger, "", and of our own."""
+    ours = [name for name in logging.root.manager.loggerDict if name.startswith("digs_warp")]
+    return {name: logging.getLogger(name).level for name in ("", *ours)}
 
 
 def _cause_of_death(code: int) -> CallFailed:

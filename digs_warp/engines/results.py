@@ -6,7 +6,7 @@ from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.record.fields import parse_json
-from digs_warp.record.files import add_line
+from digs_warp.record.files import add_line, claim
 
 RESULTS = "results.jsonl"
 
@@ -26,12 +26,17 @@ class Results:
 
     def add(self, record: dict[str, Any]) -> None:
         """Append a record; it has the ``key`` of its case."""
+        claim(self.path)
         add_line(self.path, json.dumps(record, allow_nan=False))
         self.records[record["key"]] = record
 
     def is_done(self, key: str) -> bool:
         """Whether the case succeeded."""
         return "error" not in self.records.get(key, {"error": ""})
+
+    def forget(self, key: str) -> None:
+        """Take a case for one that has not run; its next line counts."""
+        self.records.pop(key, None)
 
     def checked(self, content: Any) -> dict[str, Any]:
         """Return a record as it is used.

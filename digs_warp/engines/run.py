@@ -1,5 +1,6 @@
 """Makes many calls on an engine: what is done is not done again, what dies is tried once more."""
 
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -17,6 +18,8 @@ from digs_warp.engines.task import FINISHED, Task, finished_file, perform
 from digs_warp.record.files import read_json
 from digs_warp.record.progress import progress
 from digs_warp.words import counted
+
+_log = logging.getLogger(__name__)
 
 ATTEMPTS = 2  # of a case whose worker dies
 
@@ -173,6 +176,7 @@ class _Run:
 
     def _fail(self, attempt: _Attempt, failure: CallFailed) -> None:
         self.failed += 1
+        _log.error("%s failed: %s", attempt.task.name, failure)
         words = {"error": str(failure), "failure": str(failure.kind), "attempts": attempt.number}
         self._results.add({"key": attempt.task.key, **attempt.task.facts, **words})
 

@@ -20,6 +20,7 @@ class Task:
 
     Attributes:
         key: identifies the case across runs; it can be the name of a file.
+        name: of the case, in messages.
         function: at module level; returns a mapping that can be written as JSON.
         arguments: of the function, which can be pickled.
         needs: what it may use.
@@ -28,6 +29,7 @@ class Task:
     """
 
     key: str
+    name: str
     function: Callable[..., Mapping[str, Any]]
     arguments: tuple[Any, ...]
     needs: Needs = ONE_THREAD

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from digs_warp.study.engine.case import Case, plain
+from digs_warp.record.digest import plain
+from digs_warp.study.engine.case import Case
 
 
 def record_of(case: Case, number: int) -> dict[str, Any]:

@@ -11,8 +11,11 @@ from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
 from digs_warp.data.capture import read_capture
 from digs_warp.data.images import write_image
+from digs_warp.engines.config import EngineConfig
+from digs_warp.engines.results import RESULTS
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.data_set import SceneResult, judge_depth, plan_jobs, simulate_many
+from digs_warp.sim.record import simulate
 from reference.file_hashes import file_hashes
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
@@ -107,9 +110,24 @@ def test_the_command_records_resumes_and_complains(
     assert (tmp_path / "bad/pyramid/night/01/transforms.json").is_file()
 
 
+def test_scenes_on_dask_are_those_of_one_process(inputs: Path, tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="dask and distributed are not installed")
+    config = replace(TINY, tier="law", environment=inputs / "day.png")
+    jobs = plan_jobs(config, [inputs / "pyramid.obj", inputs / "other.obj"], [])
+    engine = EngineConfig(engine="dask", workers=2)
+    assert [r.error for r in simulate_many(jobs, tmp_path / "set", engine)] == ["", ""]
+    for job in jobs:
+        simulate(job.config, tmp_path / "one" / job.name)
+        assert file_hashes(tmp_path / "one" / job.name) == file_hashes(tmp_path / "set" / job.name)
+    lines = [json.loads(line) for line in (tmp_path / "set" / RESULTS).read_text().splitlines()]
+    assert sorted(line["name"] for line in lines) == sorted(job.name for job in jobs)
+
+
 @pytest.mark.parametrize(
     ("flags", "code", "word"),
     [
+        (["--engine", "dask"], EXIT_WRONG_USAGE, "are for many scenes; give --scenes"),
+        (["--engine", "dusk", "--scenes", "2"], EXIT_WRONG_USAGE, "did you mean 'dask'?"),
         (["--meshes", "nothing/*.glb"], EXIT_BAD_INPUT, "no file matches"),
         (["--meshes", "*.glb", "--mesh", "a.glb"], EXIT_WRONG_USAGE, "contradict"),
         (["--trajectories", "0"], EXIT_WRONG_USAGE, "--trajectories: 0, expected 1 to 10,000"),

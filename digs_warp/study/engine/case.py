@@ -1,13 +1,11 @@
 """One case of a study: its labels, and the settings of its recording and its reconstruction."""
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from digs_warp.checks import DigsError
-from digs_warp.record.files import to_json
+from digs_warp.record.digest import digest
 from digs_warp.words import did_you_mean
 
 T = TypeVar("T")
@@ -47,17 +45,6 @@ class Case:
     def name(self) -> str:
         """The labels as words."""
         return " ".join(f"{key}={value}" for key, value in self.labels.items())
-
-
-def plain(value: Any) -> Any:
-    """Return a value of dataclasses, paths and NumPy scalars as JSON stores it."""
-    return json.loads(to_json(value))
-
-
-def digest(value: Any) -> str:
-    """Return 16 hexadecimal digits that identify a JSON-like value; the order of keys does not matter."""
-    text = json.dumps(plain(value), sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def with_settings(config: T, changes: Mapping[str, Any]) -> T:

@@ -19,11 +19,12 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.record.digest import digest
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.engine.case import Case, digest, with_settings
+from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.scores import YARDSTICK, score_finishes, score_on_yardstick
 from digs_warp.study.machine import processor
 

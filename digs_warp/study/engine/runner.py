@@ -10,8 +10,9 @@ from digs_warp.engines.needs import Needs
 from digs_warp.engines.run import Outcome, check_keys, run_tasks
 from digs_warp.engines.start import needs_of, started
 from digs_warp.engines.task import Task
+from digs_warp.record.digest import plain
 from digs_warp.record.lock import sole_writer
-from digs_warp.study.engine.case import Case, plain
+from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.store import Store
 
 Measure = Callable[[Case, Path], dict[str, Any]]
@@ -57,4 +58,4 @@ def _task(case: Case, measure: Measure, folder: Path, needs: Needs) -> Task:
         "reconstruction": plain(case.reconstruction),
         "threads": needs.threads,
     }
-    return Task(case.key, measure, (case, folder), needs, case.effort, facts)
+    return Task(case.key, case.name, measure, (case, folder), needs, case.effort, facts)
