@@ -2,21 +2,26 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
 
 import tyro
 
 from digs_warp.bounds import check_flag
+from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
-from digs_warp.commands.facts import reconstruction_words
+from digs_warp.commands.facts import format_facts, reconstruction_words
+from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
 from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.commands.watched import watched_training
+from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
+from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
+from digs_warp.words import counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +32,9 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     eighth view is held out and tells how good the result is.
     """
 
-    capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
-    """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md)."""
+    captures: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]
+    """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md). Of
+    several, or of all in a folder of many scenes, each gets a folder in --out."""
 
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
     seed: int = 0
@@ -37,10 +43,12 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     view: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show the training in the browser while it runs; prints the page's address."""
 
+    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
+
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "reconstruct"
     main_flags: ClassVar[tuple[str, ...]] = (
-        "capture",
+        "captures",
         "out",
         "resume",
         "overwrite",
@@ -61,29 +69,85 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_flag("--seed", self.seed)
+        if not self.captures:
+            raise DigsError("CAPTURE: none given, expected the folder of a recording")
+
+    @property
+    def _is_of_many(self) -> bool:
+        return len(self.captures) > 1 or any(is_data_set(each) for each in self.captures)
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
         """Return the command with the settings of a run.json; required flags are `tyro.MISSING`."""
         options = settings_from_json(ReconstructionOptions, settings)
         return cls(
-            capture=tyro.MISSING, output=ANY_FOLDER, seed=options.train.seed, **vars(options)
+            captures=tyro.MISSING, output=ANY_FOLDER, seed=options.train.seed, **vars(options)
         )
 
     def execute(self) -> str:
         """Reconstruct and say how well it went."""
+        if self._is_of_many:
+            return self._reconstruct_many()
+        if self.on != EngineConfig():
+            raise DigsError(
+                "--engine, --workers and --case-... are for several captures; name more, or a folder "
+                "of many scenes"
+            )
+        return self._reconstruct_one()
+
+    def _reconstruct_one(self) -> str:
         from digs_warp.data.capture import read_capture
         from digs_warp.pipeline.reconstruct import check_machine, reconstruct
 
         start = time.perf_counter()
-        capture = read_capture(self.capture)
+        (source,) = self.captures
+        capture = read_capture(source)
         config = self.reconstruct_config(self.seed, capture)
         check_machine(config)  # a wrong flag is named first
         with (
-            self.output.opened([self.capture], reconstruction_files()) as folder,
+            self.output.opened([source], reconstruction_files()) as folder,
             watched_training(self.view) as watch,
         ):
             result = reconstruct(capture, config, folder, self.output.resume, watch)
         seconds = time.perf_counter() - start
         words = reconstruction_words(result, len(capture))
         return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"
+
+    def _reconstruct_many(self) -> str:
+        from digs_warp.engines.results import RESULTS
+        from digs_warp.pipeline.reconstruct import check_machine
+
+        if self.view:
+            raise DigsError("--view shows one training; give it one capture")
+        jobs = find_jobs(self.captures)
+        names = (*reconstruction_files(), layout.RUN_RECORD, layout.MANIFEST)
+        writes = [RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]
+        options = self._options()
+        if self.on.address is None:
+            check_machine(options.reconstruct_config(self.seed))  # a wrong flag is named first
+        log = RunLog("reconstruct", options)
+        with self.output.opened([job.capture for job in jobs], writes) as folder:
+            record = folder / layout.RUN_RECORD
+            if self.output.resume:
+                log.continue_from(record)
+            log.save(record)
+            with log.stage("reconstruct"):
+                lines = reconstruct_many(jobs, options, self.seed, folder, self.on)
+            failed = [line["name"] for line in lines if "error" in line]
+            log.results = {"captures": len(lines), "failed": failed}
+            log.save(record)
+            text = format_facts(
+                {line["name"]: line.get("words") or f"failed: {line['error']}" for line in lines}
+            )
+            if failed:  # before an old result is replaced
+                raise DigsError(f"{len(failed)} of {counted(len(lines), 'capture')} failed\n{text}")
+        seconds = log.seconds["reconstruct"]
+        number = counted(len(lines), "capture")
+        return f"{text}\n\nAlso in {self.output.out / RESULTS}. {number} in {seconds:.0f} s"
+
+    def _options(self) -> ReconstructionOptions:
+        """Return the settings of all captures, without the flags of the command."""
+        names = (each.name for each in fields(ReconstructionOptions))
+        values: dict[str, Any] = {name: getattr(self, name) for name in names}
+        values["train"] = replace(self.train, seed=self.seed)
+        return ReconstructionOptions(**values)

@@ -38,6 +38,7 @@ from digs_warp.record.layout import (
     TRAINING,
     find_gaussians,
 )
+from digs_warp.record.manifest import Manifest
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.surface.error import SurfaceError
@@ -367,3 +368,8 @@ def _frames(folder: Path, capture: Capture) -> PosedFrames:
     if (folder / CAMERAS).is_file():
         return PosedFrames.load(capture, folder)
     return PosedFrames.as_recorded(capture)
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether a folder holds a whole reconstruction, all its files as they were written; reads them all."""
+    return (folder / EVALUATION).is_file() and Manifest.read(folder).all_whole()

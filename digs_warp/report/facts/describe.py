@@ -5,10 +5,17 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.engines.results import RESULTS
 from digs_warp.record import layout
 from digs_warp.record.run_log import RunRecord
 from digs_warp.report.facts.captures import of_capture, of_data_set
-from digs_warp.report.facts.results import of_gaussians, of_reconstruction, of_run, of_splat_file
+from digs_warp.report.facts.results import (
+    of_gaussians,
+    of_many_results,
+    of_reconstruction,
+    of_run,
+    of_splat_file,
+)
 from digs_warp.report.facts.scene_files import of_mesh, of_usd
 from digs_warp.report.facts.words import Facts
 
@@ -43,6 +50,8 @@ def _summary_of_folder(path: Path) -> Callable[[Path], Facts]:
         return of_run
     if (path / layout.DATA_SET).is_file():
         return of_data_set
+    if (path / RESULTS).is_file():
+        return of_many_results
     if (record := RunRecord.find(path)) is not None:
         raise DigsError(
             f"'{path}': 'digs-warp {record.command}' has not finished here; run it again with --resume"

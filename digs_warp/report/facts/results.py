@@ -6,6 +6,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.engines.results import Results
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.record import layout
 from digs_warp.report.facts.captures import of_capture
@@ -93,3 +94,15 @@ def of_run(folder: Path) -> Facts:
         path = folder / place
         facts[name] = f"{path} ({megabytes(path)})" if path.is_file() else "not finished"
     return facts | record_facts(folder)
+
+
+def of_many_results(folder: Path) -> Facts:
+    """How many cases have a line in a folder of 'digs-warp reconstruct' or 'study run', and which failed."""
+    records = Results(folder).records.values()
+    failed = [str(record.get("name", record["key"])) for record in records if "error" in record]
+    is_study = not any("capture" in record for record in records)
+    return {
+        "kind": "study" if is_study else "reconstructions",
+        "length": counted(len(records), "case" if is_study else "capture"),
+        "failed": ", ".join(failed) or "none",
+    } | record_facts(folder)

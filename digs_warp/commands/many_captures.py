@@ -1,0 +1,121 @@
+"""Several captures, each reconstructed into a folder of its own."""
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from digs_warp.checks import DigsError
+from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.engines.config import EngineConfig
+from digs_warp.record import layout
+
+if TYPE_CHECKING:
+    from digs_warp.commands.reconstruction_options import ReconstructionOptions
+
+
+@dataclass(frozen=True)
+class CaptureJob:
+    """One reconstruction of many.
+
+    Attributes:
+        name: its folder below that of the results.
+        capture: the folder of the recording, absolute.
+    """
+
+    name: str
+    capture: Path
+
+
+def is_data_set(folder: Path) -> bool:
+    """Whether a folder holds captures that 'digs-warp simulate' wrote, and is none itself."""
+    return (folder / layout.DATA_SET).is_file() and not (folder / INDEX_NAME).is_file()
+
+
+def find_jobs(sources: Sequence[Path]) -> tuple[CaptureJob, ...]:
+    """Return a job for each capture, named by what its path does not share with those of the others.
+
+    Args:
+        sources: captures, or folders of 'digs-warp simulate' with many scenes.
+
+    Raises:
+        DigsError: a data set without a capture, or the same capture twice.
+    """
+    captures: list[Path] = []
+    for source in sources:
+        inside = sorted(path.parent for path in source.rglob(INDEX_NAME))
+        if is_data_set(source) and not inside:
+            raise DigsError(f"data set '{source}': no capture in it has an index ({INDEX_NAME})")
+        captures += inside if is_data_set(source) else [source]
+    found = [path.resolve() for path in captures]
+    twice = sorted({str(path) for path in found if found.count(path) > 1})
+    if twice:
+        raise DigsError(f"CAPTURE: given twice: {', '.join(twice)}; name each once")
+    shared = Path(os.path.commonpath([path.parent for path in found]))
+    return tuple(CaptureJob(path.relative_to(shared).as_posix(), path) for path in found)
+
+
+def reconstruct_many(
+    jobs: Sequence[CaptureJob],
+    options: "ReconstructionOptions",
+    seed: int,
+    folder: Path,
+    engine: EngineConfig,
+) -> list[dict[str, Any]]:
+    """Reconstruct every capture that is not finished; one that fails is reported and does not stop the rest.
+
+    Args:
+        jobs: from `find_jobs`.
+        options: of all of them; what is "auto" is decided for each.
+        seed: decides everything random.
+        folder: of the results; each ends as a line of its results.jsonl.
+        engine: where they run.
+
+    Returns:
+        The lines, in the order of ``jobs``.
+    """
+    from digs_warp.engines.results import Results
+    from digs_warp.engines.run import run_tasks
+    from digs_warp.engines.start import needs_of, started
+    from digs_warp.engines.task import Task
+    from digs_warp.pipeline.reconstruction import is_finished
+    from digs_warp.record.digest import digest
+
+    folder = folder.resolve()
+    needs = needs_of(engine)
+    done = Results(folder)
+    tasks: list[Task] = []
+    for job in jobs:
+        key = digest([job.name, job.capture, options, seed])
+        facts = {"name": job.name, "capture": str(job.capture)}
+        arguments = (job, options, seed, folder)
+        tasks.append(Task(key, job.name, reconstruct_job, arguments, needs, facts=facts))
+        if done.is_done(key) and not is_finished(folder / job.name):
+            done.forget(key)
+    with started(engine, folder) as workers:
+        run_tasks(tasks, done, folder, workers, label="Captures", unit="capture")
+    return [done.records[task.key] for task in tasks]
+
+
+def reconstruct_job(
+    job: CaptureJob, options: "ReconstructionOptions", seed: int, folder: Path
+) -> Mapping[str, Any]:
+    """Reconstruct a capture, or go on with it; return the result in words and numbers."""
+    from digs_warp.commands.facts import reconstruction_words
+    from digs_warp.data.capture import read_capture
+    from digs_warp.pipeline.reconstruct import reconstruct
+
+    start = time.perf_counter()
+    capture = read_capture(job.capture)
+    config = options.reconstruct_config(seed, capture)
+    place = folder / job.name
+    result = reconstruct(capture, config, place, resume=(place / layout.RUN_RECORD).is_file())
+    return {
+        "words": reconstruction_words(result, len(capture)),
+        "frames": len(capture),
+        "gaussians": len(result.gaussians),
+        "scores": result.scores.mean.to_json(),
+        "seconds": time.perf_counter() - start,
+    }
