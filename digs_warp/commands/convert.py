@@ -72,9 +72,10 @@ class Convert(Command):
     """Replace the file, or the results of an earlier run in the folder, once the new ones are complete."""
 
     to: Annotated[CaptureFormat | None, tyro.conf.arg(metavar="FORMAT")] = None
-    """For a capture: the format to write. colmap (binary), colmap-text, nerfstudio (also for OpenSplat), tum,
-    bop or redwood (for Open3D); with the labels of 'digs-warp simulate --labels disparity,flow' also a data
-    set for stereo: kitti-stereo (2015), sceneflow (as FlyingThings3D) or middlebury (2014)."""
+    """For a capture, or for a reconstruction of it with the poses and masks that that used: the format to
+    write. colmap (binary), colmap-text, nerfstudio (also for OpenSplat), tum, bop or redwood (for Open3D);
+    with the labels of 'digs-warp simulate --labels disparity,flow' also a data set for stereo: kitti-stereo
+    (2015), sceneflow (as FlyingThings3D) or middlebury (2014)."""
 
     recorded_as: Annotated[RecordingFormat | None, tyro.conf.arg(name="from")] = None
     """For a recording of a real RGB-D camera: the format of its folder (see docs/recordings.md). The result
@@ -118,13 +119,13 @@ class Convert(Command):
 
 
 def export_capture_folder(source: Path, form: CaptureFormat, out: Path, overwrite: bool) -> str:
-    """Export a capture; the folder is complete or not there."""
-    from digs_warp.data.capture import read_capture
+    """Export a capture, or that of a reconstruction as used; the folder is complete or not there."""
     from digs_warp.interchange.captures.formats import export_capture
+    from digs_warp.pipeline.posed_capture import posed_capture
 
-    capture = read_capture(source)
+    capture = posed_capture(source)
     log = RunLog("convert", {"capture": source, "to": form}, results={"frames": len(capture)})
-    with NewFolder(out=out, overwrite=overwrite).opened([source]) as folder:
+    with NewFolder(out=out, overwrite=overwrite).opened([source, capture.stored_in]) as folder:
         with log.stage("export"):
             export_capture(capture, form, folder)
             if form == "bop":
