@@ -137,7 +137,7 @@ class Browser:
 
     def _receive(self) -> dict[str, Any]:
         """Return the next message; remember it if it is an event."""
-        message = json.loads(self._socket.recv(timeout=60))
+        message = json.loads(self._socket.recv(timeout=120))
         if "method" in message:
             self._events.add(message["method"])
             if message["method"] == "Network.requestWillBeSent":

@@ -7,7 +7,7 @@ const version = form.dataset.version;
 // Pages in files share one storage: the path tells them apart.
 const key = `digs-warp preference ${location.pathname}`;
 const numbers = [...form.querySelectorAll("fieldset")].map((part) => part.dataset.question);
-let saved = true;
+let saved = false; // as a file, since the last change
 
 function answers() {
   const filled = new FormData(form);
@@ -46,7 +46,7 @@ function say(before = "") {
   ];
   const left = missing.length ? ` Still open: ${missing.join("; ")}.` : "";
   status.textContent = `${before}${done} of ${numbers.length} answered.${left}`;
-  again.hidden = !saved || done === 0;
+  again.hidden = !saved;
 }
 
 function quoted(text) {
@@ -78,12 +78,15 @@ form.addEventListener("submit", (event) => {
 again.addEventListener("click", () => {
   localStorage.removeItem(key);
   form.reset();
+  saved = false;
   say();
   form.elements.participant.focus();
 });
 
 window.addEventListener("beforeunload", (event) => {
-  if (!saved && !keep()) event.preventDefault();
+  const { participant, choices } = answers();
+  const isEmpty = !participant && !Object.values(choices).some(Boolean);
+  if (!saved && !isEmpty && !keep()) event.preventDefault();
 });
 
 restore();

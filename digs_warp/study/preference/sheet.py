@@ -75,8 +75,9 @@ def _question(question: Question) -> str:
         for letter in LETTERS
     )
     return (
-        f"<fieldset data-question={number}><legend>Question {number}: which of the four looks best?</legend>"
+        f"<fieldset data-question={number}><legend>Question {number}</legend>"
         f'<video src="question-{number}.mp4" controls loop muted playsinline preload=metadata '
         f'aria-label="Four pictures: A and B above, C and D below"></video>'
-        f"<p>A and B are above, C and D below.</p><div class=choices>{choices}</div></fieldset>"
+        f"<p>Which of the four looks best? A and B are above, C and D below.</p>"
+        f"<div class=choices>{choices}</div></fieldset>"
     )

@@ -65,6 +65,8 @@ def test_answers_are_kept_saved_and_evaluated_and_nothing_is_sent(kit: Path, tab
     tab.visit(page)
     assert tab.run(CHOSEN) == ["question-1B", "question-2D"]
     assert tab.run("document.forms[0].participant.value") == 'Ö, "7'
+    # What is not in a file yet cannot be cleared.
+    assert tab.run("document.getElementById('again').hidden")
     tab.visit((kit / "version-3/sheet.html").as_uri())
     assert tab.run(CHOSEN) == []  # another page, another sheet
     tab.visit(page)
