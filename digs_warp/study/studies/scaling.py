@@ -144,7 +144,12 @@ class Law:
 
 def fit(records: Sequence[Record], stage: str, terms: Sequence[str]) -> Law:
     """Fit a law to the records that have the stage, at least one; the error that is minimized is relative."""
-    known = [(load_of(r), value) for r in records if (value := value_of(r, stage))]
+    return fit_values([(r, value) for r in records if (value := value_of(r, stage))], terms)
+
+
+def fit_values(measured: Sequence[tuple[Record, float]], terms: Sequence[str]) -> Law:
+    """Fit a law to a value > 0 of each of some records, at least one."""
+    known = [(load_of(record), value) for record, value in measured]
     counts = np.array([[load.counts()[term] for term in terms] for load, _ in known], np.float64)
     costs, misses = fit_nonnegative(counts, np.array([value for _, value in known]))
     return Law(dict(zip(terms, map(float, costs), strict=True)), float(np.median(misses)))

@@ -27,6 +27,7 @@ NEEDED = {
     "sensor fit": ["capture", "--out", "profile.yaml"],
     "sensor wall": ["--out", "out"],
     "preference make": ["item", "--out", "out"],
+    "study plan": ["--price", "1"],
     "recommend": ["--time-budget", "60s"],
 }
 

@@ -212,6 +212,7 @@ REQUIRED = {
         "usd diff": "a b",
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
+    "study plan": "--price 1",
     **{"preference make": "a --out x", "preference evaluate": "a --key k"},
 }
 
