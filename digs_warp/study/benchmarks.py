@@ -112,6 +112,12 @@ BENCHMARKS = (
         "training.md",
     ),
     Benchmark(
+        "blur",
+        "what drawing motion blur gains and costs: three objects, exposures of four lengths",
+        "bench_blur:bench_blur",
+        "training.md",
+    ),
+    Benchmark(
         "sfm",
         "structure from motion: seconds, memory and pose errors by pairing, features and mapper",
         "bench_sfm:bench_sfm",

@@ -22,9 +22,9 @@ logger = logging.getLogger(__name__)
 
 MotionBlur = Literal["auto", "on", "off"]
 
-# A recording with less blur [px, median over its frames] gains nothing from drawing it: see the table in
-# docs/training.md.
-WORTH_DRAWING = 1.0
+# Recordings with less blur [px, median over their frames] gain more from the steps that drawing it costs; of
+# three objects with 2 px and more, two gained more from drawing it (table in docs/training.md).
+WORTH_DRAWING = 2.0
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def plan_blur(
     typical = float(np.median([blur.pixels for blur in found.values()] or [0.0]))
     said = f"the image moves {typical:.2f} px while the shutter is open (median)"
     if setting == "auto" and typical < WORTH_DRAWING:
-        return BlurPlan(f"{said}; drawing less than {WORTH_DRAWING:g} px gains nothing", typical)
+        return BlurPlan(f"{said}; less than {WORTH_DRAWING:g} px are not worth drawing", typical)
     several = {name: blur for name, blur in found.items() if blur.moments > 1}
     most = max((blur.moments for blur in several.values()), default=1)
     if several:

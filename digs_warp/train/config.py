@@ -169,7 +169,7 @@ class TrainConfig:
 
     motion_blur: Literal["auto", "on", "off"] = "auto"
     """Draw a photograph as the mean of views from poses along its exposure. Needs the exposure time, and, as
-    --rolling-shutter does, the motion of the camera. auto: where the image of the object moves by 1 px or
+    --rolling-shutter does, the motion of the camera. auto: where the image of the object moves by 2 px or
     more in that time; on: by 0.5 px."""
 
     exposure_time: float | None = None

@@ -32,7 +32,7 @@ def frames(
 
 def test_every_frame_has_the_poses_that_its_motion_needs() -> None:
     some = frames([0.001, 0.1, None, 0.4])
-    plan = plan_blur(some, POINTS, None, "auto")
+    plan = plan_blur(some, POINTS, None, "on")
     first, last = (
         Camera(K, START @ rigid(matrix_from_rotation_vector(t * TURN), t * VELOCITY)).project(
             POINTS
@@ -82,12 +82,13 @@ def test_one_frame_and_cameras_that_do_not_move_have_an_answer() -> None:
     assert not behind.drawn
 
 
-def test_blur_that_gains_nothing_is_drawn_only_on_demand() -> None:
+def test_little_blur_is_drawn_only_on_demand() -> None:
     some = frames([0.05, 0.05])  # 0.7 px
     auto, demanded = (plan_blur(some, POINTS, None, setting) for setting in ("auto", "on"))
     assert auto.blur_px == demanded.blur_px == pytest.approx(0.71, abs=0.05)
-    assert not auto.drawn and f"{WORTH_DRAWING:g} px gains nothing" in auto.because
+    assert not auto.drawn and f"{WORTH_DRAWING:g} px are not worth drawing" in auto.because
     assert demanded.frames == 2
+    assert plan_blur(frames([0.2, 0.2]), POINTS, None, "auto").frames == 2  # 2.8 px
 
 
 def test_off_is_off() -> None:
