@@ -139,13 +139,18 @@ def make_plan(session: Session) -> SensorPlan:
     if not config.plans_effects:
         return SensorPlan()
     check_effects(config)
+    return with_adaptation(plan_for_facts(look_around(session), session.rig, config), session)
+
+
+def look_around(session: Session) -> SceneFacts:
+    """Return the facts of a recording, from a few small frames of it."""
+    config = session.config
     count = min(LOOKS, config.frame_count)
     numbers = np.linspace(0, config.frame_count - 1, count).round().astype(int).tolist()
     small = session.small()
     # The facts are those of the left eye.
     looks = [small.truth(number, Shutter(), both_eyes=False)[0] for number in numbers]
-    facts = measure_facts(looks, session.rig)
-    return with_adaptation(plan_for_facts(facts, session.rig, config), session)
+    return measure_facts(looks, session.rig)
 
 
 def with_adaptation(plan: SensorPlan, session: Session) -> SensorPlan:

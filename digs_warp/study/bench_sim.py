@@ -7,7 +7,6 @@ each effect on matched depth, its time and what it changes; for each scene, what
 last one shows how fast whole recordings are.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,11 +28,12 @@ from digs_warp.sim.sensor.frame import FrameTruth, Sensed
 from digs_warp.sim.sensor.planner import plan
 from digs_warp.sim.sensor.scores import Scores, score
 from digs_warp.sim.sensor.tiers import apply_effects, sense
-from digs_warp.sim.sensor_plan import SensorPlan, make_plan, plan_for_facts
+from digs_warp.sim.sensor_plan import plan_for_facts
 from digs_warp.sim.session import Session, prepare_session
 from digs_warp.sim.shutter import Shutter
 from digs_warp.study.bench_recording import WIDTHS, bench_recording
 from digs_warp.study.charts import Chart, Curve
+from digs_warp.study.planning_cost import planning_result
 from digs_warp.study.real_pair import load_motorcycle
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import OBJECT_SIZE, sample_data
@@ -120,7 +120,7 @@ def bench_sim(
             bar.update()
     if (data / REAL_PAIR).is_dir():
         results += _tier_results(_real(data / REAL_PAIR))
-    plans = [result for case in cases for result in _plan_results(case)]
+    plans = [planning_result(c.name, c.session, c.fresh) for c in cases if c.session is not None]
     results += plans + _cause_results(cases) + _effect_results(cases)
     return results + bench_recording(recordings)
 
@@ -163,42 +163,6 @@ def _tier_results(case: Case) -> Iterator[Result]:
         values = {TIME: wall / megapixels, "CPU [ms/MP]": cpu / megapixels}
         values |= _columns(score(case.sense(tier), truth))
         yield Result({"scene": case.name, "sensor": tier}, values, "tiers")
-
-
-def _plan_results(case: Case) -> Iterator[Result]:
-    """Yield what planning costs, and after how many frames leaving effects out has saved as much."""
-    session = case.session
-    if session is None:
-        return
-    truth = case.fresh()
-    everything = replace(session, config=replace(session.config, effects="all"))
-    spent, frame = {}, {}
-    for name, planned in (("auto", session), ("all", everything)):
-        make_plan(planned)  # compiles
-        start = time.process_time()
-        chosen = make_plan(planned)
-        spent[name] = time.process_time() - start
-        # Bands and views of the shutter are on in both.
-        _, frame[name] = _timed(partial(_sensed_frame, case, chosen))
-    saved = frame["all"] - frame["auto"]
-    megapixels = truth.depth.size / 1e6
-    yield Result(
-        {"scene": case.name},
-        {
-            "planning [s]": spent["auto"],
-            "frame as planned [ms/MP]": frame["auto"] / megapixels,
-            "frame with all effects [ms/MP]": frame["all"] / megapixels,
-            "frames that pay for planning": 1e3 * spent["auto"] / saved if saved > 0 else np.inf,
-        },
-        "plans",
-    )
-
-
-def _sensed_frame(case: Case, chosen: SensorPlan) -> np.ndarray:
-    """Return the disparity of the default sensor, from rendered images to the end."""
-    truth = case.fresh()
-    recorded = recorded_images(truth, chosen.pixel_effects, adaptation=chosen.adapted(0.0))
-    return sense(truth, "guided", chosen.depth, recorded=recorded).disparity
 
 
 def _effect_results(cases: Sequence[Case]) -> list[Result]:

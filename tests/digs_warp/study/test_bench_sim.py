@@ -35,6 +35,7 @@ def test_effects_are_told_with_what_they_change(results: list[Result]) -> None:
 def test_a_plan_is_told_with_its_price(results: list[Result]) -> None:
     (told,) = (r.values for r in results if r.table == "plans")
     assert told["planning [s]"] > 0 and told["frame as planned [ms/MP]"] > 0
+    assert told["metering [s]"] >= 0 and told["frames that pay for planning"] >= 0
 
 
 def test_causes_are_told_for_both_searches(results: list[Result]) -> None:
