@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 MotionBlur = Literal["auto", "on", "off"]
 
-# Recordings with less blur [px, median over their frames] gain more from the steps that drawing it costs; of
+# Recordings with less blur [px, median over their frames] gain three times as much from twice the steps; of
 # three objects with 2 px and more, two gained more from drawing it (table in docs/training.md).
 WORTH_DRAWING = 2.0
 
