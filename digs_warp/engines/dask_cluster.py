@@ -32,6 +32,7 @@ class DaskCluster(Engine):
     """
 
     def __init__(self, address: str | None, workers: int | None) -> None:
+        logging.getLogger("distributed").setLevel(logging.ERROR)  # it tells of every connection
         self._most = workers
         self._place = tempfile.TemporaryDirectory(prefix="digs-warp-dask-")
         self._cluster = _local_cluster(workers or 1, self._place.name) if address is None else None

@@ -1,6 +1,7 @@
 """Real clusters of Dask on this machine: workers and scheduler are killed, and the results stay the same."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -67,7 +68,7 @@ def of_one_process(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_a_worker_that_is_killed_changes_nothing(
-    tmp_path: Path, of_one_process: dict[str, Any]
+    tmp_path: Path, of_one_process: dict[str, Any], caplog: pytest.LogCaptureFixture
 ) -> None:
     engine = EngineConfig(engine="dask", workers=2, case_threads=1)
     (tmp_path / "kill.txt").write_text("0")
@@ -76,6 +77,8 @@ def test_a_worker_that_is_killed_changes_nothing(
     assert (outcome.done, outcome.failed) == (5, 1)
     hopeless = Store(tmp_path).records[CASES[HOPELESS].key]
     assert (hopeless["failure"], hopeless["attempts"]) == ("worker lost", 2)
+    news = [each for each in caplog.records if each.name.startswith("distributed")]
+    assert [each.message for each in news if each.levelno < logging.ERROR] == []
     # Its neighbour on the other worker is none the worse.
     assert calls(tmp_path) == [0, 1, 2, 3, 3, 4, 4, 5]
     (tmp_path / "hopeless").unlink()
