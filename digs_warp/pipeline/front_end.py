@@ -21,6 +21,7 @@ from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
+from digs_warp.pipeline.found_poses import chosen_way, depth_doubt
 from digs_warp.pipeline.known_distance import check_scale_from, in_true_size, metric_scale_of
 from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
 from digs_warp.pipeline.refined_poses import refined
@@ -68,7 +69,7 @@ class FrontEndConfig:
     def needs_sfm(self) -> bool:
         """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
         is_scaled = self.mono.mono_depth is not None
-        return self.sfm.poses in ("sfm", "perturbed") or self.init.needs_sfm or is_scaled
+        return self.sfm.poses in ("sfm", "auto", "perturbed") or self.init.needs_sfm or is_scaled
 
     @property
     def takes_recorded_points(self) -> bool:
@@ -134,7 +135,7 @@ def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
     Raises:
         DigsError: no poses, too few frames, or masks or their source are missing.
     """
-    if not capture.knows_poses and config.sfm.poses not in ("sfm", "rgbd"):
+    if not capture.knows_poses and config.sfm.poses not in ("sfm", "rgbd", "auto"):
         other = ", or with --poses rgbd from color and depth" if capture.has_depth else ""
         raise DigsError(
             f"{capture}: the recording has no camera poses; estimate them with --poses sfm{other}"
@@ -179,6 +180,11 @@ def front_end(
         with log.stage("track"):
             capture, tracking = tracked(capture, config.sfm)
     frames = _split(capture, config.test_every)
+    if config.sfm.poses == "auto":
+        with log.stage("find poses"):
+            way = chosen_way(capture, frames, config.sfm, config.init, folder / SFM)
+        config, capture, tracking = replace(config, sfm=way[0]), *way[1:]
+        frames = _split(capture, config.test_every)
     subject = subject_of(capture, config.subject, config.segment)
     say_subject(capture, config.subject, subject)
     with log.stage("check"):
@@ -199,6 +205,12 @@ def front_end(
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
+        if config.sfm.poses == "sfm" and capture.has_depth:
+            with log.stage("compare with depth"):
+                doubt = depth_doubt(capture, frames, config.sfm)
+            if doubt:
+                logger.warning("%s: %s; --poses rgbd uses the depth", capture, doubt)
+                doubts = (*doubts, doubt)
     if subject == "object" and config.segment.mends_masks:
         with log.stage("mask agreement"):
             training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)

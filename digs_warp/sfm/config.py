@@ -14,8 +14,9 @@ LONGEST_READOUT = 0.5
 class SfmConfig:
     """Where camera poses and sparse points come from."""
 
-    poses: Literal["sfm", "rgbd", "capture", "perturbed"] = "sfm"
-    """Camera poses. sfm: estimated from the images; rgbd: from color and depth; capture: those of the
+    poses: Literal["sfm", "rgbd", "auto", "capture", "perturbed"] = "sfm"
+    """Camera poses. sfm: estimated from the images; rgbd: from color and depth; auto: sfm, but rgbd where
+    that fails or depth contradicts it; capture: those of the
     recording, points are only triangulated; perturbed: the same after moving every camera by a random
     error."""
 

@@ -43,8 +43,12 @@ SHOWN = 2
 
 FIGURES, FINDINGS = "figures", "findings"
 
-Poses = Literal["capture", "sfm"]
-POSES: dict[Poses, str] = {"capture": "recorded", "sfm": "estimated"}
+Poses = Literal["capture", "sfm", "rgbd"]
+POSES: dict[Poses, str] = {
+    "capture": "recorded",
+    "sfm": "estimated",
+    "rgbd": "color and depth",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +140,7 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
             notes.failed("conversion", error)
             return Measured(recording, tuple(notes.results), None)
         picture = None
-        for poses in POSES if recording.has_poses else ("sfm",):
+        for poses in _ways(recording, capture):
             try:
                 result, values = _reconstructed(capture, poses, iterations, folder)
             except DigsError as error:
@@ -146,6 +150,13 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
             notes.figures(capture, poses, values)
             picture = _picture(result) if picture is None else picture
         return Measured(recording, tuple(notes.results), picture)
+
+
+def _ways(recording: RealRecording, capture: Capture) -> list[Poses]:
+    """Return the kinds of poses that a recording can have."""
+    ways: list[Poses] = ["capture"] if recording.has_poses else []
+    with_depth = all(frame.has(Layer.DEPTH) for frame in capture.frames)
+    return [*ways, "sfm", "rgbd"] if with_depth else [*ways, "sfm"]
 
 
 class _Notes:
@@ -214,7 +225,7 @@ def _figures(
     depth_error = adherence(gaussians, load_measured_views(result.frames.held_out))
     if depth_error is not None:
         values["depth error [cm]"] = 1e2 * depth_error
-    if poses == "sfm" and capture.knows_poses and capture.metric_scale.known:
+    if poses != "capture" and capture.knows_poses and capture.metric_scale.known:
         values |= pose_error(result.frames, capture)
     return values | {
         "Gaussians": len(result.gaussians),

@@ -19,6 +19,7 @@ from digs_warp.poses.align import in_place
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.config import SegmentConfig
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.sfm.evaluate import camera_errors
 from reference.sfm_views import arc, record
 from reference.wrong_captures import other_focal
 
@@ -51,6 +52,26 @@ def test_estimated_cameras_are_metric_and_lie_in_the_recordings_world(
     assert found[0].scale is not None and found[0].sfm is not None
     assert found[0].scale.sfm_per_metre == frames.sfm_per_metre
     assert found[0].sfm.registered == 12
+
+
+def test_without_depth_cameras_are_right_up_to_their_unit(
+    capture: Capture, found: tuple[Prepared, Path], tmp_path: Path
+) -> None:
+    shutil.copytree(found[1] / "sfm", tmp_path / "sfm")  # the images were matched before
+    lost = [
+        replace(f, camera=replace(f.camera, world_from_cam=np.eye(4))).without_layer(Layer.DEPTH)
+        for f in capture.frames
+    ]
+    about = replace(capture.about, poses_known=False)
+    photographs = replace(capture, frames=tuple(lost), about=about)
+    config = replace(FIND_POSES, init=InitConfig(strategy="default"))
+    prepared = front_end(photographs, config, tmp_path, RunLog("test", config))
+    cameras = {frame.name: frame.camera for frame, _ in prepared.frames.by_time}
+    errors = camera_errors(cameras, capture.frames)
+    assert len(cameras) == 12 and errors.centers_m.max() < 0.004
+    assert prepared.metric_scale is not None and not prepared.metric_scale.known
+    assert prepared.scale is None and not prepared.doubts
+    assert prepared.start.sources["sfm"] == len(prepared.start.points)
 
 
 def test_the_points_lie_on_the_object(

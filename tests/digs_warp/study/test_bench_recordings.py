@@ -47,7 +47,7 @@ def test_recorded_poses_give_all_figures_and_two_views(measured: list[bench.Meas
     rows = {
         row.labels["poses"]: row.values for row in measured[1].results if row.table == bench.FIGURES
     }
-    assert tuple(rows) == ("recorded", "estimated")
+    assert tuple(rows) == ("recorded", "estimated", "color and depth")
     values = rows["recorded"]
     assert values["frames"] == 10 and values["held out"] == 2
     assert values["PSNR [dB]"] > 8 and values["Gaussians"] > 100

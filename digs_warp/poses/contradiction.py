@@ -1,0 +1,63 @@
+"""Whether poses that were found without depth contradict the color and depth of neighboring frames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from digs_warp.data.evenly import evenly
+from digs_warp.data.frame import Frame
+from digs_warp.geometry import invert_rigid
+from digs_warp.poses.agreement import disagreements
+from digs_warp.poses.chain import holds, turn_deg
+from digs_warp.poses.edges import Sight, edge_between
+from digs_warp.poses.views import load_pictures
+
+# A step is contradicted where depth shows a motion that differs by more than this [degree], under which both
+# frames agree better by this much: the noise of depth and of small images is below.
+OTHER_TURN, BETTER = 2.0, 0.05
+# Contradicted steps that make poses doubtful: a share of all.
+DOUBTFUL = 0.1
+# Steps that are measured, evenly over the recording.
+MOST = 40
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """What depth says of poses.
+
+    Attributes:
+        steps: between neighbors in time that were measured.
+        contradicted: where color and depth show another motion.
+    """
+
+    steps: int
+    contradicted: int
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the poses are probably wrong somewhere."""
+        return self.contradicted > DOUBTFUL * self.steps
+
+
+def contradiction(frames: Sequence[Frame], readout_time: float) -> Contradiction:
+    """Measure the motion between neighbors by color and depth, starting from the poses.
+
+    Args:
+        frames: with poses in metres, in order of time; those without depth are left out.
+        readout_time: from the first row to the last [s]; 0: all rows at once.
+    """
+    pictures = load_pictures(frames, readout_time)
+    seen = [number for number, each in enumerate(pictures) if np.isfinite(each.depth).any()]
+    poses = [frames[number].camera.world_from_cam for number in seen]
+    steps = evenly(range(len(seen) - 1), MOST)
+    contradicted = 0
+    for number in steps:
+        given = invert_rigid(poses[number + 1]) @ poses[number]
+        sights = [Sight.of(pictures[seen[each]]) for each in (number, number + 1)]
+        edge = edge_between(sights, 0, 1, given)
+        first, second = (each.picture for each in sights)
+        before, after = disagreements(first, second, [given, edge.target_from_source])
+        other = turn_deg(invert_rigid(edge.target_from_source) @ given) > OTHER_TURN
+        contradicted += bool(other and holds(edge) and before - after > BETTER)
+    return Contradiction(len(steps), contradicted)
