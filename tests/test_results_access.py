@@ -16,6 +16,7 @@ OWNERS = {
     "digs_warp/record/layout.py",  # the names
     "digs_warp/pipeline/reconstruction.py",
     "digs_warp/pipeline/results.py",
+    "digs_warp/pipeline/stored_views.py",
     "digs_warp/pipeline/reconstruct.py",  # resumes from them
     "digs_warp/train/session.py",  # writes the course
     "digs_warp/commands/result_files.py",  # names what --overwrite may delete

@@ -25,8 +25,9 @@ from digs_warp.pipeline.front_end import (
     check_front_end,
     front_end,
 )
-from digs_warp.pipeline.reconstruction import Reconstruction, write_render, write_scores
+from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.results import Results
+from digs_warp.pipeline.stored_views import write_render, write_scores
 from digs_warp.record.files import remove
 from digs_warp.record.layout import (
     CHECKPOINT,

@@ -1,9 +1,8 @@
 """The result of a reconstruction, in memory and in the folder of docs/reconstruction-format.md.
 
-No other code reads or names the files of that folder that describe a result.
+No other code reads or names the files of that folder that describe a result, but `stored_views` beside it.
 """
 
-import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,24 +11,28 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
-from digs_warp.data.capture import Capture, read_capture
+from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.data.images import read_image, to_uint8, write_image
-from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.metric_scale import MetricScale
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.data.posed_frames import CAMERAS, PosedFrames
+from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.scale import ScaleEstimate
 from digs_warp.init.start import Initialization, Subject
 from digs_warp.init.view_dependence import ViewDependence
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.results import Results
+from digs_warp.pipeline.stored_views import (
+    RENDERS,
+    find_frames,
+    read_render,
+    read_scores,
+    write_scores,
+)
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.fields import Fields
-from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
+from digs_warp.record.files import copy_folder
 from digs_warp.record.layout import (
-    CAPTURE,
     COURSE,
     EVALUATION,
     GAUSSIANS,
@@ -38,7 +41,6 @@ from digs_warp.record.layout import (
     TRAINING,
     find_gaussians,
 )
-from digs_warp.record.manifest import Manifest
 from digs_warp.record.run_log import RunRecord
 from digs_warp.sfm.quality import SfmQuality
 from digs_warp.surface.error import SurfaceError
@@ -49,9 +51,6 @@ from digs_warp.train.snapshots import load_snapshots
 if TYPE_CHECKING:
     from digs_warp.splat.render import RenderOutput
 
-logger = logging.getLogger(__name__)
-
-RENDERS = "renders"
 MASKS = "masks"
 
 
@@ -210,14 +209,7 @@ class Reconstruction:
         Raises:
             DigsError: it was not stored, or has another size.
         """
-        path = self._stored() / RENDERS / f"{name}.png"
-        pixels = read_image(path, "rendered view")
-        if pixels.dtype != np.uint8 or pixels.shape != shape:
-            raise DigsError(
-                f"rendered view '{path}': {pixels.shape} of {pixels.dtype}, expected {shape} of uint8 "
-                "as the capture has; reconstruct again"
-            )
-        return pixels
+        return read_render(self._stored(), name, shape)
 
     def load_snapshots(self) -> tuple[tuple[int, Gaussians], ...]:
         """Return (iteration, Gaussians) of the training, ascending; empty where none were kept.
@@ -272,12 +264,12 @@ class Reconstruction:
         def wanted(name: str) -> bool:
             return not partial or (folder / name).is_file()
 
-        scores = _read_scores(folder / EVALUATION) if wanted(EVALUATION) else Scores()
+        scores = read_scores(folder / EVALUATION) if wanted(EVALUATION) else Scores()
         course = read_course(folder / TRAINING) if wanted(TRAINING) else ()
         run = RunRecord.load(folder / RUN_RECORD) if not partial else RunRecord.find(folder)
         results = Results.read(run, folder / RUN_RECORD) if run else Results()
         points = folder / INITIAL_POINTS
-        frames, place = _find_frames(folder, capture, results.capture)
+        frames, place = find_frames(folder, capture, results.capture)
         return Reconstruction(
             gaussians=gaussians,
             frames=frames,
@@ -309,7 +301,7 @@ class Reconstruction:
 
         Without ``capture``, it is the one that a run left in or beside the folder, if any.
         """
-        frames, place = _find_frames(folder, capture)
+        frames, place = find_frames(folder, capture)
         return Reconstruction(gaussians=gaussians, frames=frames, capture=place)
 
     def _setting(self, group: str, name: str) -> str | None:
@@ -319,57 +311,3 @@ class Reconstruction:
         if self.folder is None:
             raise DigsError("reconstruction: it is only in memory; save it to a folder first")
         return self.folder
-
-
-def write_scores(folder: Path, scores: Scores) -> None:
-    """Write the scores into the folder of a reconstruction."""
-    write_atomically(folder / EVALUATION, to_json(scores.to_json()).encode())
-
-
-def write_render(folder: Path, name: str, image: np.ndarray) -> None:
-    """Write a held-out view, values in 0..1, where `Reconstruction.load_render` finds it."""
-    write_image(folder / RENDERS / f"{name}.png", to_uint8(image))
-
-
-def find_capture(folder: Path, recorded: Path | None = None) -> Path | None:
-    """Return the capture that a run left in or beside ``folder``, else the ``recorded`` one, else None."""
-    candidates = (folder / CAPTURE, folder.parent / CAPTURE, recorded)
-    return next((path for path in candidates if path and (path / INDEX_NAME).is_file()), None)
-
-
-def _read_scores(path: Path) -> Scores:
-    content = read_json(path, "evaluation")
-    try:
-        return Scores.from_json(content)
-    except DigsError as error:
-        raise DigsError(
-            f"evaluation '{path}': {error}; expected 'mean', and 'views' that each have a 'name'; "
-            "reconstruct again"
-        ) from error
-
-
-def _find_frames(
-    folder: Path, capture: Capture | None, recorded: Path | None = None
-) -> tuple[PosedFrames | None, Path | None]:
-    """Return the frames as used, and where the capture is; one that nobody named may be broken."""
-    if capture is not None:
-        return _frames(folder, capture), capture.stored_in
-    place = find_capture(folder, recorded)
-    if place is None:
-        return None, None
-    try:
-        return _frames(folder, read_capture(place)), place
-    except DigsError as error:
-        logger.warning("the views of '%s' are not known: %s", folder, error)
-        return None, place
-
-
-def _frames(folder: Path, capture: Capture) -> PosedFrames:
-    if (folder / CAMERAS).is_file():
-        return PosedFrames.load(capture, folder)
-    return PosedFrames.as_recorded(capture)
-
-
-def is_finished(folder: Path) -> bool:
-    """Whether a folder holds a whole reconstruction, all its files as they were written; reads them all."""
-    return (folder / EVALUATION).is_file() and Manifest.read(folder).all_whole()
