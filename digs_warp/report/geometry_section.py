@@ -92,7 +92,7 @@ def _histogram(errors: Sequence[_Errors]) -> str:
         f"{each.label}, median {np.median(each.values):.2f} mm" for each in errors
     )
     caption = (
-        "Surface: the median depth of the Gaussians. Above 0: too far. What lies beyond the ends of the axis "
+        "Surface: what the Gaussians show. Above 0: too far. What lies beyond the ends of the axis "
         "is not drawn, but counted in the table."
     )
     return chart(svg, alt, caption)

@@ -1,4 +1,4 @@
-"""Color and median depth of the Gaussians, as seen from each camera."""
+"""Color and depth of the surface that the Gaussians show, as seen from each camera."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,10 +7,11 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.data.gaussians import Gaussians
-from digs_warp.splat.config import MEDIAN, RasterOptions
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.surface_depth import surface_depth
 
 # Below this coverage, the color of a pixel is meaningless.
 LEAST_ALPHA = 1e-3
@@ -23,7 +24,7 @@ class DepthView:
     Attributes:
         camera: the viewpoint.
         color: sRGB in 0..1 of the Gaussians alone, without background, (height, width, 3), float32.
-        depth: planar depth of the splats' skins where the coverage passes 1/2 [m], NaN where it does not,
+        depth: planar depth of the splats' skins [m], NaN where they cover less than half of the pixel,
             (height, width), float32.
     """
 
@@ -58,6 +59,5 @@ def depth_views(
         renderer.forward(camera, near=near, background=(0.0, 0.0, 0.0))
         alpha = 1.0 - renderer.transmittance.to_numpy()
         color = renderer.image.to_numpy() / np.maximum(alpha, LEAST_ALPHA)
-        depth = renderer.depth.to_numpy()[..., MEDIAN].copy()
-        depth[depth <= 0] = np.nan
+        depth = surface_depth(renderer.depth.to_numpy())
         yield DepthView(camera, np.clip(color, 0.0, 1.0), depth)

@@ -25,7 +25,7 @@ _NEAR = 0.005
 def surface_error(
     gaussians: Gaussians, frames: Sequence[Frame], truth: TriangleMesh, device: str = "cpu"
 ) -> SurfaceError | None:
-    """Compare the median depth of the Gaussians, from some of the cameras, with the true mesh.
+    """Compare the surface of the Gaussians, as seen from some of the cameras, with the true mesh.
 
     Args:
         gaussians: the result.

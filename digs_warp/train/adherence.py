@@ -1,7 +1,7 @@
 """How closely the surface of the Gaussians keeps to the depth that was measured.
 
-The figure is the median of |z - d| over the object's pixels of some training views: z the median depth of the
-Gaussians, d the measured depth. The noise of the sensor is in it: a perfect surface has the median of the
+The figure is the median of |z - d| over the object's pixels of some training views: z the depth of their
+surface, d the measured depth. The noise of the sensor is in it: a perfect surface has the median of the
 noise, not 0. Outliers of the sensor and the rim of the object do not change a median.
 """
 
@@ -16,11 +16,12 @@ from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import PixelBox, mask_box
-from digs_warp.splat.config import MEDIAN, RasterOptions
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.surface_depth import surface_depth
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 
 # The median hardly changes with more views, and each takes the time of a training step.
@@ -107,6 +108,6 @@ def signed_distances(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) 
 def _distances(renderer: SplatRenderer, view: MeasuredView, center: np.ndarray) -> np.ndarray:
     renderer.forward(view.camera, near=near_plane(view.camera, center), rows=view.rows)
     x0, y0, x1, y1 = view.box
-    drawn = renderer.depth.to_numpy()[y0:y1, x0:x1, MEDIAN].astype(np.float64)
-    compared = np.isfinite(view.depth) & (drawn > 0)
-    return (drawn - view.depth)[compared]
+    drawn = surface_depth(renderer.depth.to_numpy()[y0:y1, x0:x1]).astype(np.float64)
+    distances = drawn - view.depth
+    return distances[np.isfinite(distances)]

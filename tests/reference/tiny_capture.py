@@ -17,6 +17,7 @@ from digs_warp.sh import sh_from_rgb
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.render import render
 from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.surface_depth import surface_depth
 
 WIDTH, HEIGHT = 72, 54
 RADIUS = 0.2  # [m]
@@ -38,12 +39,10 @@ def ball(count: int = 1500) -> Gaussians:
 
 
 def drawn_depth(frame: Frame) -> np.ndarray:
-    """The median depth [m] of the skin of the ball, NaN where there is none."""
-    depth = render(
-        ball(), frame.camera, options=RasterOptions(outputs="depth", depth_of="skin")
-    ).median_depth
-    assert depth is not None
-    return depth
+    """The depth [m] of the skin of the ball, NaN where there is none."""
+    drawn = render(ball(), frame.camera, options=RasterOptions(outputs="depth", depth_of="skin"))
+    assert drawn.depth is not None and drawn.median_depth is not None
+    return surface_depth(np.stack([drawn.depth, drawn.median_depth], axis=-1))
 
 
 # A shaking camera with a slow read-out: the image moves by 3 px meanwhile.

@@ -54,7 +54,7 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
 
 
 def depth_error(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, float | None]:
-    """Compare the median depth of the Gaussians with the true depth, inside the object's mask.
+    """Compare the depth of the surface with the true depth, inside the object's mask.
 
     Returns:
         ``depth_mae``: mean absolute error [m] over the object's pixels that the Gaussians cover by half;

@@ -192,8 +192,8 @@ def _end(records: Sequence[Record]) -> Section:
     text = (
         "The end of the runs, on views of a perfect camera along a walk that no recording took: sharp images "
         "and true depth. FLIP replaces the paper's LPIPS: it is also a perceptual difference (0: none) but "
-        "needs no trained weights. Depth error: mean absolute difference between the median depth of the "
-        "Gaussians and the true depth, over the pixels of the object with an alpha of at least one half. "
+        "needs no trained weights. Depth error: mean absolute difference between the surface's depth and "
+        "the true depth, over the pixels of the object with an alpha of at least one half. "
         "Poses are estimated, so an error of a few mm comes from aligning them with the world of the "
         "recording."
     )

@@ -11,9 +11,10 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
-from digs_warp.splat.config import MEDIAN, RasterOptions
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
+from digs_warp.splat.surface_depth import surface_depth
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.shutter import ShutterPlan
 from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
@@ -63,8 +64,7 @@ def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:
         options = RasterOptions(outputs="depth", depth_of="skin")
         renderer = SplatRenderer(gaussians, k.width, k.height, options=options)
         renderer.forward(frame.camera, near=0.01, rows=plan.rows_of(frame))
-        drawn = renderer.depth.to_numpy()[..., MEDIAN]
-        frames.append(frame.with_layer(Layer.DEPTH, np.where(drawn > 0, drawn, np.nan)))
+        frames.append(frame.with_layer(Layer.DEPTH, surface_depth(renderer.depth.to_numpy())))
     known = adherence(gaussians, load_measured_views(frames, plan))
     ignored = adherence(gaussians, load_measured_views(frames))
     assert known is not None and ignored is not None
