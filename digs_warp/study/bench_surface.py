@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,9 +32,10 @@ from digs_warp.surface.fuse import fuse_views
 from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 
-RECORDING = SimulateConfig(frames=28, width=320, height=180)
-STEPS = 300
-OBJECTS = 7
+# What users get without a flag: smaller images and fewer steps leave the surface farther off.
+RECORDING = SimulateConfig()
+STEPS = Stop().iterations
+OBJECTS = 4
 # Exact depth with the noise of stereo alone, and the default sensor.
 TIERS = ("law", "guided")
 WEIGHTS = (0.0, DEPTH_WEIGHT)
@@ -77,7 +79,8 @@ def bench_surface(scope: Scope | None = None) -> list[Result]:
                 config = replace(scope.recording, tier=tier, **settings)
                 with tempfile.TemporaryDirectory() as folder:
                     capture = simulate(config, Path(folder) / "capture")
-                    results += _measured({"sensor": tier, "object": name}, capture, scope)
+                    labels = _settings(capture, scope) | {"sensor": tier, "object": name}
+                    results += _measured(labels, capture, scope)
                 bar.update()
     return [*results, *_medians(results)]
 
@@ -133,7 +136,13 @@ def _millimeters(mesh: TriangleMesh, truth: TriangleMesh) -> float:
     return 1e3 * surface_score(mesh.points_world, truth, _NEAR).accuracy
 
 
-def _measured(labels: dict[str, str], capture: Capture, scope: Scope) -> list[Result]:
+def _settings(capture: Capture, scope: Scope) -> dict[str, Any]:
+    k = capture.frames[0].camera.intrinsics
+    size = f"{k.width}x{k.height}"
+    return {"image": size, "frames": len(capture), "iterations": scope.iterations}
+
+
+def _measured(labels: dict[str, Any], capture: Capture, scope: Scope) -> list[Result]:
     """Return a row for the fused depth and one for each weight, with ratios to the former."""
     rows = []
     fused = 0.0
@@ -151,9 +160,9 @@ def _medians(results: Sequence[Result]) -> list[Result]:
         groups.setdefault((result.labels["sensor"], result.labels["surface"]), []).append(result)
     return [
         Result(
-            {"sensor": sensor, "surface": surface},
+            {name: value for name, value in group[0].labels.items() if name != "object"},
             {name: float(np.median([r.values[name] for r in group])) for name in group[0].values},
             "medians",
         )
-        for (sensor, surface), group in groups.items()
+        for group in groups.values()
     ]

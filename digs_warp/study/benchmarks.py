@@ -107,7 +107,7 @@ BENCHMARKS = (
     ),
     Benchmark(
         "surface",
-        "the trained surface against the true one, beside fused depth: seven objects, two sensors",
+        "the trained surface against the true one, beside fused depth: four objects, two sensors",
         "bench_surface:bench_surface",
         "training.md",
     ),

@@ -6,6 +6,8 @@ import pytest
 
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.bench_surface import FUSED, MILLIMETERS, RATIO, Scope, bench_surface
+from digs_warp.study.results import tables
+from digs_warp.study.scenes import BUILT_IN
 from reference.optional import open3d_or_skip
 
 
@@ -26,3 +28,8 @@ def test_every_weight_stands_beside_the_fused_depth(
     assert rows["weight 0.2"]["adherence [mm]"] != rows["weight 0"]["adherence [mm]"]
     medians = {r.labels["surface"]: r.values for r in results if r.table == "medians"}
     assert medians == rows  # of one object
+    captions = [table.caption for table in tables(results)]
+    assert captions == [
+        "image: 128x72, frames: 10, iterations: 30, sensor: truth" + more
+        for more in (f", object: {BUILT_IN}", "")
+    ]
