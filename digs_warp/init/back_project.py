@@ -116,9 +116,16 @@ def _flat(array: np.ndarray, dtype: type) -> wp.array:
 def _too_far(
     camera: Camera, depth: np.ndarray, weights: np.ndarray, voxel_size: float
 ) -> DigsError:
-    extent = float(np.abs(camera.center_world).max() + depth[weights > 0].max())
-    return DigsError(
-        f"voxel size {voxel_size:g} m: too small for points up to {extent:g} m from the origin, "
-        f"expected at least {extent / MAX_INDEX:.2g} m; choose a larger voxel size, or check that the "
-        "depth is in metres"
+    away, deepest = float(np.abs(camera.center_world).max()), float(depth[weights > 0].max())
+    extent = away + deepest
+    found = (
+        f"voxel size {voxel_size:g} m: too small for points up to {extent:g} m from the origin, expected at "
+        f"least {extent / MAX_INDEX:.2g} m"
     )
+    if away > deepest:
+        return DigsError(
+            f"{found}. The camera itself is {away:g} m from the origin: the poses are wrong, or not in "
+            "metres. Recorded poses: check their unit and move the origin near the cameras. Estimated ones "
+            "(--poses sfm): try --poses rgbd, which uses the depth, or --poses capture for recorded ones"
+        )
+    return DigsError(f"{found}; choose a larger voxel size, or check that the depth is in metres")

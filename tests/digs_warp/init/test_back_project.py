@@ -1,5 +1,7 @@
 """Back-projection and its voxels, against the formulas."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -114,6 +116,19 @@ def test_points_too_far_for_the_grid_raise() -> None:
     with pytest.raises(DigsError, match=r"voxel size 0\.004 m: too small for points up to 2\.99"):
         back_project(CAMERA, image, far, weights, 0.004)
     assert 3e6 / 10.0 < MAX_INDEX < 3e6 / 0.004
+
+
+def test_a_camera_too_far_for_the_grid_blames_the_poses() -> None:
+    depth, image, weights = random_view()
+    pose = CAMERA.world_from_cam.copy()
+    pose[0, 3] = -1.5e6
+    away = replace(CAMERA, world_from_cam=pose)
+    with pytest.raises(
+        DigsError, match=r"camera itself is 1\.5e\+06 m .* the poses are wrong.*--poses rgbd"
+    ):
+        back_project(away, image, depth, weights, 0.004)
+    with pytest.raises(DigsError, match="check that the depth is in metres"):
+        back_project(CAMERA, image, depth * np.float32(1e6), weights, 0.004)
 
 
 @pytest.mark.parametrize("voxel_size", [0.0, -1.0, float("nan"), float("inf")])
