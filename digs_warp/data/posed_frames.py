@@ -19,6 +19,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel, scaled_pose
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json, to_json, write_atomically
+from digs_warp.words import counted
 
 CAMERAS = "cameras.json"
 MASKS = "masks"
@@ -93,6 +94,21 @@ class PosedFrames:
 
         training, held_out = tuple(map(changed, self.training)), tuple(map(changed, self.held_out))
         return replace(self, training=training, held_out=held_out)
+
+    @staticmethod
+    def split(capture: Capture, test_every: int) -> "PosedFrames":
+        """Return the frames as recorded, every ``test_every``-th one held out.
+
+        Raises:
+            DigsError: none is left to train on.
+        """
+        training, held_out = capture.split(test_every)
+        if not training:
+            raise DigsError(
+                f"{capture}: {counted(len(capture), 'frame')}, expected at least 2: one is held out for the "
+                "evaluation"
+            )
+        return PosedFrames(tuple(training), tuple(held_out))
 
     @staticmethod
     def as_recorded(capture: Capture) -> "PosedFrames":

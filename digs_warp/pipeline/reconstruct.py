@@ -17,14 +17,10 @@ from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import MAX_SCALE_RATIO, SCENE_SCALE_RATIO, seed_gaussians
 from digs_warp.init.view_dependence import view_dependence
 from digs_warp.measure.scores import Scores
-from digs_warp.pipeline.front_end import (
-    MASKS,
-    SFM,
-    FrontEndConfig,
-    Prepared,
-    check_front_end,
-    front_end,
-)
+from digs_warp.pipeline.frame_masks import MASKS
+from digs_warp.pipeline.front_end import SFM, front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
+from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.stored_views import write_render, write_scores

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from digs_warp.pipeline.front_end import MASKS
+from digs_warp.pipeline.frame_masks import MASKS
 from digs_warp.record.layout import MANIFEST, RUN_RECORD
 from digs_warp.record.manifest import Manifest
 from digs_warp.segment.masks import SETTINGS

@@ -11,7 +11,9 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
-from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
+from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig
+from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.subject import SubjectChoice, subject_of
 from digs_warp.record.run_log import RunLog, RunRecord
 from digs_warp.segment.config import SegmentConfig

@@ -12,7 +12,8 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
-from digs_warp.pipeline.front_end import FrontEndConfig, front_end
+from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig
 from digs_warp.pipeline.results import Results
 from digs_warp.poses.align import in_place
 from digs_warp.record.layout import RUN_RECORD

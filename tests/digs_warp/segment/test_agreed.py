@@ -8,7 +8,9 @@ import pytest
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.pipeline.front_end import FrontEndConfig, Prepared, front_end
+from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig
+from digs_warp.pipeline.prepared import Prepared
 from digs_warp.plausibility.full_check import check_fully
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.agreed import agreed_masks

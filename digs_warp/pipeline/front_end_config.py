@@ -1,0 +1,78 @@
+"""The settings from a capture to posed frames and points, and what can be checked of them before any work."""
+
+from dataclasses import dataclass, field
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.init.config import InitConfig
+from digs_warp.init.mono_config import MonoDepthConfig
+from digs_warp.init.mono_depth import check_mono_depth
+from digs_warp.pipeline.known_distance import check_scale_from
+from digs_warp.pipeline.subject import SubjectChoice, subject_of
+from digs_warp.poses.tracking import check_depth
+from digs_warp.segment.config import SegmentConfig
+from digs_warp.segment.masks import check_inputs
+from digs_warp.sfm.config import SfmConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontEndConfig:
+    """How a capture becomes posed frames and points."""
+
+    sfm: SfmConfig = field(default_factory=lambda: SfmConfig(poses="capture"))
+    segment: SegmentConfig = field(default_factory=SegmentConfig)
+    init: InitConfig = field(default_factory=InitConfig)
+    subject: SubjectChoice = "auto"
+    """What is reconstructed. object: what lies in the masks; scene: everything in view; auto: the object if
+    the recording has masks or --masks makes some, else the scene."""
+    mono: MonoDepthConfig = field(default_factory=MonoDepthConfig)
+    test_every: int = 8
+    """Every n-th view, from the first on, is held out for the evaluation."""
+    scale_from: str | None = None
+    """Without depth: two frames and the distance of their cameras, such as 0000,0031=0.30m."""
+
+    @property
+    def needs_sfm(self) -> bool:
+        """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
+        is_scaled = self.mono.mono_depth is not None
+        return self.sfm.poses in ("sfm", "auto", "perturbed") or self.init.needs_sfm or is_scaled
+
+    @property
+    def takes_recorded_points(self) -> bool:
+        """Whether sparse points that came with the recording do instead."""
+        is_scaled = self.mono.mono_depth is not None and not self.init.needs_sfm
+        given = self.sfm.poses == "capture"
+        return given and (self.init.takes_recorded_points or is_scaled)
+
+
+def check_front_end(capture: Capture, config: FrontEndConfig) -> None:
+    """Check what can be checked before any work.
+
+    Raises:
+        DigsError: no poses, too few frames, or masks or their source are missing.
+    """
+    if not capture.knows_poses and config.sfm.poses not in ("sfm", "rgbd", "auto"):
+        other = ", or with --poses rgbd from color and depth" if capture.has_depth else ""
+        raise DigsError(
+            f"{capture}: the recording has no camera poses; estimate them with --poses sfm{other}"
+        )
+    if config.sfm.poses == "rgbd":
+        check_depth(capture.frames)
+    check_scale_from(capture, config.scale_from)
+    check_mono_depth(capture, config.mono)
+    _check_instance(capture, config.segment.instance)
+    training = PosedFrames.split(capture, config.test_every).training
+    subject_of(capture, config.subject, config.segment)
+    if config.segment.source != "capture":
+        check_inputs(training, config.segment)
+
+
+def _check_instance(capture: Capture, instance: int | None) -> None:
+    objects = capture.about.objects
+    if instance is None or objects is None or capture.about.instance(instance):
+        return
+    names = ", ".join(f"{number} {each.name}" for number, each in enumerate(objects, start=1))
+    raise DigsError(
+        f"--instance {instance}: {capture} has no such object; choose one of these: {names}"
+    )
