@@ -191,7 +191,7 @@ def _effect_results(cases: Sequence[Case]) -> list[Result]:
 
 
 def _after(matched: Sensed, truth: FrameTruth, effect: str) -> Sensed:
-    return apply_effects(matched.own(), truth, [effect])
+    return apply_effects(matched.own(), truth.rig, [effect])
 
 
 def _cause_results(cases: Sequence[Case]) -> list[Result]:

@@ -116,7 +116,7 @@ class SensorStudio:
     def depth_figure(self, effect: DepthEffect) -> DepthFigure:
         """Return the result of an effect alone."""
         truth = self.truth
-        sensed = effect.apply(Sensed.of(truth), truth, effect_rng(SEED, 0, effect.name))
+        sensed = effect.apply(Sensed.of(truth), truth.rig, effect_rng(SEED, 0, effect.name))
         lost = ~sensed.known & ~np.isnan(truth.disparity)
         with np.errstate(invalid="ignore"):
             error = np.abs(sensed.disparity - truth.disparity)

@@ -9,6 +9,7 @@ import numpy as np
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import Tier
+from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.cause import Cause
 from digs_warp.sim.sensor.effects import AFTER_MATCHING
 from digs_warp.sim.sensor.effects.protocol import Choice
@@ -69,27 +70,32 @@ def _measured(
         from digs_warp.sim.sensor.guided.tier import sense_by_guided_matching
 
         matched = sense_by_guided_matching(truth, recorded, names)
-    return apply_effects(matched, truth, names, seed, strength)
+    return apply_effects(matched, truth.rig, names, seed, truth.number, strength)
 
 
 def apply_effects(
-    matched: Sensed, truth: FrameTruth, names: Collection[str], seed: int = 0, strength: float = 1.0
+    matched: Sensed,
+    rig: StereoRig,
+    names: Collection[str],
+    seed: int = 0,
+    number: int = 0,
+    strength: float = 1.0,
 ) -> Sensed:
     """Return what was matched after the named effects that act on it, in their physical order.
 
     Args:
         matched: what the search found.
-        truth: of the frame.
+        rig: the camera.
         names: of effects; those that do not act on matched depth change nothing here.
         seed: of the recording, >= 0.
+        number: of the frame, >= 0.
         strength: factor on the effects, >= 0.
     """
     sensed = matched.changeable()
     for effect in AFTER_MATCHING:
         if effect.name in names:
-            sensed = effect.apply(
-                sensed, truth, effect_rng(seed, truth.number, effect.name), strength
-            )
+            rng = effect_rng(seed, number, effect.name)
+            sensed = effect.apply(sensed, rig, rng, strength)
     return sensed
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import NOT_ADAPTED, Adaptation
 from digs_warp.sim.sensor.color.auto_exposure import AutoExposure
 from digs_warp.sim.sensor.color.encoding import decode, encode
@@ -32,9 +33,30 @@ def recorded_images(
     if not effects or strength == 0:
         return truth.image, truth.right
     eyes = _eyes(truth, effects, adaptation)
+    return after_effects(eyes, effects, truth.rig, seed, truth.number, strength)
+
+
+def after_effects(
+    eyes: EyeImages,
+    effects: Sequence[PixelEffect],
+    rig: StereoRig,
+    seed: int = 0,
+    number: int = 0,
+    strength: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two images after the effects, sRGB, (height, width, 3), uint8.
+
+    Args:
+        eyes: the light on the two sensors.
+        effects: in the order in which they act.
+        rig: the camera.
+        seed: of the recording, >= 0.
+        number: of the frame, >= 0.
+        strength: factor on all effects, >= 0.
+    """
     for effect in effects:
-        rng = effect_rng(seed, truth.number, effect.name)
-        eyes = effect.apply(eyes, truth.rig, rng, strength)
+        rng = effect_rng(seed, number, effect.name)
+        eyes = effect.apply(eyes, rig, rng, strength)
     return encode(eyes.left), encode(eyes.right)
 
 

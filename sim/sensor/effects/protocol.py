@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.facts import SceneFacts
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Sensed
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class SensorEffect(Protocol):
 
 
 class DepthEffect(SensorEffect, Protocol):
-    """An effect on measured depth; strength 0 has no effect at all."""
+    """An effect on measured depth; it needs no scene, only the camera. Strength 0 has no effect at all."""
 
     def apply(
-        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Return the frame after the effect; ``rng`` is seeded by (seed, frame, effect)."""
         ...

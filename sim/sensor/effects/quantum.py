@@ -8,7 +8,7 @@ import numpy as np
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Sensed
 
 COST = 2.0  # [ms/MP]
 
@@ -33,10 +33,10 @@ class Quantum:
         )
 
     def apply(
-        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Round the disparity; ``strength`` is a factor on the step."""
-        step = np.float32(strength * truth.rig.disparity_step)
+        step = np.float32(strength * rig.disparity_step)
         if step <= 0:
             return sensed
         steps = np.rint(sensed.disparity / step)

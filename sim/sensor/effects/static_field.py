@@ -11,7 +11,7 @@ from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.sim.sensor.filters import enlarge_smoothly
-from digs_warp.sim.sensor.frame import FrameTruth, Sensed
+from digs_warp.sim.sensor.frame import Sensed
 from digs_warp.sim.sensor.noise_field import smooth_normal
 
 # Correlation length, as a share of the image width: 46 px on the pair (741 px wide) that shows it.
@@ -47,12 +47,12 @@ class StaticField:
         )
 
     def apply(
-        self, sensed: Sensed, truth: FrameTruth, rng: np.random.Generator, strength: float = 1.0
+        self, sensed: Sensed, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> Sensed:
         """Add the field; ``strength`` is a factor on it."""
-        k = truth.rig.intrinsics
-        field = unit_field(truth.rig.unit, k.width, k.height)
-        return sensed.shifted(np.float32(strength * truth.rig.static_field) * field)
+        k = rig.intrinsics
+        field = unit_field(rig.unit, k.width, k.height)
+        return sensed.shifted(np.float32(strength * rig.static_field) * field)
 
 
 @lru_cache(maxsize=4)

@@ -45,7 +45,7 @@ def rich_frame(number: int = 0) -> FrameTruth:
 
 def after(truth: FrameTruth, *names: str, seed: int = 0) -> Sensed:
     """The truth after effects."""
-    return apply_effects(Sensed.of(truth), truth, names, seed)
+    return apply_effects(Sensed.of(truth), truth.rig, names, seed, truth.number)
 
 
 def choices(*names: str) -> tuple[Choice, ...]:
@@ -94,7 +94,7 @@ def test_no_effect_writes_to_the_truth_or_to_what_it_is_given(name: str) -> None
     truth = rich_frame()
     before = {key: getattr(truth, key).copy() for key in ("depth", "disparity", "image", "gray")}
     given = Sensed.of(truth)
-    apply_effects(given, truth, [name])
+    apply_effects(given, truth.rig, [name])
     for key, value in before.items():
         np.testing.assert_array_equal(getattr(truth, key), value)
     assert_same(given, Sensed.of(truth))
@@ -105,7 +105,7 @@ def test_effects_that_write_in_place_give_the_same_bytes_as_those_that_copy() ->
     copied = Sensed.of(truth)
     for effect in AFTER_MATCHING:
         rng = effect_rng(3, truth.number, effect.name)
-        copied = effect.apply(copied, truth, rng)
+        copied = effect.apply(copied, truth.rig, rng)
     assert not copied.owned
     assert_same(after(truth, *NAMES, seed=3), copied)
 

@@ -14,7 +14,7 @@ from reference.stereo_frames import make_frame, make_rig
 
 def error_of(truth: FrameTruth, *names: str, seed: int = 0, strength: float = 1.0) -> np.ndarray:
     """What the named effects add to the disparity [px]."""
-    sensed = apply_effects(Sensed.of(truth), truth, names, seed, strength)
+    sensed = apply_effects(Sensed.of(truth), truth.rig, names, seed, truth.number, strength)
     assert (sensed.cause == Cause.OK).all(), "noise does not label pixels"
     return sensed.disparity.astype(np.float64) - truth.disparity
 
