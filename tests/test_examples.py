@@ -1,10 +1,15 @@
 """Every example runs from beginning to end, at a tiny size; each is short."""
 
 import runpy
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
 
 EXAMPLES = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
 SIZE = ["96", "6"]  # width of the images and number of frames
@@ -29,3 +34,34 @@ def test_the_examples_are_few_numbered_and_short() -> None:
     assert 1 <= len(EXAMPLES) <= 8
     assert [int(path.name[:2]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
     assert max(len(path.read_text().splitlines()) for path in EXAMPLES) < 60
+
+
+def test_the_noise_project_passes_where_it_is_copied(tmp_path: Path) -> None:
+    project = shutil.copytree(EXAMPLES[0].parent / "noise_project", tmp_path / "project")
+    config = SimulateConfig(frames=2, width=160, height=90, tier="law")
+    simulate(config, project / "recordings/shelf")
+    page = project / "noise.html"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "--strict-markers", "--sensor-noise-report", page],
+        cwd=project,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "4 passed" in done.stdout, done.stdout + done.stderr
+    text = page.read_text()
+    assert "test_no_effect_alone_does_harm[step-holes]: distance_error" in text
+    assert text.count("<table>") == 3
+
+
+def test_the_noise_project_says_what_it_lacks(tmp_path: Path) -> None:
+    project = shutil.copytree(EXAMPLES[0].parent / "noise_project", tmp_path / "project")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q"],
+        cwd=project,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR
+    assert "recordings/shelf" in done.stderr and "sensor_noise" in done.stderr

@@ -78,7 +78,8 @@ def summary_page(measured: Sequence[Measured]) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width"><title>Sensor noise</title>'
         f"<style>{_STYLE}</style><h1>Errors at rising sensor noise</h1>"
-        f"<p>{count}. Strength 0 is perfect depth, 1 the real camera.</p>{sections}</html>"
+        f"<p>{count}. Strength 0 is perfect depth, or a recording as it is; 1 has the errors of the real "
+        f"camera.</p>{sections}</html>"
     )
 
 

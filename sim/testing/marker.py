@@ -1,0 +1,96 @@
+"""Reads the marker ``sensor_noise`` of a test: what its captures are made of, and at which strengths."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.record.fields import shown
+from digs_warp.sim.testing.effects import EachEffect
+from digs_warp.words import did_you_mean
+
+if TYPE_CHECKING:
+    from digs_warp.sim.testing.sources import NoiseSource, SimulatedWalk, WorseRecording
+
+DEFAULT_STRENGTHS = (0, 1, 2, 4)
+
+# Few and small frames, for tests: about a second to simulate, once.
+DEFAULT_SETTINGS: Mapping[str, Any] = {
+    "frames": 6,
+    "width": 160,
+    "height": 120,
+    "tier": "guided",
+}
+
+
+def read_marker(
+    marker: pytest.Mark | None, effect: str | None = None
+) -> "tuple[NoiseSource, tuple[float, ...]]":
+    """Return the source of a test's recordings and the strengths of their noise.
+
+    Args:
+        marker: of the test.
+        effect: the one of the marker's `each` that this test is about; None: all of them.
+
+    Raises:
+        DigsError: a setting or an effect that does not exist or does not fit a recording, a value that it
+            cannot have, a recording that cannot be used, or strengths that do not rise.
+    """
+    from digs_warp.sim.config import SimulateConfig
+    from digs_warp.sim.testing.recording import RecordingConfig
+    from digs_warp.sim.testing.series import check_strengths
+
+    settings = dict(marker.kwargs) if marker else {}
+    if marker and marker.args:
+        raise DigsError(f"found {shown(marker.args)}, expected keyword arguments only")
+    strengths = check_strengths(settings.pop("strengths", DEFAULT_STRENGTHS))
+    of_walks = [field.name for field in fields(SimulateConfig) if field.name != "strength"]
+    of_recordings = [field.name for field in fields(RecordingConfig)]
+    known = {*of_walks, *of_recordings}
+    if unknown := sorted(settings.keys() - known):
+        raise DigsError(
+            f"no setting '{unknown[0]}'{did_you_mean(unknown[0], ['strengths', *sorted(known)])}"
+        )
+    if effects := _effects(settings.pop("effects", ""), effect):
+        settings["effects"] = effects
+    if settings.get("capture") is None:
+        settings.pop("capture", None)
+        return _walk(settings), strengths
+    if unfit := sorted(settings.keys() - set(of_recordings)):
+        raise DigsError(
+            f"'{unfit[0]}' is a setting of simulated recordings, and 'capture' names a real one: leave out "
+            f"one of the two (beside 'capture': {', '.join(of_recordings[1:])}, strengths)"
+        )
+    return _recording(settings), strengths
+
+
+def _effects(effects: Any, effect: str | None) -> str:
+    """Return the effects as the settings have them, separated by commas."""
+    if isinstance(effects, EachEffect):
+        effects = effects.names if effect is None else (effect,)
+    return effects if isinstance(effects, str) else ",".join(effects)
+
+
+def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
+    from digs_warp.sim.config import SimulateConfig
+    from digs_warp.sim.sensor_plan import check_effects
+    from digs_warp.sim.testing.sources import SimulatedWalk
+
+    values = {**DEFAULT_SETTINGS, **settings}
+    for name in ("mesh", "environment"):
+        if values.get(name) is not None:
+            values[name] = Path(values[name])
+    config = SimulateConfig(**values)
+    check_effects(config)
+    return SimulatedWalk(config)
+
+
+def _recording(settings: dict[str, Any]) -> "WorseRecording":
+    from digs_warp.sim.testing.recording import OwnRecording, RecordingConfig
+    from digs_warp.sim.testing.sources import WorseRecording
+
+    values = {**settings, "capture": Path(settings["capture"])}
+    return WorseRecording(OwnRecording.of(RecordingConfig(**values)))

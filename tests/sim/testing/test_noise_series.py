@@ -1,0 +1,195 @@
+"""Captures at rising noise: what differs between them, and how they are kept."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture
+from digs_warp.data.images import write_image
+from digs_warp.data.layers import Layer
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initial_points
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.testing.cache import CaptureCache
+from digs_warp.sim.testing.series import NoiseSeries
+from digs_warp.sim.testing.sources import SimulatedWalk
+from reference.file_hashes import file_hashes
+
+BOX = Path(__file__).parent / "box.obj"
+
+TETRAHEDRON = "v 0 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1 1\nf 1 2 3\nf 2 3 4\nf 1 3 4\nf 1 2 4\n"
+
+
+def depth_error(capture: Capture) -> float:
+    """RMS error of the sensed depth on the object, in units of squared depth."""
+    errors = []
+    for frame in capture.frames:
+        true, sensed = frame.load_depth_true(), frame.load_depth()
+        known = (frame.load_mask() == 255) & np.isfinite(sensed)
+        errors.append(((sensed - true) / true**2)[known])
+    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+
+def initialization_error(capture: Capture) -> float:
+    """Mean distance [m] of the initial points to those of perfect depth."""
+    from scipy.spatial import KDTree
+
+    perfect = [
+        frame.with_layer(Layer.DEPTH, frame.path(Layer.DEPTH_TRUE)) for frame in capture.frames
+    ]
+    surface = initial_points(perfect, InitConfig()).points_world
+    points = initial_points(capture.frames, InitConfig()).points_world
+    return float(KDTree(surface).query(points)[0].mean())
+
+
+@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 1, 4), frames=3)
+def test_depth_errors_follow_the_noise(sensor_noise: NoiseSeries) -> None:
+    curve = sensor_noise.measure(depth_error)
+    assert curve.errors[0] == 0.0
+    # sigma_Z = Z^2 sigma_d / (f b): linear in the noise.
+    assert [growth for *_, growth in curve.growth()] == pytest.approx([1.0], abs=0.1)
+    curve.assert_no_cliff(largest_growth=1.1)
+
+
+@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 1, 4), frames=3)
+def test_initial_points_survive_sensor_noise(sensor_noise: NoiseSeries) -> None:
+    curve = sensor_noise.measure(initialization_error)
+    curve.assert_at_most({0: 1e-6, 1: 0.01})
+    curve.assert_no_cliff()
+
+
+@pytest.mark.sensor_noise(mesh=BOX, object_size=0.5, tier="law", strengths=(0, 4), frames=3)
+def test_only_the_depth_differs_between_strengths(sensor_noise: NoiseSeries) -> None:
+    (_, perfect), (_, noisy) = sensor_noise
+    before, after = file_hashes(perfect.folder), file_hashes(noisy.folder)
+    assert before.keys() == after.keys()
+    different = {path.split("/")[0] for path in before if before[path] != after[path]}
+    assert different - {"transforms.json"} == {"depth"}
+
+
+@pytest.mark.sensor_noise(
+    mesh=BOX,
+    object_size=0.5,
+    effects=("static-field", "quantum"),
+    strengths=(0, 1, 3),
+    frames=2,
+)
+def test_named_effects_act_alone(sensor_noise: NoiseSeries) -> None:
+    (_, perfect), (_, usual), (_, worse) = sensor_noise
+    for before, once, thrice in zip(perfect.frames, usual.frames, worse.frames, strict=True):
+        np.testing.assert_array_equal(before.load_depth(), before.load_depth_true())
+        for after in (once, thrice):
+            np.testing.assert_array_equal(before.load_image(), after.load_image())
+        # The same images, the same failures.
+        first, second = (np.isfinite(after.load_depth()) for after in (once, thrice))
+        assert (first != second).mean() < 1e-3  # the band moves with the field
+
+
+# The cache
+
+
+def kept(captures: CaptureCache, config: SimulateConfig) -> Capture:
+    """The capture of these settings."""
+    return captures.capture(SimulatedWalk(config), config.strength)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> SimulateConfig:
+    mesh, sky = tmp_path / "thing.obj", tmp_path / "sky.png"
+    mesh.write_text(TETRAHEDRON)
+    write_image(sky, np.full((8, 16, 3), 200, np.uint8))
+    return SimulateConfig(
+        mesh=mesh, environment=sky, frames=1, width=24, height=16, samples_per_pixel=1
+    )
+
+
+def test_a_capture_is_simulated_once(config: SimulateConfig, tmp_path: Path) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    first = kept(captures, config)
+    (first.folder / "mark").touch()
+    assert (kept(captures, config).folder / "mark").exists()
+
+
+def test_a_series_loads_its_scene_once_and_the_captures_are_those_of_their_own(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
+    series = NoiseSeries(SimulatedWalk(config), (0.5, 2.0), CaptureCache(tmp_path / "series"))
+    first = series.capture(0.5)
+    assert config.mesh is not None
+    config.mesh.unlink()  # is not read again
+    second = series.capture(2.0)
+    config.mesh.write_text(TETRAHEDRON)
+    for shared, strength in ((first, 0.5), (second, 2.0)):
+        alone = kept(CaptureCache(tmp_path / "alone"), replace(config, strength=strength))
+        assert file_hashes(shared.folder) == file_hashes(alone.folder)
+
+
+def test_whatever_decides_the_bytes_decides_the_name(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    names = {kept(captures, config).folder.name}
+    names.add(kept(captures, replace(config, seed=1)).folder.name)
+    names.add(kept(captures, replace(config, strength=2.0)).folder.name)
+    assert config.mesh is not None
+    config.mesh.write_text(TETRAHEDRON.replace("v 0 1 1", "v 0 2 1"))
+    names.add(kept(captures, config).folder.name)
+    assert len(names) == 4
+    assert {path.name for path in captures.folder.glob("*/*")} == names
+
+
+def test_a_profile_and_the_meshes_of_a_scene_decide_the_name(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
+    profile, cup = tmp_path / "mine.yaml", tmp_path / "cup.obj"
+    cup.write_text(TETRAHEDRON)
+    named = replace(config, mesh=None, scene=(cup,), profile=str(profile))
+    keys = set()
+    for baseline, top in ((0.1, 1), (0.2, 1), (0.2, 2)):
+        figure = f"{{value: {baseline}, origin: tuned}}"
+        profile.write_text(f"figures:\n  baseline: {figure}\n")
+        cup.write_text(TETRAHEDRON.replace("v 0 1 1", f"v 0 {top} 1"))
+        keys.add(SimulatedWalk(named).key(1.0))
+    assert len(keys) == 3
+
+
+def test_captures_of_other_code_are_removed(
+    config: SimulateConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    before = kept(captures, config).folder
+    monkeypatch.setattr("digs_warp.sim.testing.cache._code_key", lambda: "other code")
+    after = kept(captures, config).folder
+    assert (before.name, before.exists()) == (after.name, False)
+    assert [path.name for path in captures.folder.iterdir()] == ["other code"]
+
+
+def test_a_failed_simulation_leaves_nothing_behind(config: SimulateConfig, tmp_path: Path) -> None:
+    captures = CaptureCache(tmp_path / "cache")
+    with pytest.raises(DigsError, match="no such file"):
+        kept(captures, replace(config, mesh=tmp_path / "missing.obj"))
+    assert [path for path in tmp_path.glob("cache/**/*") if path.is_file()] == []
+
+
+def test_a_failing_function_tells_the_strength(config: SimulateConfig, tmp_path: Path) -> None:
+    series = NoiseSeries(SimulatedWalk(config), (0, 3), CaptureCache(tmp_path / "cache"))
+
+    def fails_on_noise(capture: Capture) -> float:
+        frame = capture.frames[0]
+        assert np.array_equal(frame.load_depth(), frame.load_depth_true(), equal_nan=True)
+        return 0.0
+
+    with pytest.raises(AssertionError) as caught:
+        series.measure(fails_on_noise)
+    assert caught.value.__notes__ == ["on the capture at sensor noise strength 3"]
+
+
+@pytest.mark.parametrize("strengths", [(), (1, 1), (2, 1), (-1, 2)])
+def test_strengths_have_to_rise(
+    strengths: tuple[float, ...], config: SimulateConfig, tmp_path: Path
+) -> None:
+    with pytest.raises(DigsError, match="expected rising numbers"):
+        NoiseSeries(SimulatedWalk(config), strengths, CaptureCache(tmp_path))
