@@ -19,7 +19,7 @@ import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
-from digs_warp.geometry import PixelBox
+from digs_warp.geometry import PixelBox, mask_box
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
@@ -27,6 +27,8 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_
 ERROR_SHARE = 0.01
 # A pixel with less coverage is at the rim, where the rendered depth is a mean of near and far.
 MIN_COVERAGE = 0.5
+# Mask values from this on belong to the object.
+OBJECT = 128
 
 _NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 _ERROR_SHARE = wp.constant(ERROR_SHARE)
@@ -95,18 +97,37 @@ def depth_weights(
 
     Args:
         image: sRGB, (height, width, 3), uint8.
-        mask: 0..255, (height, width); 128 or more on the object.
+        mask: 0..255, (height, width); `OBJECT` or more on the object.
         depth: [m], NaN where unknown.
         confidence: 0..1, (height, width); None: 1 everywhere.
     """
-    values = image.astype(np.float32) / 255.0
-    across = np.abs(np.diff(values, axis=1, append=values[:, -1:])).mean(axis=2)
-    down = np.abs(np.diff(values, axis=0, append=values[-1:])).mean(axis=2)
-    weights = np.exp(-np.hypot(across, down))
+    found = np.zeros(mask.shape, np.uint8)
+    x0, y0, x1, y1 = box = mask_box(mask >= OBJECT)
+    inside = (slice(y0, y1), slice(x0, x1))
+    edges = _steepness(image, box)
+    weights = np.exp(-edges)
     if confidence is not None:
-        weights = weights * confidence
-    weights[~(np.isfinite(depth) & (depth > 0) & (mask >= 128))] = 0.0
-    return np.rint(255.0 * weights).astype(np.uint8)
+        weights = weights * confidence[inside]
+    near = depth[inside]
+    weights[~(np.isfinite(near) & (near > 0) & (mask[inside] >= OBJECT))] = 0.0
+    found[inside] = np.rint(255.0 * weights)
+    return found
+
+
+def _steepness(image: np.ndarray, box: PixelBox) -> np.ndarray:
+    """Return |grad I| inside a box: mean over the channels of differences to the next pixel, in 0..1."""
+    x0, y0, x1, y1 = box
+    # The pixels beyond the box are neighbors, too; at the rim of the image the last one repeats.
+    near = image[y0 : y1 + 1, x0 : x1 + 1].astype(np.float32) / np.float32(255.0)
+    beyond = (y1 - y0 + 1 - near.shape[0], x1 - x0 + 1 - near.shape[1])
+    near = np.pad(near, ((0, beyond[0]), (0, beyond[1]), (0, 0)), mode="edge")
+    here = near[:-1, :-1]
+    across, down = np.abs(near[:-1, 1:] - here), np.abs(near[1:, :-1] - here)
+    return np.hypot(_mean_of_channels(across), _mean_of_channels(down))
+
+
+def _mean_of_channels(values: np.ndarray) -> np.ndarray:
+    return (values[..., 0] + values[..., 1] + values[..., 2]) / np.float32(3.0)
 
 
 class DepthLoss:

@@ -25,7 +25,8 @@ def tiles_of(mask: np.ndarray) -> np.ndarray:
     rows, columns = -(-height // TILE_SIZE), -(-width // TILE_SIZE)
     padded = np.zeros((rows * TILE_SIZE, columns * TILE_SIZE), dtype=bool)
     padded[:height, :width] = mask > 0
-    return padded.reshape(rows, TILE_SIZE, columns, TILE_SIZE).max(axis=(1, 3))
+    strips = padded.reshape(rows, TILE_SIZE, -1).max(axis=1)
+    return strips.reshape(rows, columns, TILE_SIZE).max(axis=2)
 
 
 def blocks_of(tiles: np.ndarray) -> np.ndarray:

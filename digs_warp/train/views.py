@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import warp as wp
@@ -153,15 +154,10 @@ def halved(k: Intrinsics) -> Intrinsics:
 
 def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return image and mask at half the size: means of 2x2 blocks, colors weighted by the mask."""
-    height, width = mask.shape[0] // 2, mask.shape[1] // 2
-    share = mask[: 2 * height, : 2 * width, None].astype(np.float32)
-    color = image[: 2 * height, : 2 * width].astype(np.float32)
-
-    def block_sums(values: np.ndarray) -> np.ndarray:
-        return values.reshape(height, 2, width, 2, -1).sum(axis=(1, 3))
-
-    total = block_sums(share)
-    mixed = np.where(total > 0, block_sums(color * share) / np.maximum(total, 1e-6), 0.0)
+    share = mask[..., None].astype(np.float32)
+    # Whole numbers below 2^24: the sums are exact.
+    total, weighted = _sum_of_four(share), _sum_of_four(image * share)
+    mixed = np.where(total > 0, weighted / np.maximum(total, 1e-6), 0.0)
     return np.rint(mixed).astype(np.uint8), np.rint(total[..., 0] / 4.0).astype(np.uint8)
 
 
@@ -170,23 +166,30 @@ def half_depth(depth: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.n
 
     A block with a pixel that has no weight, or across a jump in depth, has weight 0.
     """
-    height, width = depth.shape[0] // 2, depth.shape[1] // 2
-
-    def blocks(values: np.ndarray) -> np.ndarray:
-        return values[: 2 * height, : 2 * width].reshape(height, 2, width, 2)
-
-    known = blocks(np.where(weights > 0, depth, np.float32(np.nan)))
+    known = _four(np.where(weights > 0, depth, np.float32(np.nan)))
     with np.errstate(invalid="ignore"):
-        mean = known.mean(axis=(1, 3))
-        together = known.max(axis=(1, 3)) - known.min(axis=(1, 3)) < JUMP * mean
-    return mean, np.where(together, blocks(weights).min(axis=(1, 3)), 0).astype(np.uint8)
+        mean = ((known[0] + known[1]) + (known[2] + known[3])) / np.float32(4.0)
+        together = reduce(np.maximum, known) - reduce(np.minimum, known) < JUMP * mean
+    return mean, np.where(together, reduce(np.minimum, _four(weights)), 0).astype(np.uint8)
 
 
 def any_of_four(pixels: np.ndarray) -> np.ndarray:
     """Return a mask at half the size, true where one of 2x2 pixels is; an odd last row is dropped."""
-    height, width = pixels.shape[0] // 2, pixels.shape[1] // 2
-    blocks = pixels[: 2 * height, : 2 * width].reshape(height, 2, width, 2)
-    return np.any(blocks, axis=(1, 3))
+    return reduce(np.logical_or, _four(pixels))
+
+
+def _four(values: np.ndarray) -> list[np.ndarray]:
+    """Return the four pixels of each 2x2 block, row by row; an odd last row or column is dropped.
+
+    Adding or comparing whole images takes a tenth of the time of a reduction over axes of length 2.
+    """
+    height, width = values.shape[0] // 2 * 2, values.shape[1] // 2 * 2
+    return [values[down:height:2, right:width:2] for down in (0, 1) for right in (0, 1)]
+
+
+def _sum_of_four(values: np.ndarray) -> np.ndarray:
+    first, second, third, fourth = _four(values)
+    return (first + second) + (third + fourth)
 
 
 def scene_extent(cameras: Sequence[Camera]) -> float:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import warp as wp
+from numpy.testing import assert_allclose, assert_array_equal
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.losses.coverage import CoverageLoss
@@ -165,6 +166,20 @@ def test_depth_weights_distrust_edges_missing_values_and_low_confidence() -> Non
     assert weights[2, 0] == 128
     everything = depth_weights(image, mask, np.ones((4, 6), np.float32), None)
     assert everything[1, 0] == everything[2, 0] == 255
+
+
+def test_depth_weights_see_the_pixels_beside_the_mask() -> None:
+    random = np.random.default_rng(0)
+    image = random.integers(0, 256, (9, 12, 3)).astype(np.uint8)
+    depth, everywhere = np.ones((9, 12), np.float32), np.full((9, 12), 255, np.uint8)
+    mask = np.zeros_like(everywhere)
+    mask[2:6, 3:9] = random.integers(0, 2, (4, 6)) * 255
+    whole = depth_weights(image, everywhere, depth, None)
+    assert_array_equal(depth_weights(image, mask, depth, None), np.where(mask > 0, whole, 0))
+    last = image.astype(np.float64) / 255  # the last row and column repeat
+    across = np.abs(np.diff(last, axis=1, append=last[:, -1:])).mean(axis=2)
+    down = np.abs(np.diff(last, axis=0, append=last[-1:])).mean(axis=2)
+    assert_allclose(whole, 255 * np.exp(-np.hypot(across, down)), atol=0.501)
 
 
 def test_a_view_without_depth_pulls_nothing() -> None:
