@@ -5,6 +5,7 @@ colors of the Gaussians as they are; the aligned ones first give these the gain 
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.device.threads import default_threads
+from digs_warp.geometry import mask_box
 from digs_warp.measure.color_gain import fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
@@ -99,18 +102,26 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
 
 def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list[ViewScore]:
     """Compare rendered images with photographs on white; without an object, its metrics are NaN."""
-    return [_score(image, view) for image, view in zip(images, views, strict=True)]
+    with ThreadPoolExecutor(default_threads()) as pool:
+        scores = [
+            pool.submit(_score, image, view) for image, view in zip(images, views, strict=True)
+        ]
+        return [score.result() for score in scores]
 
 
 def color_aligned(image: np.ndarray, view: TestView) -> np.ndarray:
     """Return an image rendered over white with the photograph's exposure and white balance, in 0..1."""
-    inside = view.share >= INSIDE / 255.0
-    gain = fit_color_gain(image[inside], view.target[inside])
-    share = view.share[..., None]
+    x0, y0, x1, y1 = mask_box(view.share)
+    box = (slice(y0, y1), slice(x0, x1))  # elsewhere there is nothing to change
+    share, part, target = view.share[box], image[box], view.target[box]
+    inside = share >= INSIDE / 255.0
+    gain = fit_color_gain(part[inside], target[inside])
+    share = share[..., None]
     # Only the object's part of a pixel at its rim has the gain.
-    color = np.clip((image - (1 - share)) / np.maximum(share, 1e-6), 0.0, 1.0)
-    changed = image + share * (gain.applied(color) - color)
-    return np.clip(changed, 0.0, 1.0).astype(image.dtype)
+    color = np.clip((part - (1 - share)) / np.maximum(share, 1e-6), 0.0, 1.0)
+    aligned = np.clip(image, 0.0, 1.0)
+    aligned[box] = np.clip(part + share * (gain.applied(color) - color), 0.0, 1.0)
+    return aligned
 
 
 def _score(image: np.ndarray, view: TestView) -> ViewScore:

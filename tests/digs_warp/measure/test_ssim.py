@@ -62,6 +62,21 @@ def test_the_metric_is_the_definition_of_ssim() -> None:
         assert values[row, column] == pytest.approx(brute_force_ssim(x, y, row, column), abs=1e-12)
 
 
+@pytest.mark.parametrize("place", [(0, 0), (12, 17), (33, 45)])
+def test_where_images_are_equal_but_for_a_part_the_metrics_are_those_of_the_whole(
+    place: tuple[int, int],
+) -> None:
+    target = noisy_pair(48, 36)[1].astype(np.float64)
+    image, (row, column) = target.copy(), place
+    image[row : row + 3, column : column + 3] *= 0.5
+    values = ssim_map(image, target)
+    for y in range(36):
+        for x in range(48):
+            expected = brute_force_ssim(image[..., 1], target[..., 1], y, x)
+            assert values[y, x, 1] == pytest.approx(expected, abs=1e-9)
+    assert psnr(image, target) == pytest.approx(-10 * np.log10(((image - target) ** 2).mean()))
+
+
 def test_an_image_is_like_itself() -> None:
     image, _ = noisy_pair(40, 30)
     assert ssim_map(image, image).mean() == pytest.approx(1.0, abs=1e-12)
