@@ -88,6 +88,17 @@ class Camera:
             v = k.fy * points_cam[..., 1] / depth + k.cy
         return np.stack([u, v], axis=-1), depth
 
+    def shows(self, px: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """Return which of the projected points lie in front of the camera and inside its image, (...), bool.
+
+        Args:
+            px: pixels (u, v) of `project`, shape (..., 2); NaN is outside.
+            depth: planar depths of `project`, shape (...).
+        """
+        k, u, v = self.intrinsics, px[..., 0], px[..., 1]
+        with np.errstate(invalid="ignore"):
+            return (depth > 0) & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+
     def unproject(self, px: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Return world points, shape (..., 3), of pixels (u, v) with planar depth [m] (eq. 8)."""
         k = self.intrinsics

@@ -189,7 +189,7 @@ def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) ->
         rays = frame.camera.center_world - points
         facing = (normals * rays).sum(axis=1) > FACING * np.linalg.norm(rays, axis=1)
         px, z = frame.camera.project(points)
-        inside = (z > 0) & np.all((px >= 0) & (px < mask.shape[::-1]), axis=1)
+        inside = frame.camera.shows(px, z)
         columns, rows = pixels_at(np.where(inside[:, None], px, 0.0), mask.shape[1], mask.shape[0])
         use = facing & inside & mask[rows, columns]
         return use, image[rows[use], columns[use]] / 255.0

@@ -84,8 +84,7 @@ def sparse_view(frame: Frame, sfm: SfmModel | None, points: PointCloud | None) -
     else:
         cloud = points.points_world if points is not None else np.zeros((0, 3))
     px, depth = frame.camera.project(cloud)
-    k = frame.camera.intrinsics
-    shown = (depth > 0) & np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
+    shown = frame.camera.shows(px, depth)
     return SparseView(px[shown], depth[shown])
 
 

@@ -134,10 +134,8 @@ def prediction_error(basis: np.ndarray, colors: np.ndarray) -> float:
 
 def _colors(points: np.ndarray, frame: Frame) -> np.ndarray:
     """Return the colors in which a frame sees points, (n, 3), NaN where it does not."""
-    image = frame.load_image().astype(np.float64) / 255.0
-    whole = np.full(image.shape[:2], 1.0)
-    if frame.has(Layer.MASK):
-        whole = (frame.load_mask() == 255).astype(np.float64)
+    image = frame.load_image()
+    whole = frame.load_mask() == 255 if frame.has(Layer.MASK) else None
     px, z = frame.camera.project(points)
     height, width = image.shape[:2]
     with np.errstate(invalid="ignore"):
@@ -147,12 +145,12 @@ def _colors(points: np.ndarray, frame: Frame) -> np.ndarray:
             (place >= margin) & (place < [width - margin, height - margin]), axis=1
         )
     columns, rows = (place[inside, axis].astype(np.int64) for axis in (0, 1))
-    color, covered = np.zeros((len(rows), 3)), np.zeros(len(rows))
+    color, visible = np.zeros((len(rows), 3)), np.ones(len(rows), dtype=bool)
     for dy in range(-margin, margin + 1):
         for dx in range(-margin, margin + 1):
-            color += image[rows + dy, columns + dx]
-            covered += whole[rows + dy, columns + dx]
-    visible = covered == BLOCK**2
+            color += image[rows + dy, columns + dx].astype(np.float64) / 255.0
+            if whole is not None:
+                visible &= whole[rows + dy, columns + dx]
     if frame.has(Layer.DEPTH):
         apart = np.abs(frame.load_depth()[rows, columns] - z[inside])
         visible &= apart <= AGREEMENT * z[inside]  # False where the depth is NaN

@@ -47,9 +47,9 @@ def votes(
     """
     camera, depth = view
     height, width = depth.shape
-    px, z = camera.resized(width, height).project(points_world)
-    with np.errstate(invalid="ignore"):
-        inside = (z > 0) & np.all((px >= 0) & (px < [width, height]), axis=1)
+    camera = camera.resized(width, height)
+    px, z = camera.project(points_world)
+    inside = camera.shows(px, z)
     columns, rows = np.floor(px[inside]).astype(np.int64).T
     measured = depth[rows, columns].astype(np.float64)
     nearer = measured - z[inside]

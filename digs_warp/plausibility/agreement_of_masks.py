@@ -4,7 +4,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.layers import Layer
 from digs_warp.plausibility.finding import Finding
 from digs_warp.plausibility.mask_votes import contradicted, mask_votes
-from digs_warp.plausibility.small_frames import small_frames
+from digs_warp.plausibility.small_frames import small_depths
 from digs_warp.words import counted
 
 
@@ -21,7 +21,7 @@ def masks_that_disagree(capture: Capture) -> list[Finding]:
     ]
     if not (capture.knows_poses and numbers):
         return []
-    votes = mask_votes([*small_frames(capture.frames, numbers).values()])
+    votes = mask_votes([*small_depths(capture.frames, numbers).values()])
     names = [capture.frames[numbers[odd]].name for odd in contradicted(votes)]
     if not names:
         return []

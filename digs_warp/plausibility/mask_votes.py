@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.plausibility.small_frames import SmallFrame, pixels_showing
+from digs_warp.plausibility.small_frames import SmallDepth, pixels_showing
 
 # This many other views vote: of the nearer half of all, every n-th.
 VOTERS = 12
@@ -44,7 +44,7 @@ class MaskVotes:
     agreement: float
 
 
-def mask_votes(frames: Sequence[SmallFrame]) -> list[MaskVotes]:
+def mask_votes(frames: Sequence[SmallDepth]) -> list[MaskVotes]:
     """Return the votes on the mask of each frame; all of them have masks.
 
     There are two rounds: in the second one only the half votes that agreed best in the first.
@@ -54,7 +54,7 @@ def mask_votes(frames: Sequence[SmallFrame]) -> list[MaskVotes]:
     return _round(frames, [n for n, each in enumerate(first) if each.agreement >= middle])
 
 
-def _round(frames: Sequence[SmallFrame], voters: Sequence[int]) -> list[MaskVotes]:
+def _round(frames: Sequence[SmallDepth], voters: Sequence[int]) -> list[MaskVotes]:
     centers = np.stack([frame.camera.center_world for frame in frames])
     return [
         _votes(frame, [frames[other] for other in _nearer(centers, number, voters)])
@@ -78,7 +78,7 @@ def _nearer(centers: np.ndarray, number: int, voters: Sequence[int]) -> list[int
     return nearer[:: max(1, len(nearer) // VOTERS)][:VOTERS].tolist()
 
 
-def _votes(frame: SmallFrame, others: Sequence[SmallFrame]) -> MaskVotes:
+def _votes(frame: SmallDepth, others: Sequence[SmallDepth]) -> MaskVotes:
     rows, columns = np.nonzero(np.isfinite(frame.depth))
     points = frame.points_at(rows, columns)
     votes, for_object = np.zeros((2, len(points)))

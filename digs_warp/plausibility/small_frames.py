@@ -1,8 +1,9 @@
 """A few pairs of neighboring frames at thumbnail size: all that the checks look at."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
+
+_Small = TypeVar("_Small")
 
 # Thumbnails have at most this many columns.
 WIDTH = 160
@@ -29,28 +32,37 @@ REACH = 0.25
 TOO_FAR = 25.0
 
 
-@dataclass(frozen=True, eq=False)
-class SmallFrame:
-    """A frame at thumbnail size.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SmallDepth:
+    """What a frame measures, at thumbnail size.
 
     Attributes:
         number: in the recording.
         camera: of the thumbnail.
         depth: planar z [m], (height, width), float32, NaN where unknown; every n-th pixel of the frame.
-        green: brightness of the green channel, 0 to 255, (height, width), float32; means over n x n pixels.
         mask: of the object, (height, width), bool; None if the frame has none.
     """
 
     number: int
     camera: Camera
     depth: np.ndarray
-    green: np.ndarray
     mask: np.ndarray | None
 
     def points_at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return the world points that pixels measure, (n, 3)."""
         centers = np.stack([columns + 0.5, rows + 0.5], axis=1)
         return self.camera.unproject(centers, self.depth[rows, columns].astype(np.float64))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SmallFrame(SmallDepth):
+    """A frame at thumbnail size.
+
+    Attributes:
+        green: brightness of the green channel, 0 to 255, (height, width), float32; means over n x n pixels.
+    """
+
+    green: np.ndarray
 
 
 def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -60,39 +72,61 @@ def pixels_showing(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.n
     """
     k = camera.intrinsics
     px, depth = camera.project(points)
-    with np.errstate(invalid="ignore"):
-        inside = (depth > 0) & np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
+    inside = camera.shows(px, depth)
     columns, rows = px[inside].astype(np.intp).T
     pixel = np.full(len(depth), -1)
     pixel[inside] = rows * k.width + columns
     return pixel, depth
 
 
-def small_frame(frame: Frame, number: int) -> SmallFrame:
-    """Return the thumbnail of a frame that has depth."""
-    depth, image = frame.load_depth(), frame.load_image()
-    step = min(int(np.ceil(depth.shape[1] / WIDTH)), *depth.shape)
+def small_depth(frame: Frame, number: int) -> SmallDepth:
+    """Return the thumbnail of a frame that has depth; its image is not read."""
+    depth = frame.load_depth()
+    step = _step(*depth.shape)
     height, width = depth.shape[0] // step, depth.shape[1] // step
     picked = np.s_[step // 2 : height * step : step, step // 2 : width * step : step]
-    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
     k = frame.camera.intrinsics
     # The center of the first thumbnail pixel is the center of the first picked pixel.
     cx, cy = ((center - step // 2 - 0.5) / step + 0.5 for center in (k.cx, k.cy))
     intrinsics = Intrinsics(width, height, k.fx / step, k.fy / step, cx, cy)
-    return SmallFrame(
+    return SmallDepth(
         number=number,
         camera=Camera(intrinsics, frame.camera.world_from_cam),
         depth=depth[picked],
-        green=blocks.mean(axis=(1, 3), dtype=np.float32),
         mask=frame.load_mask()[picked] > 127 if frame.has(Layer.MASK) else None,
     )
 
 
+def small_frame(frame: Frame, number: int) -> SmallFrame:
+    """Return the thumbnail of a frame that has depth."""
+    image, measured = frame.load_image(), small_depth(frame, number)
+    height, width = measured.depth.shape
+    step = _step(*image.shape[:2])
+    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
+    return SmallFrame(**vars(measured), green=blocks.mean(axis=(1, 3), dtype=np.float32))
+
+
+def _step(height: int, width: int) -> int:
+    """Return how many pixels of a frame are one of its thumbnail, in each direction."""
+    return min(int(np.ceil(width / WIDTH)), height, width)
+
+
 def small_frames(frames: Sequence[Frame], numbers: Sequence[int]) -> dict[int, SmallFrame]:
     """Load the thumbnails of these frames on all cores; frames without depth are left out."""
+    return _on_all_cores(small_frame, frames, numbers)
+
+
+def small_depths(frames: Sequence[Frame], numbers: Sequence[int]) -> dict[int, SmallDepth]:
+    """Load what these frames measure on all cores; frames without depth are left out."""
+    return _on_all_cores(small_depth, frames, numbers)
+
+
+def _on_all_cores(
+    load: Callable[[Frame, int], _Small], frames: Sequence[Frame], numbers: Sequence[int]
+) -> dict[int, _Small]:
     numbers = [number for number in numbers if frames[number].has(Layer.DEPTH)]
     with ThreadPoolExecutor(default_threads()) as pool:
-        loaded = pool.map(lambda number: small_frame(frames[number], number), numbers)
+        loaded = pool.map(lambda number: load(frames[number], number), numbers)
         return dict(zip(numbers, loaded, strict=True))
 
 

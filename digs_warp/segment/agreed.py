@@ -10,7 +10,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.images import write_image
 from digs_warp.data.layers import Layer
 from digs_warp.plausibility.mask_votes import MaskVotes, contradicted, mask_votes
-from digs_warp.plausibility.small_frames import small_frames
+from digs_warp.plausibility.small_frames import small_depths
 from digs_warp.segment.from_depth import cut_out, cut_size
 from digs_warp.words import counted
 
@@ -30,7 +30,7 @@ def agreed_masks(frames: Sequence[Frame], folder: Path) -> tuple[list[Frame], st
     needed = (Layer.MASK, Layer.DEPTH)
     if not all(frame.has(layer) for frame in frames for layer in needed):
         return list(frames), None
-    votes = mask_votes([*small_frames(frames, range(len(frames))).values()])
+    votes = mask_votes([*small_depths(frames, range(len(frames))).values()])
     odd = contradicted(votes)
     if not odd:
         return list(frames), None

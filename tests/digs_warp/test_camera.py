@@ -65,6 +65,15 @@ def test_points_behind_and_in_the_camera_have_depths_of_0_or_less():
     assert_array_equal(depth, (-1, 0, 1))
 
 
+def test_a_camera_shows_what_lies_in_front_of_it_and_inside_its_image():
+    camera, (px, depth) = random_camera(3), random_pixels(4)
+    width, height = INTRINSICS.width, INTRINSICS.height
+    assert camera.shows(px, depth).all()
+    assert not camera.shows(px, -depth).any()
+    rim = np.array([[0, 0], [width, 1], [1, height], [-1e-9, 1], [1, -1e-9], [np.nan, 1]])
+    assert camera.shows(rim, np.ones(6)).tolist() == [True, False, False, False, False, False]
+
+
 def test_center_and_inverse_agree_with_the_pose():
     camera = random_camera(1)
     assert_allclose(camera.cam_from_world @ camera.world_from_cam, np.eye(4), atol=1e-12)
