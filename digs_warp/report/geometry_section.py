@@ -62,9 +62,10 @@ def _errors(result: Reconstruction, frames: Sequence[Frame]) -> list[_Errors]:
     measured = load_measured_views(frames, shutter)
     true = load_measured_views(frames, shutter, Layer.DEPTH_TRUE)
     gaussians = DeviceGaussians.from_numpy(result.gaussians)
+    from_measured, from_true = signed_distances(gaussians, measured, true)
     found = [
-        _Errors("surface - measured", 1e3 * signed_distances(gaussians, measured)),
-        _Errors("surface - true", 1e3 * signed_distances(gaussians, true)),
+        _Errors("surface - measured", 1e3 * from_measured),
+        _Errors("surface - true", 1e3 * from_true),
         _Errors("measured - true", 1e3 * _sensor_errors(measured, true)),
     ]
     return [each for each in found if len(each.values)]

@@ -1,5 +1,6 @@
 """Puts the report together."""
 
+from concurrent.futures import Executor, ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from digs_warp.report.run_section import RunRecords, settings_section, times_sec
 from digs_warp.report.sensor_section import sensor_section
 from digs_warp.report.start_section import start_section
 from digs_warp.report.style import CSS
-from digs_warp.report.view3d.section import view_section
+from digs_warp.report.view3d.section import start_view, view_section
 from digs_warp.report.views_section import views_section
 from digs_warp.words import counted
 
@@ -55,19 +56,8 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
                 f"{command}(..., out=FOLDER)"
             )
     records = RunRecords.find(capture, result, path)
-    body = "\n".join(
-        [
-            _header(capture, result, records, path),
-            *_gaussian_sections(capture, result),
-            views_section(capture, result),
-            course_section(result),
-            start_section(result),
-            capture_section(capture, result.doubts),
-            sensor_section(capture),
-            times_section(records),
-            settings_section(records),
-        ]
-    )
+    with ThreadPoolExecutor(1, thread_name_prefix="film") as background:
+        body = _body(capture, result, records, path, background)
     name = escape(_subject(capture, records))
     page = (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -79,12 +69,29 @@ def write_report(capture: Capture, result: Reconstruction, path: Path) -> None:
     write_atomically(path, page.encode("utf-8"))
 
 
-def _gaussian_sections(capture: Capture, result: Reconstruction) -> list[str]:
-    """Return the sections that need Gaussians to show."""
-    if not len(result.gaussians):
-        return []
+def _body(
+    capture: Capture,
+    result: Reconstruction,
+    records: RunRecords,
+    path: Path,
+    background: Executor,
+) -> str:
+    """Return all sections; those of the Gaussians only where there are some to show."""
     posed = result.frames or PosedFrames.as_recorded(capture)
-    return [view_section(result, posed), geometry_section(result, posed)]
+    view = start_view(result, posed, background) if len(result.gaussians) else None
+    others = [
+        *([geometry_section(result, posed)] if view else []),
+        views_section(capture, result),
+        course_section(result),
+        start_section(result),
+        capture_section(capture, result.doubts),
+        sensor_section(capture),
+        times_section(records),
+        settings_section(records),
+    ]
+    # The film is encoded while the pictures of the others are drawn.
+    shown = [view_section(view)] if view else []
+    return "\n".join([_header(capture, result, records, path), *shown, *others])
 
 
 def _subject(capture: Capture, records: RunRecords) -> str:

@@ -2,6 +2,8 @@
 
 import base64
 import tempfile
+from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,9 +42,14 @@ class Shot:
 
 @dataclass(frozen=True)
 class Film:
-    """A film as a data URI, and its first frame, sRGB, shape (height, width, 3), uint8."""
+    """A film: its data URI, which may still be in the making, and its first frame.
 
-    uri: str
+    Attributes:
+        encoded: waits for the data URI.
+        first: sRGB, shape (height, width, 3), uint8.
+    """
+
+    encoded: Callable[[], str]
     first: np.ndarray
 
 
@@ -76,15 +83,20 @@ def _ahead(result: Reconstruction, camera: Camera) -> np.ndarray:
     return camera.center_world + distance * camera.world_from_cam[:3, 2]
 
 
-def make_film(result: Reconstruction, shot: Shot) -> Film:
-    """Render the film of a shot.
+def make_film(result: Reconstruction, shot: Shot, background: Executor) -> Film:
+    """Render the film of a shot on all cores, and encode it in the background: VP9 takes one core."""
+    frames = list(shoot(result.gaussians, shot.cameras, center_world=shot.target))
+    return Film(background.submit(_encoded, frames).result, frames[0])
+
+
+def _encoded(frames: list[np.ndarray]) -> str:
+    """Return the film as a data URI.
 
     Raises:
         DigsError: the video cannot be written.
     """
-    frames = list(shoot(result.gaussians, shot.cameras, center_world=shot.target))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        write_video(path, iter(frames), FRAME_RATE)
+        write_video(path, frames, FRAME_RATE)
         data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return Film(f"data:video/mp4;base64,{data}", frames[0])
+    return f"data:video/mp4;base64,{data}"

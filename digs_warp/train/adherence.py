@@ -86,15 +86,20 @@ def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> floa
 
     A pixel compares where depth was measured and the Gaussians cover it by half.
     """
-    found = signed_distances(gaussians, views)
+    (found,) = signed_distances(gaussians, views)
     return float(np.median(np.abs(found))) if len(found) else None
 
 
-def signed_distances(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> np.ndarray:
-    """Return rendered minus measured depth [m] of all pixels that compare, shape (n,), float64."""
-    if not views or not len(gaussians):
-        return np.zeros(0)
-    sizes = [view.camera.intrinsics for view in views]
+def signed_distances(
+    gaussians: DeviceGaussians, *groups: Sequence[MeasuredView]
+) -> list[np.ndarray]:
+    """Return rendered minus measured depth [m] of all pixels that compare, (n,), float64, for each group.
+
+    Groups can measure the same views: each is rendered once.
+    """
+    sizes = [view.camera.intrinsics for views in groups for view in views]
+    if not sizes or not len(gaussians):
+        return [np.zeros(0) for _ in groups]
     renderer = SplatRenderer(
         gaussians,
         max(k.width for k in sizes),
@@ -102,12 +107,28 @@ def signed_distances(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) 
         options=RasterOptions(outputs="depth", depth_of="skin"),
     )
     center = gaussians.means.numpy().mean(axis=0)
-    return np.concatenate([_distances(renderer, view, center) for view in views])
+    found: list[list[np.ndarray]] = [[np.zeros(0)] for _ in groups]
+    for same in _by_camera(groups):
+        first = same[0][1]
+        renderer.forward(first.camera, near=near_plane(first.camera, center), rows=first.rows)
+        drawn = renderer.depth.to_numpy()
+        for group, view in same:
+            found[group].append(_distances(drawn, view))
+    return [np.concatenate(each) for each in found]
 
 
-def _distances(renderer: SplatRenderer, view: MeasuredView, center: np.ndarray) -> np.ndarray:
-    renderer.forward(view.camera, near=near_plane(view.camera, center), rows=view.rows)
+def _by_camera(
+    groups: Sequence[Sequence[MeasuredView]],
+) -> list[list[tuple[int, MeasuredView]]]:
+    """Return the views of each camera, with the numbers of their groups, in the order of the views."""
+    views: dict[int, list[tuple[int, MeasuredView]]] = {}
+    for number, group in enumerate(groups):
+        for view in group:
+            views.setdefault(id(view.camera), []).append((number, view))
+    return list(views.values())
+
+
+def _distances(drawn: np.ndarray, view: MeasuredView) -> np.ndarray:
     x0, y0, x1, y1 = view.box
-    drawn = surface_depth(renderer.depth.to_numpy()[y0:y1, x0:x1]).astype(np.float64)
-    distances = drawn - view.depth
+    distances = surface_depth(drawn[y0:y1, x0:x1]).astype(np.float64) - view.depth
     return distances[np.isfinite(distances)]

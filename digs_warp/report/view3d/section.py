@@ -2,6 +2,8 @@
 
 import base64
 import json
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -40,19 +42,36 @@ _LEGEND = (
 )
 
 
-def view_section(result: Reconstruction, posed: PosedFrames) -> str:
-    """Return the section.
+@dataclass(frozen=True, eq=False)
+class View3d:
+    """What the section shows; see `start_view`."""
+
+    shot: Shot
+    film: Film
+    splats: PackedSplats
+    by_time: list[tuple[Frame, bool]]
+
+
+def start_view(result: Reconstruction, posed: PosedFrames, background: Executor) -> View3d:
+    """Return what `view_section` needs; its film is encoded in the background meanwhile.
 
     Args:
         result: with at least one Gaussian.
         posed: the frames with the cameras that were used, at least one.
+        background: runs what one core is enough for.
+    """
+    by_time = posed.by_time
+    shot = plan_shot(result, [frame for frame, _ in by_time])
+    return View3d(shot, make_film(result, shot, background), pack(result.gaussians), by_time)
+
+
+def view_section(view: View3d) -> str:
+    """Return the section; waits for the film.
 
     Raises:
         DigsError: the film cannot be written.
     """
-    by_time = posed.by_time
-    shot = plan_shot(result, [frame for frame, _ in by_time])
-    film, splats = make_film(result, shot), pack(result.gaussians)
+    shot, film, splats, by_time = view.shot, view.film, view.splats, view.by_time
     return section(
         "In 3D",
         f"{_kept_words(splats)} Their colors are without shine: the mean over all directions.",
@@ -97,7 +116,7 @@ def _film(film: Film, shot: Shot) -> str:
     seconds = len(shot.cameras) / FRAME_RATE
     video = (
         f"<video controls loop muted playsinline preload=metadata width={width} height={height} "
-        f'aria-label="{words}" poster="{data_uri(film.first)}" src="{film.uri}"></video>'
+        f'aria-label="{words}" poster="{data_uri(film.first)}" src="{film.encoded()}"></video>'
     )
     return figure(video, f"{words}, {seconds:.0f} s, with all Gaussians and their full colors.")
 
