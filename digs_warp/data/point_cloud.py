@@ -10,7 +10,8 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.record.arrays import open_arrays, write_arrays
 
 FIELDS = ("points_world", "colors")
-OPTIONAL_FIELDS = ("axes_world", "axis_deviations")
+AXIS_FIELDS = ("axes_world", "axis_deviations")
+OPTIONAL_FIELDS = (*AXIS_FIELDS, "guessed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +24,14 @@ class PointCloud:
         axes_world: unit directions along which the Gaussians of the points are thinner or longer than
             across, shape (n, 3), float32; None: they are round.
         axis_deviations: their standard deviations [m] along these axes, shape (n,), float32; None as well.
+        guessed: which points were put where no view measured anything, shape (n,), bool; None: none.
     """
 
     points_world: np.ndarray
     colors: np.ndarray
     axes_world: np.ndarray | None = None
     axis_deviations: np.ndarray | None = None
+    guessed: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.points_world)
@@ -46,6 +49,9 @@ class PointCloud:
                 array = np.asarray(value, dtype=np.float32)
                 check_finite(name, check_shape(name, array, shape))
                 object.__setattr__(self, name, array)
+        if self.guessed is not None:
+            guessed = check_shape("guessed", np.asarray(self.guessed, dtype=bool), (count,))
+            object.__setattr__(self, "guessed", guessed)
 
     def __len__(self) -> int:
         return len(self.points_world)
@@ -57,13 +63,8 @@ class PointCloud:
 
     def select(self, keep: np.ndarray) -> "PointCloud":
         """Return the points at ``keep``, a bool mask or indices."""
-        axes, deviations = self.axes_world, self.axis_deviations
-        return PointCloud(
-            self.points_world[keep],
-            self.colors[keep],
-            None if axes is None else axes[keep],
-            None if deviations is None else deviations[keep],
-        )
+        arrays = {name: getattr(self, name) for name in (*FIELDS, *OPTIONAL_FIELDS)}
+        return PointCloud(**{name: a[keep] for name, a in arrays.items() if a is not None})
 
     @staticmethod
     def joined(clouds: "Sequence[PointCloud]") -> "PointCloud":
@@ -72,8 +73,15 @@ class PointCloud:
         def all_of(name: str) -> np.ndarray:
             return np.concatenate([getattr(cloud, name) for cloud in clouds])
 
-        fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *OPTIONAL_FIELDS)
-        return PointCloud(**{name: all_of(name) for name in fields})
+        fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *AXIS_FIELDS)
+        guessed = None
+        if any(cloud.guessed is not None for cloud in clouds):
+            none = [np.zeros(len(cloud), dtype=bool) for cloud in clouds]
+            some = [
+                n if c.guessed is None else c.guessed for c, n in zip(clouds, none, strict=True)
+            ]
+            guessed = np.concatenate(some)
+        return PointCloud(**{name: all_of(name) for name in fields}, guessed=guessed)
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""

@@ -4,11 +4,13 @@ Around an object, surfaces are at one distance, and what is not the object is le
 all distances, and a place without points shows the background color. So voxels grow with the distance (see
 `digs_warp.init.levels`), nothing is left out as background, and pixels without depth, such as windows, shiny
 floors and what lies beyond the sensor's range, are placed at the depth of the nearest pixel that has one.
-Such guesses are kept where no view measured a surface and no view sees through them.
+Such guesses are kept where no view measured a surface and no view sees through them, and start almost
+transparent.
 """
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -92,9 +94,9 @@ def scene_points(
     report.voxels["not alone"] = count(surfaces)
     report.voxels["guessed"] = count(guesses)
     report.voxel_size = factor * levels.finest
-    points = PointCloud.joined(
-        [shaped_points(g.voxels, config, g.edge) for g in (*surfaces, *guesses)]
-    )
+    made = [[shaped_points(g.voxels, config, g.edge) for g in some] for some in (surfaces, guesses)]
+    guessed = [replace(cloud, guessed=np.ones(len(cloud), dtype=bool)) for cloud in made[1]]
+    points = PointCloud.joined([*made[0], *guessed])
     if config.max_points is not None and len(points) > config.max_points:
         points = points.select(drawn(len(points), config.max_points))
         report.voxels["drawn"] = len(points)

@@ -17,6 +17,11 @@ MIN_SCALE_RATIO = 0.1
 # In a scene, voxels grow with the distance, and the points of the far shell lie metres apart.
 SCENE_SCALE_RATIO = 100.0
 
+# A Gaussian at a guessed place starts no more opaque than this: an opaque one hides what other views saw
+# behind it. Room of 24 frames (HoloLens), 150 steps: 0.8 gives 20.2 dB and 3.0 cm of depth error on held-out
+# frames, without guesses 20.1 dB and 2.9 cm, 0.1 gives 20.4 dB and 2.7 cm.
+GUESSED_OPACITY = 0.1
+
 # The standard deviation [m] if there is no other point, or none at a different position.
 LONELY_SCALE = 0.01
 
@@ -36,7 +41,7 @@ def seed_gaussians(
     Args:
         points: any number of points, duplicates allowed.
         sh_degree: degree of the color's spherical harmonics, 0 to 3; all bands above 0 start at zero.
-        opacity: the same for all, above 0 and below 1.
+        opacity: of all measured points, above 0 and below 1; of guessed ones at most `GUESSED_OPACITY`.
         width: standard deviation as a fraction of the distance to the neighbors, above 0.
         largest: the distance counts up to this multiple of the median.
     """
@@ -51,11 +56,14 @@ def seed_gaussians(
     if points.axes_world is not None and points.axis_deviations is not None:
         scales[:, 2] = points.axis_deviations
         quats = quats_from_z_to(points.axes_world)
+    opacities = np.full(count, opacity)
+    if points.guessed is not None:
+        opacities[points.guessed] = min(opacity, GUESSED_OPACITY)
     return Gaussians(
         means=points.points_world,
         log_scales=np.log(scales),
         quats=quats,
-        opacity_logits=np.full(count, np.log(opacity / (1.0 - opacity))),
+        opacity_logits=np.log(opacities / (1.0 - opacities)),
         sh=sh,
     )
 

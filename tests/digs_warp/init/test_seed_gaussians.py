@@ -1,11 +1,14 @@
 """Seeding: closed forms for the scale, and finite Gaussians whatever the points are."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.seed_gaussians import (
+    GUESSED_OPACITY,
     LONELY_SCALE,
     MAX_SCALE_RATIO,
     MIN_SCALE_RATIO,
@@ -81,3 +84,15 @@ def test_gaussians_show_the_colours_of_the_points_from_every_side() -> None:
 def test_an_opacity_without_a_logit_raises(opacity: float) -> None:
     with pytest.raises(ValueError, match="opacity"):
         seed_gaussians(PointCloud(np.zeros((1, 3)), np.zeros((1, 3))), opacity=opacity)
+
+
+def test_guessed_places_start_almost_transparent(tmp_path: Path) -> None:
+    measured = PointCloud(grid(2, 0.02), np.full((8, 3), 0.5))
+    guessed = PointCloud(grid(2, 0.02) + 1.0, np.full((8, 3), 0.5), guessed=np.ones(8, dtype=bool))
+    PointCloud.joined([measured, guessed]).save(tmp_path / "points.npz")
+    points = PointCloud.load(tmp_path / "points.npz").select(np.arange(12))
+    opacities = seed_gaussians(points, opacity=0.8).opacities
+    np.testing.assert_allclose(opacities, [0.8] * 8 + [GUESSED_OPACITY] * 4, rtol=1e-6)
+    fainter = seed_gaussians(points, opacity=0.05).opacities
+    np.testing.assert_allclose(fainter, 0.05, rtol=1e-6)
+    assert PointCloud.joined([measured, measured]).guessed is None
