@@ -21,7 +21,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
 from digs_warp.init.in_order import in_order
 from digs_warp.init.local_scales import pixels_at
-from digs_warp.init.random_points import cube_looked_at
+from digs_warp.init.random_points import SEED, cube_looked_at
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
@@ -57,6 +57,15 @@ class _View:
     mask: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class _Hull:
+    """Cells of a grid with the corner ``low`` [m] and cubes of ``edge`` [m]; ``inside``: which are object."""
+
+    low: np.ndarray
+    edge: float
+    inside: np.ndarray
+
+
 def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
     """Return the skin of the visual hull, one point per cell, colored as the views that face it see it.
 
@@ -69,6 +78,35 @@ def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
         DigsError: a frame without mask, or cameras that all look in the same direction.
         NoPointsError: no place is inside the masks of the views that show it.
     """
+    hull = _hull(frames, config)
+    skin, normals = _skin(hull.inside)
+    points = hull.low + hull.edge * (skin + 0.5)
+    cloud = PointCloud(points, _colors(points, normals, frames))
+    most = config.target_points or config.max_points
+    return cloud if most is None or len(cloud) <= most else cloud.select(drawn(len(cloud), most))
+
+
+def random_points_in_hull(frames: Sequence[Frame], config: InitConfig, count: int) -> PointCloud:
+    """Return ``count`` points, uniform inside the visual hull, in random colors; always the same ones.
+
+    Args:
+        frames: with mask, at least two that look from different directions.
+        config: the edge of a cell, as of `hull_points`.
+        count: at least 1.
+
+    Raises:
+        DigsError: as of `hull_points`.
+    """
+    hull = _hull(frames, config)
+    rng = np.random.default_rng(SEED)
+    cells = np.argwhere(hull.inside)
+    cells = cells[rng.integers(len(cells), size=count)]
+    points = hull.low + hull.edge * (cells + rng.uniform(0.0, 1.0, (count, 3)))
+    return PointCloud(points, rng.uniform(0.0, 1.0, (count, 3)))
+
+
+def _hull(frames: Sequence[Frame], config: InitConfig) -> _Hull:
+    """Return the finest grid of cells; see `hull_points`."""
     require_layers(frames, config, (Layer.MASK,))
     views = _load(frames)
     center, half = cube_looked_at([frame.camera for frame in frames])
@@ -92,11 +130,7 @@ def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
     inside = _inside(_cells(low, edge, shape), views, 0.0).reshape(shape)
     if not inside.any():
         raise NoPointsError("initialization: the object is thinner than a cell of its hull")
-    skin, normals = _skin(inside)
-    points = low + edge * (skin + 0.5)
-    cloud = PointCloud(points, _colors(points, normals, frames))
-    most = config.target_points or config.max_points
-    return cloud if most is None or len(cloud) <= most else cloud.select(drawn(len(cloud), most))
+    return _Hull(low, edge, inside)
 
 
 def _edge(config: InitConfig, pixel: float, longest: float) -> float:

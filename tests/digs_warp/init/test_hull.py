@@ -65,6 +65,20 @@ def test_the_number_of_points_can_be_limited(frames: list[Frame], wanted: int) -
     )
 
 
+def test_random_points_without_depth_fill_the_hull(frames: list[Frame]) -> None:
+    config = InitConfig(strategy="random", target_points=2000)
+    points = initialize(frames, config).points.points_world
+    assert len(points) == 2000
+    beside = points[np.abs(points[:, 2]) < 0.5 * RADIUS]
+    radii = np.linalg.norm(beside, axis=1)
+    assert (radii < RADIUS + 4 * 0.9 / INTRINSICS.fx).all()
+    # Uniform between two parallel planes at half the radius: the share of its volume within that radius.
+    assert np.mean(radii < 0.5 * RADIUS) == pytest.approx(2 / 11, abs=0.04)
+    maskless = [frame.without_layer(Layer.MASK) for frame in frames]
+    outside = initialize(maskless, config).points.points_world
+    assert np.linalg.norm(outside, axis=1).max() > 1.5 * RADIUS
+
+
 def test_masks_that_agree_on_no_place_are_named(frames: list[Frame]) -> None:
     """Each view has its object in another corner."""
     corners = []
