@@ -121,6 +121,7 @@ FLAGS: dict[str, tuple[float, float]] = {
     # The range of black bodies whose blue is not negative in sRGB.
     "--light-temperature": (2000, 25_000),
     "--loop-images": (0, 1000),
+    "--machine-factor": (1e-3, 1000),
     "--mask-error": (0, 10),
     "--mask-threshold": (0, 254),
     "--max-points": _SPLATS,
@@ -139,6 +140,7 @@ FLAGS: dict[str, tuple[float, float]] = {
     "--price": (0, _MANY),
     "--quats-rate": (1e-12, 1000),
     "--rates-end": (1e-6, 1000),
+    "--recommended": (1e-9, 366 * 86_400),
     "--rotation-error-deg": (0, 180),
     "--roughness-factor": (0, 100),
     "--samples-per-pixel": (1, 4096),

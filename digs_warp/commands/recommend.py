@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import tyro
+
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
+from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.record.durations import DURATION
-
-# Its results are those of docs/study: a link in the repository, a copy in an installed package.
-PUBLISHED = Path(__file__).parents[1] / "study" / "published" / "tradeoff"
 
 # Settings whose flag is not the last part of their name.
 FLAGS = {"train.density.strategy": "density"}
@@ -20,31 +20,42 @@ FLAGS = {"train.density.strategy": "density"}
 
 @dataclass(frozen=True, kw_only=True)
 class Recommend(Command):
-    """Pick settings for a time budget from the results of 'digs-warp study run tradeoff'."""
+    """Pick settings for a time budget from the results of 'digs-warp study run tradeoff'.
+
+    Of a CAPTURE it looks at size, number of frames, depth, masks and view-dependence, and scales the measured
+    seconds to it and to this machine; 'digs-warp reconstruct --recommended TIME' runs what it picks.
+    """
+
+    capture: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[CAPTURE]")] = None
+    """A recording. Without one the settings are for 'digs-warp run', as they were measured."""
 
     time_budget: Annotated[float, DURATION]
-    """Time for the whole chain, from the recording to the Gaussians, for example 60s or 5min."""
+    """Time for the whole chain, for example 60s or 5min: from the recording to the Gaussians; with a CAPTURE,
+    its reconstruction."""
 
     study: Path | None = None
     """Folder of the study. Default: out/study/tradeoff; without it, the published results, whose seconds
     are those of another machine."""
 
+    machine_factor: float | None = None
+    """With a CAPTURE: how many times as long this machine takes as the one of the study. Default: as a second
+    of training says."""
+
     def __post_init__(self) -> None:
         check_flag("--time-budget", self.time_budget)
+        check_flag("--machine-factor", self.machine_factor)
+        if self.capture is None and self.machine_factor is not None:
+            raise DigsError("--machine-factor is for a CAPTURE; name one")
 
     def execute(self) -> str:
-        """Return the settings as flags, with their measured time and quality."""
-        from digs_warp.engines.results import RESULTS
+        """Return the settings as flags, with their time and quality, and why."""
+        if self.capture is not None:
+            return self._for_capture(self.capture)
         from digs_warp.study.engine.store import Store
+        from digs_warp.study.recommend.published import study_folder
         from digs_warp.study.studies.tradeoff import best_within
 
-        own = Path("out/study/tradeoff")
-        folder = self.study or (own if (own / RESULTS).is_file() else PUBLISHED)
-        if not (folder / RESULTS).is_file():
-            raise DigsError(
-                f"recommend: no study in '{folder}'; measure one first: digs-warp study run tradeoff --out "
-                f"{folder}"
-            )
+        folder = study_folder("tradeoff", self.study)
         records = Store(folder).finished()
         best = best_within(records, self.time_budget)
         if best is None:
@@ -63,6 +74,26 @@ class Recommend(Command):
                     ["digs-warp", "run", "--out", "out/best", *flags(best.settings)]
                 ),
                 "left over": f"{self.time_budget - best.seconds.mean:.0f} s",
+            }
+        )
+
+    def _for_capture(self, folder: Path) -> str:
+        from digs_warp.data.capture import read_capture
+        from digs_warp.study.recommend.choose import reasons, recommend
+        from digs_warp.study.recommend.published import read_studies
+
+        studies = read_studies(self.study)
+        capture = read_capture(folder)
+        config = ReconstructionOptions().reconstruct_config(0, capture)
+        found = recommend(capture, self.time_budget, config, studies, self.machine_factor)
+        poses = [] if capture.knows_poses else ["--poses", "sfm"]
+        words = ["digs-warp", "reconstruct", str(folder), "--out", "out/best", *poses]
+        return format_facts(
+            {
+                "measured": f"on {studies.machines} ({studies.folder})",
+                **reasons(found),
+                "command": shlex.join([*words, *flags(found.settings)]),
+                "left over": f"{self.time_budget - found.best.seconds:.0f} s",
             }
         )
 

@@ -10,6 +10,7 @@ import tyro
 
 from digs_warp.bounds import check_flag
 from digs_warp.checks import DigsError
+from digs_warp.commands.chosen_settings import check_left_open, recommended_config
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.commands.facts import format_facts, reconstruction_words
 from digs_warp.commands.many_captures import find_jobs, is_data_set, reconstruct_many
@@ -19,6 +20,7 @@ from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.commands.watched import watched_training
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
+from digs_warp.record.durations import DURATION
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.words import counted
@@ -43,6 +45,10 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     view: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show the training in the browser while it runs; prints the page's address."""
 
+    recommended: Annotated[float | None, DURATION] = None
+    """Choose iterations, voxels, initialization and density so that the reconstruction takes about this time,
+    for example 60s, as 'digs-warp recommend' does for the capture; run.json says what and why."""
+
     on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
 
     can_resume: ClassVar[bool] = True
@@ -52,6 +58,7 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         "out",
         "resume",
         "overwrite",
+        "recommended",
         "seed",
         "device",
         "poses",
@@ -63,12 +70,14 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         "iterations",
         "time_budget",
         "density",
-        "sh_degree",
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_flag("--seed", self.seed)
+        check_flag("--recommended", self.recommended)
+        if self.recommended is not None:
+            check_left_open(self)
         if not self.captures:
             raise DigsError("CAPTURE: none given, expected the folder of a recording")
 
@@ -102,13 +111,16 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         start = time.perf_counter()
         (source,) = self.captures
         capture = read_capture(source)
-        config = self.reconstruct_config(self.seed, capture)
+        config, chosen = self.reconstruct_config(self.seed, capture), None
         check_machine(config)  # a wrong flag is named first
         with (
             self.output.opened([source], reconstruction_files()) as folder,
             watched_training(self.view) as watch,
         ):
-            result = reconstruct(capture, config, folder, self.output.resume, watch)
+            if self.recommended is not None:
+                before = folder if self.output.resume else None
+                config, chosen = recommended_config(capture, config, self.recommended, before)
+            result = reconstruct(capture, config, folder, self.output.resume, watch, chosen)
         seconds = time.perf_counter() - start
         words = reconstruction_words(result, len(capture))
         return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"
@@ -119,6 +131,8 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
 
         if self.view:
             raise DigsError("--view shows one training; give it one capture")
+        if self.recommended is not None:
+            raise DigsError("--recommended looks at one capture; give it one")
         jobs = find_jobs(self.captures)
         names = (*reconstruction_files(), layout.RUN_RECORD, layout.MANIFEST)
         writes = [RESULTS, *(f"{job.name}/{name}" for job in jobs for name in names)]

@@ -4,12 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.bounds import check_flag
-from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.facts import format_facts
-
-# A link in the repository, a copy in an installed package.
-PUBLISHED = Path(__file__).parents[1] / "study" / "published" / "scaling"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,19 +51,12 @@ class PlanScenes(Command):
 
     def execute(self) -> str:
         """Return the plan."""
-        from digs_warp.engines.results import RESULTS
         from digs_warp.study.engine.store import Store
         from digs_warp.study.many_plan import predict, sample_storage
+        from digs_warp.study.recommend.published import study_folder
         from digs_warp.study.studies.scaling import Load
 
-        own = Path("out/study/scaling")
-        folder = self.study or (own if (own / RESULTS).is_file() else PUBLISHED)
-        if not (folder / RESULTS).is_file():
-            raise DigsError(
-                f"study plan: no study in '{folder}'; measure one first: digs-warp study run scaling --out "
-                f"{folder}"
-            )
-        records = Store(folder).finished()
+        records = Store(study_folder("scaling", self.study)).finished()
         sizes = (self.frames, self.width, self.height, self.splats, self.iterations)
         load = Load("a scene", *sizes)
         one, stored = predict(records, load), sample_storage(load)

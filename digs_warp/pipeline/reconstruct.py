@@ -4,9 +4,10 @@ docs/reconstruction-format.md describes the folder that `reconstruct` writes.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
@@ -63,6 +64,7 @@ def reconstruct(
     folder: Path,
     resume: bool = False,
     watch: Watch | None = None,
+    recommended: Mapping[str, Any] | None = None,
 ) -> Reconstruction:
     """Reconstruct a capture and save each part of the result to ``folder`` as soon as it is finished.
 
@@ -72,6 +74,7 @@ def reconstruct(
         folder: where results go; created when missing.
         resume: keep finished stages, and continue from the last checkpoint, bit for bit.
         watch: looks on while the Gaussians are trained; None: nobody does.
+        recommended: how the settings were chosen, for run.json; None: the user chose them.
 
     Raises:
         DigsError: no such device or library, too few frames, nothing to initialize from, settings that
@@ -81,7 +84,7 @@ def reconstruct(
     folder = Path(folder)
     if not resume:  # else finished stages need nothing, and the others check
         check_front_end(capture, config)
-    log = RunLog("reconstruct", config)
+    log = RunLog("reconstruct", config, recommended=dict(recommended or {}))
     with sole_writer(folder):
         before = log.continue_from(folder / RUN_RECORD) if resume else None
         with recorded_files(folder, resume) as manifest:

@@ -161,7 +161,7 @@ def best_within(records: Sequence[Record], budget: float) -> Best | None:
     if "init.voxel_size" in kept:  # objects of other sizes need other voxels
         kept["init.voxel_size"] /= OBJECT_SIZE
         kept["init.voxel_unit"] = "object"
-    return Best(_name(key), kept, *within[key])
+    return Best(name_of(key), kept, *within[key])
 
 
 Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
@@ -210,7 +210,8 @@ def _front(measured: Measured) -> Section:
     points = [(seconds.mean, quality.mean) for seconds, quality in measured.values()]
     front = pareto_front(points)
     rows = [
-        [_name(keys[i]), measured[keys[i]][0].text(1), measured[keys[i]][1].text(2)] for i in front
+        [name_of(keys[i]), measured[keys[i]][0].text(1), measured[keys[i]][1].text(2)]
+        for i in front
     ]
     curves = [
         Curve("all settings", [x for x, _ in points], [y for _, y in points], line=False),
@@ -218,7 +219,7 @@ def _front(measured: Measured) -> Section:
             "nothing is both faster and better",
             [points[i][0] for i in front],
             [points[i][1] for i in front],
-            notes=[_name(keys[i]) for i in front],
+            notes=[name_of(keys[i]) for i in front],
         ),
     ]
     chart = Chart(
@@ -298,5 +299,6 @@ def _usual_value(knob: str) -> Any:
     return value
 
 
-def _name(key: tuple[Any, ...]) -> str:
+def name_of(key: tuple[Any, ...]) -> str:
+    """Return what was turned, in words, for a (knob, value)."""
     return USUAL if key[0] == USUAL else f"{key[0].split(' [')[0]} {key[1]}"

@@ -213,6 +213,7 @@ REQUIRED = {
     },
     **{"sensor fit": "a --out x", "sensor wall": "--out x"},
     "study plan": "--price 1",
+    "recommend": "--time-budget 9s",
     **{"preference make": "a --out x", "preference evaluate": "a --key k"},
 }
 

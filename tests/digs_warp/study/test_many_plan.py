@@ -6,16 +6,16 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_OK, main
-from digs_warp.commands.study_plan import PUBLISHED
 from digs_warp.study.engine.store import Store
 from digs_warp.study.many_plan import predict, seconds_of
+from digs_warp.study.recommend.published import PUBLISHED
 from digs_warp.study.studies.scaling import ONE_THREAD, load_of
 
 SMALL = "--frames 8 --width 64 --height 48 --splats 2000 --iterations 100".split()
 
 
 def test_what_was_measured_on_one_thread_is_predicted() -> None:
-    records = Store(PUBLISHED).finished()
+    records = Store(PUBLISHED / "scaling").finished()
     (single,) = [record for record in records if record["labels"]["curve"] == ONE_THREAD]
     found = predict(records, load_of(single))
     # The laws miss the base case, too.
@@ -25,7 +25,9 @@ def test_what_was_measured_on_one_thread_is_predicted() -> None:
 
 
 def test_a_study_without_the_case_on_one_thread_is_refused() -> None:
-    records = [r for r in Store(PUBLISHED).finished() if r["labels"]["curve"] != ONE_THREAD]
+    records = [
+        r for r in Store(PUBLISHED / "scaling").finished() if r["labels"]["curve"] != ONE_THREAD
+    ]
     with pytest.raises(DigsError, match="no base case on one thread"):
         predict(records, load_of(records[0]))
 

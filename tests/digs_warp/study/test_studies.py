@@ -66,8 +66,8 @@ def test_without_a_study_of_ones_own_the_published_one_is_taken(
     monkeypatch.chdir(tmp_path)
     assert main(["recommend", "--time-budget", "60s", "--study", "mine"]) == 1
     assert "digs-warp study run tradeoff --out mine" in capsys.readouterr().err
-    monkeypatch.setattr("digs_warp.commands.recommend.PUBLISHED", tmp_path / "published")
-    for folder, psnr in (("published", 20.0), ("out/study/tradeoff", 40.0)):
+    monkeypatch.setattr("digs_warp.study.recommend.published.PUBLISHED", tmp_path / "published")
+    for folder, psnr in (("published/tradeoff", 20.0), ("out/study/tradeoff", 40.0)):
         case = BY_NAME["tradeoff"].cases(1, 1, 500)[0]
         record = record_of(case, 0) | {"recording": {"frames": 40}, "reconstruction": {}}
         record["yardstick"]["psnr_object"] = psnr
