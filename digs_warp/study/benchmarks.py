@@ -148,6 +148,12 @@ BENCHMARKS = (
         "initialization.md",
     ),
     Benchmark(
+        "recommend",
+        "what is recommended for a recording and a time, against the best of the front at that time",
+        "bench_recommend:bench_recommend",
+        "studies.md",
+    ),
+    Benchmark(
         "size",
         "objects of 6 cm to 2 m: Gaussians, seconds and quality by size and voxel",
         "bench_size:bench_size",

@@ -22,7 +22,7 @@ class Study:
     ``sections(records)``, the content of the report.
 
     Attributes:
-        name: as the command line takes it; also the name of the module.
+        name: as the command line takes it; also the name of the module, there with underscores.
         title: of the report.
         summary: one line for help and report.
         objects, iterations: defaults of the command line.
@@ -73,7 +73,8 @@ class Study:
         return write_pages(self.title, intro, self.sections(good), folder)
 
     def _module(self) -> Any:
-        return importlib.import_module(f"digs_warp.study.studies.{self.name}")
+        name = self.name.replace("-", "_")
+        return importlib.import_module(f"digs_warp.study.studies.{name}")
 
 
 STUDIES = (
@@ -112,6 +113,14 @@ STUDIES = (
         "Wrong masks",
         "spoiled object masks at rising strength, by strategy",
         objects=1,
+        iterations=1000,
+    ),
+    Study(
+        "few-views",
+        "Few views",
+        "3 to 24 views: a start from the sensor's depth beside sparse and random points, with and without "
+        "depth in the loss",
+        objects=6,
         iterations=1000,
     ),
     Study(

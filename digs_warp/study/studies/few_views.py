@@ -1,0 +1,173 @@
+"""Few views: what a start from the sensor's depth, and depth in the loss, are worth with 3 to 24 views."""
+
+from collections.abc import Sequence
+
+from digs_warp.init.strategies import STRATEGIES, StrategyName
+from digs_warp.study.charts import Chart
+from digs_warp.study.engine.case import Case
+from digs_warp.study.engine.records import (
+    Column,
+    Record,
+    curve,
+    final_psnr,
+    group_by,
+    number,
+    spread,
+    tabulate,
+)
+from digs_warp.study.page import Section
+from digs_warp.study.scenes import VOXEL, objects
+from digs_warp.study.studies import few_shot
+from digs_warp.study.table import Table
+
+VIEWS = (3, 6, 12, 24)
+NAMES: tuple[StrategyName, ...] = ("highdepth", "default", "random")
+# Depth in the loss -> its weight; None is the default of a recording with depth.
+LOSS: dict[str, float | None] = {"on": None, "off": 0.0}
+# Random points do without structure from motion, which few views often do not give.
+RANDOM_POINTS = 10_000
+# Every second frame is held out: between any two training views is one that none of them saw.
+HELD_OUT = 2
+
+
+def cases(objects_count: int = 6, seeds: int = 1, iterations: int = 1000) -> list[Case]:
+    """Return the cases, object by object; the fewest views come first."""
+    return [
+        Case(
+            labels={
+                **{"object": name, "views": views, "strategy": strategy, "depth loss": loss},
+                "seed": seed,
+            },
+            recording=scene
+            | {"frames": HELD_OUT * views, "width": 480, "height": 270, "seed": seed},
+            reconstruction={
+                **{"test_every": HELD_OUT, "init.strategy": strategy},
+                **_start(strategy),
+                "train.density.strategy": STRATEGIES[strategy].density,
+                "train.depth_weight": weight,
+                **{"train.stop.iterations": iterations, "train.seed": seed},
+            },
+        )
+        for seed in range(seeds)
+        for name, scene in objects(objects_count).items()
+        for views in VIEWS
+        for strategy in NAMES
+        for loss, weight in LOSS.items()
+    ]
+
+
+def _start(strategy: StrategyName) -> dict[str, float]:
+    if strategy == "random":
+        return {"init.target_points": RANDOM_POINTS}
+    return {"init.voxel_size": VOXEL}
+
+
+def sections(records: Sequence[Record]) -> list[Section]:
+    """Return quality by views, what depth in the loss gains, when to stop, and published figures."""
+    return [_quality(records), _loss(records), _early(records), _published(records)]
+
+
+def best_of_course(record: Record) -> float | None:
+    """Return the highest PSNR on the object in held-out views along the training [dB]."""
+    return max((v for row in record["course"] if (v := row.get("psnr_object"))), default=None)
+
+
+def lost_at_the_end(record: Record) -> float | None:
+    """Return by how much held-out views are worse at the end than at their best [dB]."""
+    best, end = best_of_course(record), number("metrics", "psnr_object")(record)
+    return None if best is None or end is None else max(0.0, best - end)
+
+
+def _quality(records: Sequence[Record]) -> Section:
+    columns = [
+        Column("PSNR, object [dB]", 2, final_psnr),
+        Column("held-out views [dB]", 2, number("metrics", "psnr_object")),
+        Column("depth error [mm]", 2, number("yardstick", "depth_mae", factor=1e3)),
+        Column("covered [%]", 1, number("yardstick", "depth_seen", factor=100)),
+    ]
+    curves = []
+    for (strategy, loss), found in group_by(records, "strategy", "depth loss").items():
+        by_views = {views: group for (views,), group in group_by(found, "views").items()}
+        curves.append(curve(_name(strategy, loss), dict(sorted(by_views.items())), final_psnr))
+    chart = Chart(
+        *("few_views", "Quality by the number of views", curves),
+        *("training views", "PSNR on views of a perfect camera [dB]"),
+        log_x=True,
+    )
+    labels = ("views", "strategy", "depth loss")
+    text = (
+        "The training views are spread over the whole walk around the object, so three of them are a third "
+        "of a turn apart. The first columns are measured on the same eight views of a perfect camera for "
+        "every number of views; the held-out views lie between the training views of the recording. Poses "
+        "are those of the recording for all strategies. Default triangulates what it matches in the images: "
+        "where too few views match, it has no start, and its case is among those that failed."
+    )
+    table = tabulate("few_views", labels, group_by(records, *labels), columns)
+    return Section("Quality by views", text, [table], [chart])
+
+
+def _loss(records: Sequence[Record]) -> Section:
+    """Return what depth in the loss gains, on the objects that were measured with and without."""
+    rows = []
+    for (views, strategy), found in group_by(records, "views", "strategy").items():
+        pairs = [
+            {record["labels"]["depth loss"]: final_psnr(record) for record in pair}
+            for pair in group_by(found, "object", "seed").values()
+        ]
+        gains = [
+            with_loss - without
+            for pair in pairs
+            if (with_loss := pair.get("on")) is not None
+            and (without := pair.get("off")) is not None
+        ]
+        if gains:
+            mean = sum(gains) / len(gains)
+            worst, best = f"{min(gains):+.2f}", f"{max(gains):+.2f}"
+            rows.append([str(views), strategy, f"{mean:+.2f}", worst, best, str(len(gains))])
+    headings = ["views", "strategy", "gain [dB]", "smallest", "largest", "objects"]
+    text = (
+        "PSNR with the measured depth in the loss minus PSNR without it, object by object, on views of a "
+        "perfect camera."
+    )
+    return Section("Depth in the loss", text, [Table("depth_loss", headings, rows)])
+
+
+def _early(records: Sequence[Record]) -> Section:
+    columns = [
+        Column("best along the run [dB]", 2, best_of_course),
+        Column("at the end [dB]", 2, number("metrics", "psnr_object")),
+        Column("lost at the end [dB]", 2, lost_at_the_end),
+    ]
+    labels = ("views", "strategy", "depth loss")
+    text = (
+        "Few views are learned by heart: held-out views then get worse while the training views still get "
+        "better. The best of the measured steps is what a perfect early stop would keep; a real one has to "
+        "hold out views to see it."
+    )
+    table = tabulate("early_stop", labels, group_by(records, *labels), columns)
+    return Section("Stopping early", text, [table])
+
+
+def _published(records: Sequence[Record]) -> Section:
+    """Return our figures with three views beside those of few-shot methods."""
+    few = [r for r in records if r["labels"]["views"] == few_shot.LLFF_VIEWS]
+    groups = group_by(few, "strategy", "depth loss").items()
+    rows = [
+        [_name(*key), "our objects", found.text(2)]
+        for key, group in groups
+        if (found := spread(group, number("metrics", "psnr_frame")))
+    ]
+    rows += [[name, "LLFF", f"{psnr:.2f}"] for name, psnr in few_shot.LLFF_PSNR.items()]
+    text = (
+        "Published figures of few-shot methods with three views. They have no depth from a sensor; some take "
+        "it from a network that looks at one image. They are not comparable in level: LLFF has photographs "
+        "of places, taken from one side by a camera that moved a little, and counts whole images. Ours are "
+        "rendered objects over white, which fills most of the frame and is easy, seen from all around, a "
+        "third of a turn apart, which is harder. Read them for what is usual, not as a ranking."
+    )
+    headings = ["method", "recordings", "PSNR of the frame, 3 views [dB]"]
+    return Section("Beside few-shot methods", text, [Table("few_shot", headings, rows)])
+
+
+def _name(strategy: str, loss: str) -> str:
+    return strategy if loss == "on" else f"{strategy}, no depth loss"
