@@ -185,10 +185,9 @@ def _capture_words(look: Look) -> str:
     words = [f"{counted(look.frames, 'frame')} of {look.width} x {look.height}"]
     words.append("an object in masks" if look.subject == "object" else "a whole scene")
     words.append("with depth" if look.has_depth else "without depth")
-    if look.scatter is not None and look.pixel is not None:
-        words.append(
-            f"which scatters by {1e3 * look.scatter:.3g} mm (a pixel: {1e3 * look.pixel:.3g} mm)"
-        )
+    if look.scatter is not None:
+        pixel = "" if look.pixel is None else f" (a pixel: {1e3 * look.pixel:.3g} mm)"
+        words.append(f"which scatters by {1e3 * look.scatter:.3g} mm{pixel}")
     if not look.knows_poses:
         words.append("without poses")
     return ", ".join(words)

@@ -164,6 +164,7 @@ def test_a_scene_gets_a_number_of_points(capture: Capture, studies: Studies) -> 
     assert found.settings["init.target_points"] == found.best.points
     assert "init.voxel_size" not in found.settings
     assert f"{found.best.points:,}, in voxels" in reasons(found)["points"]
+    assert "with depth, which scatters by" in reasons(found)["capture"]
 
 
 def test_the_scatter_of_the_depth_is_its_noise(capture: Capture) -> None:
