@@ -1,5 +1,6 @@
 """Chooses the settings of a reconstruction by its capture and a time, and says why."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -216,5 +217,5 @@ def _has_laws(scaling: Sequence[Record]) -> bool:
 
 
 def _rounded_up(seconds: float) -> str:
-    """Return a time of which the sentence 'allow that much' holds, with two digits."""
-    return f"{1.05 * seconds:.2g}"
+    """Return a time that is enough, also if the machine is measured again and a little slower."""
+    return f"{math.ceil(10 * 1.05 * seconds) / 10:g}"

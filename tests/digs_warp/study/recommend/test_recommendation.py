@@ -132,6 +132,8 @@ def test_the_best_that_fits_is_chosen(capture: Capture, studies: Studies) -> Non
         recommend(capture, 0.9 * least.seconds, config, studies, machine=1.0)
     allowed = float(str(error.value).partition("takes about ")[2].split()[0])
     assert recommend(capture, allowed, config, studies, machine=1.0).best.setting == least.setting
+    with pytest.raises(DigsError, match=r"takes about \d+(\.\d)? s; allow"):  # without an exponent
+        recommend(capture, 1.0, config, studies, machine=1000.0)
 
 
 def test_without_depth_there_are_no_voxels(capture: Capture, studies: Studies) -> None:
