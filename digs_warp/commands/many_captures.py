@@ -1,4 +1,4 @@
-"""Several captures, each reconstructed into a folder of its own."""
+"""Reconstruct several captures, each into its own folder."""
 
 import os
 import time

@@ -17,7 +17,7 @@ class Engine(Executor):
     """Makes calls in other processes, here or on other machines.
 
     The future of a call raises `CallFailed` when the call has no result; an engine may raise other exceptions
-    when one of its own workers is lost. The calls must not count on a memory that they share, only on files.
+    when one of its own workers is lost. Calls share files, not memory.
     """
 
     @property

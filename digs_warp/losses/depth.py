@@ -186,7 +186,7 @@ class DepthLoss:
             drawn: the box in which the gradient is needed (where splats are).
             bias: of the measured inverse depth [1/m], to be taken off.
             trust: factor on the weight.
-            slope_factor: on the gradient alone, where a mean over so many views follows.
+            slope_factor: factor on the gradient alone, for a view that is a mean of several renderings.
         """
         self._scale = trust * self.weight / target.total if target.total > 0 else 0.0
         self._regions.assign(np.array([box, drawn], dtype=np.int32))

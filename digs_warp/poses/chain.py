@@ -10,7 +10,7 @@ from digs_warp.poses.edges import Edge, Sight, edge_between
 
 # Frames that disagree more were not placed: right motions of 3 to 48 degrees have 0.3 to 1.1.
 BROKEN = 1.1
-# Unless so many features match: without these, wrong motions have up to 20.
+# With at least this many matching features they count as placed all the same: wrong motions have up to 20.
 CERTAIN = 30
 # Frames before and after a step that breaks, from which it is bridged.
 BRIDGE = 2

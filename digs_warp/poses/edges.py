@@ -23,7 +23,8 @@ ODOMETRY_STEPS = (20, 15, 10)
 SAME_SURFACE = 0.05
 # Farther than this many usual distances, depth is too noisy to place a camera.
 FARTHEST = 3.0
-# So many matched features are worth as much disagreement; and with so many, other starts are not tried.
+# Matched features that agree with a motion make up for disagreement: MATCHES of them, or more, for WORTH.
+# With MATCHES, no other start is tried.
 MATCHES, WORTH = 40, 0.15
 
 

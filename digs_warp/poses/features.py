@@ -36,7 +36,7 @@ class Features:
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Features that are alike in two frames, right or wrong.
+    """Features of two frames that look alike; some of the pairs are wrong.
 
     Attributes:
         points: in the axes of the source [m], (n, 3).
