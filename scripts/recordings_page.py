@@ -17,9 +17,9 @@ from PIL import Image
 
 from digs_warp.record.files import write_atomically
 from digs_warp.record.progress import show_progress
-from digs_warp.study.bench_recordings import Measured, find_recordings, measure_all, rows
+from digs_warp.study.bench_recordings import Measured, measure_all, rows
 from digs_warp.study.benchmarks import find_benchmark
-from digs_warp.study.real_recordings import RealRecording
+from digs_warp.study.real_recordings import RealRecording, find_recordings
 from digs_warp.study.scenes import sample_data
 
 PICTURES = "images/recordings"

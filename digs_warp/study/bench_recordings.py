@@ -19,8 +19,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.init.strategies import STRATEGIES, chosen_strategy
-from digs_warp.interchange.captures.formats import read_recording
-from digs_warp.interchange.captures.to_capture import write_capture
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.plausibility.full_check import check_fully
@@ -28,13 +26,12 @@ from digs_warp.record.progress import progress
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sfm.evaluate import camera_errors
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.study.real_recordings import RECORDINGS, RealRecording
+from digs_warp.study.real_recordings import RealRecording, convert, find_recordings
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import sample_data
 from digs_warp.study.timing import Stopwatch
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Density, Stop, TrainConfig
-from digs_warp.words import did_you_mean
 
 ITERATIONS = 500
 
@@ -86,24 +83,6 @@ def rows(measured: Iterable[Measured]) -> list[Result]:
     return sorted(results, key=lambda row: row.table != FIGURES)
 
 
-def find_recordings(data: Path, names: Sequence[str] = ()) -> list[RealRecording]:
-    """Return the recordings of those names; without names all that the sample data has.
-
-    Raises:
-        DigsError: an unknown name, one that is not there, or none at all.
-    """
-    known = {recording.name: recording for recording in RECORDINGS}
-    for name in names:
-        if name not in known:
-            raise DigsError(f"recording '{name}': unknown{did_you_mean(name, known)}")
-    place = data / "rgbd"
-    there = [name for name in names or known if (place / name).is_dir()]
-    if not there or (names and len(there) < len(names)):
-        missing = " and ".join(name for name in names or known if name not in there)
-        raise DigsError(f"bench recordings: '{place}' has no {missing}; set DIGS_WARP_SAMPLE_DATA")
-    return [known[name] for name in there]
-
-
 def measure_all(
     recordings: Sequence[RealRecording], data: Path, iterations: int = ITERATIONS
 ) -> Iterator[Measured]:
@@ -124,13 +103,9 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
     """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / "recording").mkdir()
         notes = _Notes(recording.name, folder, iterations)
         try:
-            arranged = recording.arrange(source, folder / "recording")
-            capture = write_capture(
-                read_recording(arranged, recording.form), recording.form, folder / "capture"
-            )
+            capture = convert(recording, source, folder / "capture")
             notes.check(capture)
         except (
             DigsError,

@@ -4,14 +4,22 @@ Nothing is copied into the project. What their licenses say about pictures is be
 """
 
 import json
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from digs_warp.checks import DigsError
+from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import encode_jpeg, read_image
+from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.interchange.captures.formats import read_recording
+from digs_warp.interchange.captures.to_capture import write_capture
 from digs_warp.record.files import read_json, read_text, write_atomically
+from digs_warp.study.scenes import sample_data
+from digs_warp.words import did_you_mean
 
 # Photographs of 2.5 megapixels would take minutes for what a third of the width tells, too.
 DOOR_REDUCTION = 3
@@ -165,3 +173,69 @@ RECORDINGS = (
         arrange=pair_as_zed,
     ),
 )
+
+
+def find_recordings(data: Path, names: Sequence[str] = ()) -> list[RealRecording]:
+    """Return the recordings of those names; without names all that the sample data has.
+
+    Args:
+        data: folder of the sample data.
+        names: of `RECORDINGS`.
+
+    Raises:
+        DigsError: an unknown name, one that is not there, or none at all.
+    """
+    known = {recording.name: recording for recording in RECORDINGS}
+    for name in names:
+        if name not in known:
+            raise DigsError(f"recording '{name}': unknown{did_you_mean(name, known)}")
+    place = data / "rgbd"
+    there = [name for name in names or known if (place / name).is_dir()]
+    if not there or (names and len(there) < len(names)):
+        missing = " and ".join(name for name in names or known if name not in there)
+        raise DigsError(f"real recordings: '{place}' has no {missing}; set DIGS_WARP_SAMPLE_DATA")
+    return [known[name] for name in there]
+
+
+def is_there(name: str) -> bool:
+    """Whether the sample data has a recording of that name."""
+    return (sample_data() / "rgbd" / name).is_dir()
+
+
+def convert(
+    recording: RealRecording, source: Path, folder: Path, frames: int | None = None
+) -> Capture:
+    """Write a recording as a capture folder.
+
+    Args:
+        recording: what it is.
+        source: its folder.
+        folder: of the capture; files that its reader needs lie beside it meanwhile.
+        frames: how many, evenly spread over the recording; None: all.
+
+    Raises:
+        DigsError, OSError, ValueError: files are missing, or do not belong together.
+    """
+    arranged = folder.with_name(f"{folder.name}-source")
+    shutil.rmtree(arranged, ignore_errors=True)
+    arranged.mkdir(parents=True)
+    try:
+        read = read_recording(recording.arrange(source, arranged), recording.form)
+        read = read if frames is None else read.thinned(frames)
+        return write_capture(read, recording.form, folder)
+    finally:
+        shutil.rmtree(arranged)
+
+
+def few_frames(name: str, frames: int, folder: Path) -> Capture:
+    """Return a recording of the sample data with some of its frames; ``folder`` may hold it already.
+
+    Raises:
+        DigsError: it is not there, or cannot be converted.
+    """
+    if not (folder / INDEX_NAME).is_file():  # it is written last
+        shutil.rmtree(folder, ignore_errors=True)
+        data = sample_data()
+        (recording,) = find_recordings(data, [name])
+        convert(recording, data / "rgbd" / name, folder, frames)
+    return read_capture(folder)

@@ -27,6 +27,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.scores import YARDSTICK, score_finishes, score_on_yardstick
 from digs_warp.study.machine import processor
+from digs_warp.study.real_recordings import few_frames
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruct import ReconstructConfig
@@ -46,9 +47,16 @@ SFM_PER_METRE = 1.37
 # Points within this distance [m] of the true surface count as on it.
 SURFACE_THRESHOLD = 0.005
 
+# What a real recording has instead of comparisons with the truth.
+_NO_TRUTH: dict[str, Any] = {"yardstick": {}, "finishes": {}, "scale_error": None, "surface": {}}
+
 
 def record_case(case: Case, folder: Path) -> Capture:
     """Return the recording of a case; it is made when the study's ``folder`` does not hold it yet."""
+    if case.real is not None:
+        recording = folder / CAPTURES / case.recording_key
+        with taking_turns(recording):
+            return few_frames(case.real, case.recording["frames"], recording)
     return _recorded(with_settings(SimulateConfig(), case.recording), case.recording_key, folder)
 
 
@@ -60,7 +68,8 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
     `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
     kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
-    process), ``versions``, ``machine``.
+    process), ``versions``, ``machine``. What needs the truth (yardstick, surface, finishes, scale) is empty
+    for a real recording.
 
     Args:
         case: its recording is taken from the study's ``folder`` or made there; structure from motion with
@@ -80,13 +89,8 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
         compiling = compile_seconds() - before
         measured = _measure(result)
         _share_sfm(work, matched, measured["seconds"])
-    assert result.frames is not None and result.start is not None
-    yardstick = _yardstick(case, folder)
+    measured |= _NO_TRUTH if case.real else _against_truth(case, config, capture, result, folder)
     measured |= {
-        "yardstick": score_on_yardstick(result.gaussians, yardstick),
-        "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
-        "scale_error": _scale_error(capture, config, result.frames),
-        "surface": _surface_scores(capture, config, result.start.points, result.gaussians),
         "recording_seconds": _recording_seconds(capture),
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
@@ -182,6 +186,23 @@ def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
         shutil.rmtree(matched, ignore_errors=True)  # what a killed case had begun to copy
         copy_folder(work / "sfm", matched)
         write_atomically(matched / NOTE, to_json({"seconds": seconds[stage]}).encode())
+
+
+def _against_truth(
+    case: Case,
+    config: "ReconstructConfig",
+    capture: Capture,
+    result: "Reconstruction",
+    folder: Path,
+) -> dict[str, Any]:
+    assert result.frames is not None and result.start is not None
+    yardstick = _yardstick(case, folder)
+    return {
+        "yardstick": score_on_yardstick(result.gaussians, yardstick),
+        "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
+        "scale_error": _scale_error(capture, config, result.frames),
+        "surface": _surface_scores(capture, config, result.start.points, result.gaussians),
+    }
 
 
 def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:

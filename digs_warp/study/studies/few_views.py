@@ -1,6 +1,7 @@
 """Few views: what a start from the sensor's depth, and depth in the loss, are worth with 3 to 24 views."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from digs_warp.init.strategies import STRATEGIES, StrategyName
 from digs_warp.study.charts import Chart
@@ -17,7 +18,7 @@ from digs_warp.study.engine.records import (
 )
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import VOXEL, objects
-from digs_warp.study.studies import few_shot
+from digs_warp.study.studies import few_real_views, few_shot
 from digs_warp.study.table import Table
 
 VIEWS = (3, 6, 12, 24)
@@ -31,15 +32,31 @@ HELD_OUT = 2
 
 
 def cases(objects_count: int = 6, seeds: int = 1, iterations: int = 1000) -> list[Case]:
-    """Return the cases, object by object; the fewest views come first."""
+    """Return the cases, object by object; the fewest views come first.
+
+    The real recordings come after the first object: they are part of a run that is cut short, too.
+    """
+    found = []
+    for seed in range(seeds):
+        first, *others = objects(objects_count).items()
+        found += _of_object(*first, seed, iterations)
+        found += few_real_views.cases(NAMES, LOSS, RANDOM_POINTS, seed, iterations)
+        for each in others:
+            found += _of_object(*each, seed, iterations)
+    return found
+
+
+def _of_object(name: str, scene: Mapping[str, Any], seed: int, iterations: int) -> list[Case]:
     return [
         Case(
             labels={
                 **{"object": name, "views": views, "strategy": strategy, "depth loss": loss},
                 "seed": seed,
             },
-            recording=scene
-            | {"frames": HELD_OUT * views, "width": 480, "height": 270, "seed": seed},
+            recording={
+                **scene,
+                **{"frames": HELD_OUT * views, "width": 480, "height": 270, "seed": seed},
+            },
             reconstruction={
                 **{"test_every": HELD_OUT, "init.strategy": strategy},
                 **_start(strategy),
@@ -48,8 +65,6 @@ def cases(objects_count: int = 6, seeds: int = 1, iterations: int = 1000) -> lis
                 **{"train.stop.iterations": iterations, "train.seed": seed},
             },
         )
-        for seed in range(seeds)
-        for name, scene in objects(objects_count).items()
         for views in VIEWS
         for strategy in NAMES
         for loss, weight in LOSS.items()
@@ -64,7 +79,10 @@ def _start(strategy: StrategyName) -> dict[str, float]:
 
 def sections(records: Sequence[Record]) -> list[Section]:
     """Return quality by views, what depth in the loss gains, when to stop, and published figures."""
-    return [_quality(records), _loss(records), _early(records), _published(records)]
+    ours = [record for record in records if not few_real_views.is_real(record)]
+    real = [record for record in records if few_real_views.is_real(record)]
+    found = [_quality(ours), _loss(ours), _early(ours), _published(ours)] if ours else []
+    return [*found, few_real_views.section(real)] if real else found
 
 
 def best_of_course(record: Record) -> float | None:

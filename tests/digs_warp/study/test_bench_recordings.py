@@ -19,6 +19,7 @@ from digs_warp.study.real_recordings import (
     DOOR_REDUCTION,
     RECORDINGS,
     RealRecording,
+    find_recordings,
     smaller_door,
 )
 
@@ -102,14 +103,14 @@ def test_the_command_knows_the_recordings() -> None:
 
 def test_no_or_unknown_recordings_are_named(tmp_path: Path) -> None:
     with pytest.raises(DigsError, match=r"no hololens_room_sequence and .*DIGS_WARP_SAMPLE_DATA"):
-        bench.find_recordings(tmp_path)
+        find_recordings(tmp_path)
     with pytest.raises(DigsError, match=r"did you mean 'tum_cabinet_orbit'"):
-        bench.find_recordings(tmp_path, ["tum_cabinet"])
+        find_recordings(tmp_path, ["tum_cabinet"])
     (tmp_path / "rgbd/tum_cabinet_orbit").mkdir(parents=True)
-    (found,) = bench.find_recordings(tmp_path)
+    (found,) = find_recordings(tmp_path)
     assert found.name == "tum_cabinet_orbit"
     with pytest.raises(DigsError, match="has no lund_door_photos;"):
-        bench.find_recordings(tmp_path, ["tum_cabinet_orbit", "lund_door_photos"])
+        find_recordings(tmp_path, ["tum_cabinet_orbit", "lund_door_photos"])
 
 
 @pytest.mark.parametrize(("name", "frames"), LAYOUTS.items())

@@ -1,14 +1,25 @@
 """The study of few views: as many training views as its labels say, and what its report makes of records."""
 
+from pathlib import Path
+
 import pytest
 
 from digs_warp.data.capture import Capture
+from digs_warp.interchange.captures.formats import export_capture
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
 from digs_warp.study.engine.case import with_settings
-from digs_warp.study.studies import few_views
+from digs_warp.study.engine.chain import run_case
+from digs_warp.study.real_recordings import RealRecording, few_frames
+from digs_warp.study.studies import few_real_views, few_views
 from digs_warp.train.config import DEPTH_WEIGHT
 from reference.study_records import record_of
+
+
+@pytest.fixture(autouse=True)
+def without_real_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(few_real_views, "is_there", lambda name: False)
 
 
 def test_a_case_trains_on_as_many_views_as_it_says() -> None:
@@ -73,3 +84,71 @@ def test_published_figures_stand_beside_three_views_only() -> None:
     name = "highdepth"
     assert three["labels"]["strategy"] == name and three["labels"]["depth loss"] == "on"
     assert rows[name][1:] == ["our objects", f"{three['metrics']['psnr_frame']:.2f}"]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Sample data with a tiny recording in another program's format."""
+    data = tmp_path_factory.mktemp("data")
+    small = SimulateConfig(frames=12, width=64, samples_per_pixel=1, tier="law")
+    export_capture(simulate(small, data / "capture"), "tum", data / "rgbd/orbit")
+    return data
+
+
+@pytest.fixture
+def orbit(data: Path, monkeypatch: pytest.MonkeyPatch) -> RealRecording:
+    """The recording as the only real one."""
+    known = RealRecording("orbit", "tum")
+    monkeypatch.setattr("digs_warp.study.real_recordings.RECORDINGS", (known,))
+    monkeypatch.setattr(few_real_views, "RECORDINGS", ("orbit",))
+    monkeypatch.setattr(few_real_views, "is_there", lambda name: name == "orbit")
+    monkeypatch.setenv("DIGS_WARP_SAMPLE_DATA", str(data))
+    return known
+
+
+def test_real_recordings_come_after_the_first_object(orbit: RealRecording) -> None:
+    cases = few_views.cases(1, 1, 1000)
+    simulated = 4 * 3 * 2
+    assert all(case.real is None for case in cases[:simulated])
+    real = cases[simulated:]
+    assert [case.real for case in real] == ["orbit"] * 3 * 4
+    assert {case.recording["frames"] for case in real} == {6, 12, 24}
+    assert [c.labels["strategy"] for c in real if c.labels["depth loss"] == "off"] == [
+        "highdepth"
+    ] * 3
+    records = [record_of(case, n) for n, case in enumerate(cases)]
+    *_, section = few_views.sections(records)
+    assert section.title == "Real recordings" and len(section.tables[0].rows) == len(real)
+    quality = few_views.sections(records)[0].tables[0]
+    assert len(quality.rows) == simulated, "objects are not mixed with rooms"
+
+
+def test_a_real_recording_is_measured_on_its_held_out_frames(
+    orbit: RealRecording, tmp_path: Path
+) -> None:
+    (case,) = [
+        case
+        for case in few_real_views.cases(["highdepth"], {"on": None}, 100, 0, 2)
+        if case.labels["views"] == 3
+    ]
+    measured = run_case(case, tmp_path)
+    assert measured["metrics"]["psnr_frame"] > 0 and measured["results"]["adherence"] > 0
+    assert not measured["yardstick"] and measured["scale_error"] is None
+    record = record_of(case, 0) | measured
+    (row,) = few_views.sections([record])[0].tables[0].rows
+    assert row[:4] == ["orbit", "3", "highdepth", "on"] and all(row[4:])
+
+
+def test_frames_of_a_real_recording_are_converted_once(
+    orbit: RealRecording, tmp_path: Path
+) -> None:
+    capture = few_frames("orbit", 6, tmp_path / "few")
+    assert len(capture) == 6 and capture.has_depth and capture.knows_poses
+    assert [path.name for path in tmp_path.iterdir()] == ["few"], "nothing else stays"
+    before = (tmp_path / "few/transforms.json").stat().st_mtime_ns
+    assert len(few_frames("orbit", 6, tmp_path / "few")) == 6
+    assert (tmp_path / "few/transforms.json").stat().st_mtime_ns == before
+    (tmp_path / "few/transforms.json").unlink()  # as an interrupted conversion leaves it
+    (tmp_path / "few/left").touch()
+    assert len(few_frames("orbit", 6, tmp_path / "few")) == 6
+    assert not (tmp_path / "few/left").exists()

@@ -26,7 +26,8 @@ def test_cases_differ_and_their_settings_are_accepted(study: Study) -> None:
     cases = study.cases(2, 2, 300)
     assert len({case.key for case in cases}) == len(cases) > 10
     for case in cases:
-        with_settings(SimulateConfig(), case.recording)
+        if case.real is None:
+            with_settings(SimulateConfig(), case.recording)
         config = with_settings(ReconstructConfig(), case.reconstruction)
         if case.labels.get("knob") != "iterations" and case.effort == 1:
             assert config.train.stop.iterations == 300
