@@ -56,11 +56,12 @@ docs: setup ## The documentation as a site in build/site; fails when a link lead
 performance: setup ## Measure the rasterizer, for docs/performance.md
 	$(BIN)/python scripts/pages.py raster scaling
 
-studies: setup ## Run the studies within their budgets and write docs/study; two hours on a quiet machine
+studies: setup ## Run the studies within their budgets and write docs/study; two and a half hours on a quiet machine
 	$(BIN)/digs-warp study run initialization --time-budget 20min
 	$(BIN)/digs-warp study run tradeoff --time-budget 20min
 	$(BIN)/digs-warp study run robustness --time-budget 12min
 	$(BIN)/digs-warp study run ablation --time-budget 20min
+	$(BIN)/digs-warp study run camera --time-budget 40min
 	$(BIN)/digs-warp study run segmentation --time-budget 10min
 	$(BIN)/digs-warp study run few-views --time-budget 20min
 	$(BIN)/digs-warp study run scaling --time-budget 10min

@@ -109,6 +109,14 @@ STUDIES = (
         iterations=1000,
     ),
     Study(
+        "camera",
+        "The camera in the training",
+        "what the training knows of exposure, poses, shutter, blur, rims, depth and gloss: nothing, "
+        "everything, and all but one part, for five kinds of recordings",
+        objects=6,
+        iterations=300,
+    ),
+    Study(
         "segmentation",
         "Wrong masks",
         "spoiled object masks at rising strength, by strategy",

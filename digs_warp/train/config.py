@@ -162,6 +162,10 @@ class TrainConfig:
     """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians are
     those of all photographs; off: taken as equal in all of them."""
 
+    clean_rim: Literal["on", "off"] = "on"
+    """Pixels at the rim of the object, which mix it with the room. on: with --mask-role object, they are
+    given the color of the object alone before the training; off: they keep the color of the photograph."""
+
     rolling_shutter: Literal["auto", "on", "off"] = "auto"
     """Draw every Gaussian from the pose at which its row was read. Needs the read-out time and the motion of
     the camera, which a recording tells, or --readout-time and frames at most 0.15 s apart. auto: where the

@@ -52,7 +52,7 @@ def open_views(
             config.device,
             with_depth=config.depth_weight_where(frame.has(Layer.DEPTH)) > 0,
             with_half=may_halve(config),
-            on_background=config.mask_role == "object",
+            on_background=config.mask_role == "object" and config.clean_rim == "on",
             rows=shutter.rows_of(frame),
             blur=shutter.blur.of(frame),
         )

@@ -1,14 +1,14 @@
 """Runs one case: recording -> reconstruction -> numbers. Recordings are shared between cases.
 
-So is structure from motion with the same settings. Cases that run at the same time wait for each other where
-they share: one makes it, the others take it.
+So is structure from motion with the same settings: one case makes it before its own clocks start, the others
+take it. Cases that run at the same time wait for each other where they share.
 """
 
 import resource
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +23,13 @@ from digs_warp.record.digest import digest
 from digs_warp.record.files import copy_folder, read_json, to_json, write_atomically
 from digs_warp.record.lock import taking_turns
 from digs_warp.record.run_log import RunLog, RunRecord, versions
+from digs_warp.sfm.config import SfmConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
 from digs_warp.study.engine.scores import YARDSTICK, score_finishes, score_on_yardstick
 from digs_warp.study.machine import processor
 from digs_warp.study.real_recordings import few_frames
+from digs_warp.study.timing import Stopwatch
 
 if TYPE_CHECKING:
     from digs_warp.pipeline.reconstruct import ReconstructConfig
@@ -37,6 +39,7 @@ CAPTURES = "captures"
 SFM = "sfm"
 WORK = "work"
 NOTE = "study.json"  # beside shared structure from motion: the seconds that it took
+MATCHING = "structure from motion"  # as the stage is called
 
 # What makes the scene; two recordings with these in common show the same object in the same place.
 SCENE_SETTINGS = ("mesh", "environment", "object_size", "unit", "up")
@@ -67,9 +70,10 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     seconds), ``yardstick`` (quality on views of a perfect camera on another walk: comparable between
     recordings), ``surface`` (distances of points and Gaussians to the true surface), ``finishes`` (see
     `engine.scores`), ``scale_error`` (share that the scale is missed by), ``seconds`` (of stages; compiling
-    kernels apart), ``recording_seconds``, ``results`` (counts), ``memory_mb`` (peak of this
-    process), ``versions``, ``machine``. What needs the truth (yardstick, surface, finishes, scale) is empty
-    for a real recording.
+    kernels apart), ``cpu_seconds`` (of all threads, for everything but the recording and structure from
+    motion: does not depend on what else the machine does), ``recording_seconds``, ``results`` (counts),
+    ``memory_mb`` (peak of this process), ``versions``, ``machine``. What needs the truth (yardstick,
+    surface, finishes, scale) is empty for a real recording.
 
     Args:
         case: its recording is taken from the study's ``folder`` or made there; structure from motion with
@@ -81,16 +85,17 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
-    matched = _matched(case, config, folder)
-    with _one_matches(config, matched):
-        work = _workplace(case, matched, folder)
-        before = compile_seconds()
+    work = _workplace(case, capture, config, folder)
+    before = compile_seconds()
+    with Stopwatch() as watch:
         result = reconstruct(capture, config, work)
-        compiling = compile_seconds() - before
-        measured = _measure(result)
-        _share_sfm(work, matched, measured["seconds"])
+    compiling = compile_seconds() - before
+    measured = _measure(result)
+    if _is_shared(config) and MATCHING in measured["seconds"]:  # it read what is there
+        measured["seconds"][MATCHING] = _matching_seconds(case, config, folder)
     measured |= _NO_TRUTH if case.real else _against_truth(case, config, capture, result, folder)
     measured |= {
+        "cpu_seconds": round(watch.cpu_seconds, 3),
         "recording_seconds": _recording_seconds(capture),
         "memory_mb": _peak_memory_mb(),
         "versions": versions(),
@@ -113,44 +118,52 @@ def start_of_case(case: Case, folder: Path) -> tuple[Capture, PosedFrames, Point
 
     capture = record_case(case, folder)
     config = with_settings(ReconstructConfig(), case.reconstruction)
-    matched = _matched(case, config, folder)
-    log = RunLog("reconstruct", config)
-    with _one_matches(config, matched):
-        work = _workplace(case, matched, folder)
-        prepared = front_end(capture, config, work, log)
-        _share_sfm(work, matched, log.seconds)
+    work = _workplace(case, capture, config, folder)
+    prepared = front_end(capture, config, work, RunLog("reconstruct", config))
     shutil.rmtree(work)
     return capture, prepared.frames, prepared.start.points
 
 
-def _matched(case: Case, config: "ReconstructConfig", folder: Path) -> Path:
-    """Return where structure from motion is shared with the cases of the same settings."""
-    return folder / SFM / digest([case.recording, config.sfm])
-
-
-def _is_shared(matched: Path) -> bool:
-    # The note is written last.
-    return (matched / NOTE).is_file()
-
-
-@contextmanager
-def _one_matches(config: "ReconstructConfig", matched: Path) -> Iterator[None]:
-    """Let one case do structure from motion, while the others that share it wait; later ones just take it."""
-    with ExitStack() as held:
-        if config.needs_sfm and not _is_shared(matched):
-            held.enter_context(taking_turns(matched))
-            if _is_shared(matched):
-                held.close()
-        yield
-
-
-def _workplace(case: Case, matched: Path, folder: Path) -> Path:
-    """Return a folder for a case, empty but for structure from motion where it is shared."""
+def _workplace(case: Case, capture: Capture, config: "ReconstructConfig", folder: Path) -> Path:
+    """Return a folder for a case, empty but for structure from motion where the case needs it."""
     work = folder / WORK / case.key
     shutil.rmtree(work, ignore_errors=True)
-    if _is_shared(matched):
-        copy_folder(matched, work / "sfm")
+    if _is_shared(config):
+        matched = _matched(case, config, folder)
+        _match_once(capture, config.sfm, matched)
+        copy_folder(matched, work / SFM)
     return work
+
+
+def _is_shared(config: "ReconstructConfig") -> bool:
+    # What the others match depends on the poses that they find; it is left to the case.
+    return config.needs_sfm and config.sfm.poses in ("sfm", "capture", "perturbed")
+
+
+def _matched(case: Case, config: "ReconstructConfig", folder: Path) -> Path:
+    """Return where structure from motion is shared with the cases of the same settings."""
+    # Poses are refined after it.
+    settings = replace(config.sfm, refine_poses=SfmConfig().refine_poses)
+    return folder / SFM / digest([case.recording, settings])
+
+
+def _match_once(capture: Capture, config: SfmConfig, matched: Path) -> None:
+    """Do structure from motion in ``matched`` unless that is done; one case does it while others wait.
+
+    The note with its time is written last; what a killed case had begun goes on.
+    """
+    from digs_warp.pipeline.matched_images import match_images
+
+    with taking_turns(matched):
+        if (matched / NOTE).is_file():
+            return
+        with Stopwatch() as watch:
+            match_images(capture, config, matched)
+        write_atomically(matched / NOTE, to_json({"seconds": round(watch.seconds, 4)}).encode())
+
+
+def _matching_seconds(case: Case, config: "ReconstructConfig", folder: Path) -> float:
+    return read_json(_matched(case, config, folder) / NOTE, "note")["seconds"]
 
 
 def _recorded(config: SimulateConfig, key: str, folder: Path) -> Capture:
@@ -173,19 +186,6 @@ def _measure(result: "Reconstruction") -> dict[str, Any]:
 def _recording_seconds(capture: Capture) -> dict[str, float]:
     record = RunRecord.find(capture.folder)
     return record.seconds if record else {}
-
-
-def _share_sfm(work: Path, matched: Path, seconds: dict[str, float]) -> None:
-    """Keep structure from motion for the next case, or note the time that it took the first one."""
-    stage = "structure from motion"
-    if stage not in seconds:  # this case takes its poses from the recording, and no sparse points
-        return
-    if _is_shared(matched):
-        seconds[stage] = read_json(matched / NOTE, "note")["seconds"]
-    else:
-        shutil.rmtree(matched, ignore_errors=True)  # what a killed case had begun to copy
-        copy_folder(work / "sfm", matched)
-        write_atomically(matched / NOTE, to_json({"seconds": seconds[stage]}).encode())
 
 
 def _against_truth(

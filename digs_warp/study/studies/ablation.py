@@ -1,7 +1,5 @@
 """The value of each component of the initialization, which the paper leaves to future work (its section 5).
 
-Two of the training are among them: whether it draws the shutter, and how the color depends on the view.
-
 Each case changes one thing in the paper's Highdepth: it removes a component, or adds one of ours. Poses are
 estimated, as in the paper. Spoilt masks imitate a segmentation that fails now and then; true masks show what
 the other filters contribute.
@@ -67,8 +65,6 @@ VARIANTS: dict[str, dict[str, Any]] = {
         "init.voxel_size": None,
         "init.target_points": FEW_POINTS,
     },
-    "rolling shutter ignored": {"train.rolling_shutter": "off"},
-    "color of degree 1": {"train.sh_degree": 1},
 }
 
 

@@ -1,78 +1,92 @@
 """Structure from motion is shared between cases, with its time; the scale is judged by the poses it gave."""
 
-import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from digs_warp.camera import Camera
+from digs_warp.data.capture import Capture
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.init.config import InitConfig
 from digs_warp.init.recipes import initial_points
 from digs_warp.pipeline.reconstruct import ReconstructConfig
+from digs_warp.record.files import write_atomically
 from digs_warp.sfm.config import SfmConfig
-from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.chain import _one_matches, _scale_error, _share_sfm, start_of_case
+from digs_warp.study.engine.case import Case, with_settings
+from digs_warp.study.engine.chain import (
+    NOTE,
+    _match_once,
+    _matched,
+    _matching_seconds,
+    _scale_error,
+    _workplace,
+    start_of_case,
+)
 from reference.ball_capture import ball_views, write_capture
-
-STAGE = "structure from motion"
 
 
 @pytest.fixture
-def shared(tmp_path: Path) -> Path:
-    """What a first case leaves for those with the same settings."""
-    (tmp_path / "first" / "sfm").mkdir(parents=True)
-    (tmp_path / "first" / "sfm" / "model").write_text("points")
-    _share_sfm(tmp_path / "first", tmp_path / "shared", {STAGE: 12.5})
-    return tmp_path / "shared"
+def matched(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Where images were matched; the matching itself is the pipeline's."""
+    places: list[Path] = []
+
+    def match_images(capture: Capture, config: SfmConfig, workspace: Path) -> None:
+        time.sleep(0.2)
+        places.append(workspace)
+        write_atomically(workspace / "model", b"points")
+
+    monkeypatch.setattr("digs_warp.pipeline.matched_images.match_images", match_images)
+    return places
 
 
-def test_the_next_case_counts_the_time_of_the_first(shared: Path, tmp_path: Path) -> None:
-    seconds = {STAGE: 0.1, "train": 3.0}  # read from what is shared
-    _share_sfm(tmp_path / "next", shared, seconds)
-    assert seconds == {STAGE: 12.5, "train": 3.0}
-    assert (shared / "model").read_text() == "points"
+CAPTURE: Any = None  # what is matched does not matter here
 
 
-def test_a_case_without_the_stage_does_not_count_it(shared: Path, tmp_path: Path) -> None:
-    seconds = {"train": 3.0}
-    _share_sfm(tmp_path / "next", shared, seconds)
-    assert seconds == {"train": 3.0}
+def case_of(**settings: Any) -> tuple[Case, ReconstructConfig]:
+    case = Case({}, {"frames": 5}, {f"sfm.{name}": value for name, value in settings.items()})
+    return case, with_settings(ReconstructConfig(), case.reconstruction)
 
 
-@pytest.mark.parametrize("shares", [True, False])
-def test_cases_that_share_structure_from_motion_wait_for_the_first(
-    tmp_path: Path, shares: bool
+def test_the_next_case_takes_the_matches_and_the_time_of_the_first(
+    matched: list[Path], tmp_path: Path
 ) -> None:
-    config = ReconstructConfig(sfm=SfmConfig(poses="sfm" if shares else "capture"))
-    work, matched = tmp_path / "first", tmp_path / "sfm" / "shared"
-    (work / "sfm").mkdir(parents=True)
-    found_by_second = []
-    entered = threading.Event()
-
-    def second() -> None:
-        with _one_matches(config, matched):
-            found_by_second.append(matched.is_dir())
-            entered.set()
-
-    with _one_matches(config, matched):
-        thread = threading.Thread(target=second)
-        thread.start()
-        entered.wait(0.5 if shares else 60.0)
-        _share_sfm(work, matched, {STAGE: 12.5})
-    thread.join()
-    assert found_by_second == [shares]
+    """Poses are refined after the matching, so that cases with and without it share theirs."""
+    first, second = case_of(poses="sfm"), case_of(poses="sfm", refine_poses="off")
+    for case, config in (first, second):
+        work = _workplace(case, CAPTURE, config, tmp_path)
+        assert (work / "sfm" / "model").read_text() == "points"
+        assert 0.2 <= _matching_seconds(case, config, tmp_path) < 60
+    assert len(matched) == 1
+    other = case_of(poses="sfm", features=500)
+    _workplace(other[0], CAPTURE, other[1], tmp_path)
+    assert len(matched) == 2
 
 
-def test_what_a_killed_case_had_begun_to_share_is_not_taken(tmp_path: Path) -> None:
-    (tmp_path / "work" / "sfm").mkdir(parents=True)
-    matched = tmp_path / "shared"
-    matched.mkdir()
-    (matched / "half").touch()
-    _share_sfm(tmp_path / "work", matched, {STAGE: 1.0})
-    assert [path.name for path in matched.iterdir()] == ["study.json"]
+def test_a_case_that_needs_no_matches_makes_none(matched: list[Path], tmp_path: Path) -> None:
+    case, config = case_of(poses="capture")
+    assert not _workplace(case, CAPTURE, config, tmp_path).exists()
+    assert matched == []
+
+
+def test_cases_at_the_same_time_match_once(matched: list[Path], tmp_path: Path) -> None:
+    case, config = case_of(poses="sfm")
+    with ThreadPoolExecutor(2) as pool:
+        for _ in range(2):
+            pool.submit(_match_once, CAPTURE, config.sfm, tmp_path / case.key)
+    assert matched == [tmp_path / case.key]
+
+
+def test_what_a_killed_case_had_begun_to_match_goes_on(matched: list[Path], tmp_path: Path) -> None:
+    case, config = case_of(poses="sfm")
+    write_atomically(_matched(case, config, tmp_path) / "half", b"")
+    work = _workplace(case, CAPTURE, config, tmp_path)
+    assert matched == [_matched(case, config, tmp_path)]
+    assert {path.name for path in (work / "sfm").iterdir()} == {"half", "model", NOTE}
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.03, 0.98])
