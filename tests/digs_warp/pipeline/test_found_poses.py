@@ -1,6 +1,8 @@
 """Poses before a wall whose pattern repeats: images agree on wrong ones, and depth tells."""
 
+import logging
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,10 @@ from digs_warp.data.images import write_image
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.geometry import matrix_from_rotation_vector, rigid
 from digs_warp.pipeline.found_poses import depth_doubt
+from digs_warp.pipeline.front_end import front_end
+from digs_warp.pipeline.front_end_config import FrontEndConfig
+from digs_warp.poses.align import in_place
+from digs_warp.record.run_log import RunLog
 from digs_warp.sfm.config import SfmConfig
 from reference.optional import open3d_or_skip
 
@@ -41,3 +47,23 @@ def test_depth_contradicts_poses_that_are_a_tile_off(capture: Capture) -> None:
     doubt = depth_doubt(capture, PosedFrames(tuple(frames), ()), SfmConfig())
     assert "color and depth show another motion" in doubt
     assert not depth_doubt(capture, PosedFrames(capture.frames, ()), SfmConfig())
+
+
+def test_auto_takes_color_and_depth_where_images_mislead(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    open3d_or_skip()
+    lost = [replace(f, camera=replace(f.camera, world_from_cam=np.eye(4))) for f in capture.frames]
+    about = replace(capture.about, poses_known=False)
+    unknown = replace(capture, frames=tuple(lost), about=about)
+    config = FrontEndConfig(sfm=SfmConfig(poses="auto"), test_every=4)
+    with caplog.at_level(logging.WARNING):
+        prepared = front_end(unknown, config, tmp_path, RunLog("test", {}))
+    assert "that repeats; trying color and depth (--poses rgbd)" in caplog.text
+    assert prepared.tracking is not None and prepared.sfm is None
+    by_time = [frame for frame, _ in prepared.frames.by_time]
+    found = np.stack([frame.camera.world_from_cam for frame in by_time])
+    true = np.stack([frame.camera.world_from_cam for frame in capture.frames])
+    moved = in_place(found, true, 0.6) - true
+    assert 1000 * np.linalg.norm(moved[:, :3, 3], axis=1).max() < 5.0
+    assert np.degrees(np.linalg.norm(moved[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0)).max() < 0.3
