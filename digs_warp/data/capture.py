@@ -31,7 +31,8 @@ class Capture:
     """A recording: its frames in order of time, the rig (if stereo), and facts about the recording.
 
     ``stored_in`` is the folder it was read from; None if it was made in memory. ``points`` is the file of the
-    sparse points that came with the recording, in its world; None: there are none.
+    sparse points that came with the recording, in its world; None: there are none. ``held_out`` are the names
+    of the frames that a reconstruction of it held out; None: any frame may be.
     """
 
     stored_in: Path | None
@@ -39,6 +40,7 @@ class Capture:
     rig: Rig | None
     about: About = field(default_factory=About)
     points: Path | None = None
+    held_out: frozenset[str] | None = None
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -94,15 +96,17 @@ class Capture:
         return self.about.readout_time or 0.0
 
     def split(self, test_every: int = 8) -> tuple[list[Frame], list[Frame]]:
-        """Return (training, test) frames: every ``test_every``-th, starting at the first, is held out.
+        """Return (training, test) frames: ``held_out``, or every ``test_every``-th from the first on, tests.
 
         Raises:
             DigsError: ``test_every`` is below 2, which would leave nothing to train on.
         """
         check_flag("--test-every", test_every)
-        test = [frame for i, frame in enumerate(self.frames) if i % test_every == 0]
-        train = [frame for i, frame in enumerate(self.frames) if i % test_every != 0]
-        return train, test
+        groups: dict[bool, list[Frame]] = {False: [], True: []}
+        for i, frame in enumerate(self.frames):
+            tests = i % test_every == 0 if self.held_out is None else frame.name in self.held_out
+            groups[tests].append(frame)
+        return groups[False], groups[True]
 
 
 def read_capture(folder: Path) -> Capture:

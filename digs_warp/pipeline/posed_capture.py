@@ -1,4 +1,4 @@
-"""The recording as a reconstruction used it: with refined or estimated poses, and its masks."""
+"""The recording as a reconstruction used it: refined or estimated poses, its masks, and what it held out."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +30,8 @@ def posed_capture(folder: Path) -> Capture:
     capture = read_capture(result.capture)
     frames = tuple(frame for frame, _ in result.frames.by_time)
     about = replace(capture.about, poses_known=None)
-    return replace(capture, frames=frames, about=about, points=None)
+    held_out = frozenset(frame.name for frame in result.frames.held_out)
+    return replace(capture, frames=frames, about=about, points=None, held_out=held_out)
 
 
 def _is_reconstruction(folder: Path) -> bool:

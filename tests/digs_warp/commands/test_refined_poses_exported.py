@@ -1,5 +1,6 @@
 """Refined poses leave the program: in the index and the models of other programs, and in USD scenes."""
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -64,6 +65,18 @@ def test_an_export_of_a_reconstruction_has_its_poses_and_masks(
     assert_allclose(np.stack(found), np.stack(poses), atol=1e-5)
     for mask in out.glob("masks/*"):
         assert read_image(mask, "mask").min() == 255
+
+
+def test_an_export_of_a_reconstruction_holds_out_the_same_frames(
+    work: tuple[Path, list[np.ndarray], Capture], tmp_path: Path
+) -> None:
+    out = tmp_path / "nerfstudio"
+    line = ["convert", str(work[0] / "reconstruction"), "--to", "nerfstudio", "--out", str(out)]
+    assert main(line) == EXIT_OK
+    index = json.loads((out / "transforms.json").read_text())
+    assert index["val_filenames"] == ["images/0000.png", "images/0004.png"]
+    training = [i for i in range(8) if i % HELD_OUT]
+    assert index["train_filenames"] == [f"images/{i:04d}.png" for i in training]
 
 
 def test_the_cameras_of_a_usd_scene_are_those_of_the_reconstruction(
