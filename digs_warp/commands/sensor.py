@@ -30,7 +30,8 @@ class FitSensor(Command):
 
     The recording is a capture of a flat, textured wall that fills the image: several frames of a camera at
     rest at each of 4 to 6 distances, tilted by 10 to 20 degrees ('digs-warp convert --from' makes captures of
-    real recordings). Or it is a stereo pair with true disparity in the layout of the Middlebury data sets.
+    real recordings). An infrared pair beside the color camera is fitted from its own images. Or the recording
+    is a stereo pair with true disparity in the layout of the Middlebury data sets.
 
     Beside the profile it writes a page of the same name (.html) with standard errors, and with the statistics
     of the recording beside those of the same scene recorded by the simulated camera.
@@ -144,16 +145,16 @@ class RecordWall(Command):
     def execute(self) -> str:
         """Record, and say where the capture is."""
         from digs_warp.data.capture_writer import CaptureWriter
-        from digs_warp.data.rig import Rig
         from digs_warp.sim.fit.textured_wall import record_wall
         from digs_warp.sim.profiles import load_profile
+        from digs_warp.sim.recorded_facts import rig_record
         from digs_warp.sim.sensor.color.calibration_drift import CalibrationDrift
 
         rig = load_profile(self.profile).rig(self.width)
         drift = CalibrationDrift().draw(rig, self.seed)
         log = RunLog("sensor wall", self)
         with NewFolder(out=self.out, overwrite=self.overwrite).opened() as folder:
-            writer = CaptureWriter(folder, rig.intrinsics, Rig(rig.baseline))
+            writer = CaptureWriter(folder, rig.image_intrinsics, rig_record(rig))
             with log.stage("record"):
                 capture = record_wall(
                     writer, rig, self.tier, frames=self.frames, seed=self.seed, drift=drift

@@ -75,7 +75,7 @@ def d435_pair(folder: Path) -> tuple[Estimate, dict[str, LocalNoise]]:
     found = {
         "full search": measured,
         "recorded images": sense(known_frame(left, right, scene, rig), "guided").disparity,
-        "right image simulated": sense_frame(frame)[1].disparity,
+        "right image simulated": sense_frame(frame, gray=True)[1].disparity,
     }
     return noise, {name: local_noise(disparity, where) for name, disparity in found.items()}
 
@@ -217,7 +217,8 @@ def _with_noise(
 ) -> Changes:
     images, found = [], []
     for number in range(len(frames.left)):
-        recorded, sensed = sense_frame(known_frame(left, right, scene, frames.rig, number))
+        frame = known_frame(left, right, scene, frames.rig, number)
+        recorded, sensed = sense_frame(frame, gray=True)
         images.append(recorded[0])
         found.append(sensed.disparity)
     return _changes(np.stack(images), np.stack(found))

@@ -34,7 +34,7 @@ from digs_warp.sim.fit.result import (
     sort_out,
     with_figures,
 )
-from digs_warp.sim.fit.sensing import sense_frame
+from digs_warp.sim.fit.sensing import is_gray, sense_frame
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.blame import WRONG
 from digs_warp.sim.sensor.effects.static_field import unit_field
@@ -69,7 +69,7 @@ class Simulations:
 
     def simulate(self, rig: StereoRig) -> np.ndarray:
         """Return the disparity that the simulated camera finds on the pair."""
-        return sense_frame(simulated_frame(self.pair, rig), seed=1)[1].disparity
+        return _sensed(self.pair, rig, seed=1)
 
 
 def pair_rig(pair: Pair, base: StereoRig) -> StereoRig:
@@ -96,6 +96,11 @@ def simulated_frame(pair: Pair, rig: StereoRig) -> FrameTruth:
     return known_frame(left, right, pair.disparity, rig)
 
 
+def _sensed(pair: Pair, rig: StereoRig, seed: int) -> np.ndarray:
+    gray = is_gray(np.stack([pair.left, pair.right]))
+    return sense_frame(simulated_frame(pair, rig), seed=seed, gray=gray)[1].disparity
+
+
 def try_noise(pair: Pair, base: StereoRig) -> Simulations:
     """Match the recorded pair, and the simulated one with rising noise."""
     rig = pair_rig(pair, base)
@@ -104,7 +109,7 @@ def try_noise(pair: Pair, base: StereoRig) -> Simulations:
     with progress(len(LEVELS), "Simulating", "noise level") as bar:
         for level in LEVELS:
             noisy = replace(rig, image_noise=level)
-            tried.append(sense_frame(simulated_frame(pair, noisy))[1].disparity)
+            tried.append(_sensed(pair, noisy, seed=0))
             bar.update()
     measured, guided = (sense(recorded, tier).disparity for tier in ("matcher", "guided"))
     return Simulations(rig, pair, pair.disparity, measured, guided, tuple(tried))

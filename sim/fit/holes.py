@@ -3,7 +3,7 @@
 import numpy as np
 
 from digs_warp.sim.fit.estimate import Estimate, block_numbers, block_sums, jackknife, ratio
-from digs_warp.sim.fit.range_and_step import depth_range, in_both_eyes
+from digs_warp.sim.fit.range_and_step import depth_range, is_measurable
 from digs_warp.sim.fit.wall import Wall
 from digs_warp.sim.sensor.filters import patch_areas
 
@@ -23,7 +23,7 @@ def holes(wall: Wall) -> dict[str, Estimate]:
     for pose in wall.poses:
         plane = pose.plane.disparity(wall.shape)
         depth = wall.focal_baseline / plane
-        inside = in_both_eyes(plane) & (depth >= nearest) & (depth <= farthest)
+        inside = is_measurable(pose, plane) & (depth >= nearest) & (depth <= farthest)
         for frame in pose.disparity:
             hole = inside & np.isnan(frame)
             missing.append(_shares(hole, inside, blocks))

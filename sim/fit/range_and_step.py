@@ -41,6 +41,16 @@ def in_both_eyes(disparity: np.ndarray) -> np.ndarray:
     return disparity <= np.arange(disparity.shape[1]) + 0.5
 
 
+def is_measurable(pose: Pose, plane: np.ndarray) -> np.ndarray:
+    """Return where depth could be, and both eyes see the wall, bool.
+
+    Args:
+        pose: of the camera.
+        plane: its plane at every pixel [px], (height, width).
+    """
+    return pose.looked & in_both_eyes(plane)
+
+
 def _extremes(wall: Wall) -> tuple[float, float]:
     """Return the smallest and the largest disparity that the camera reported [px]."""
     lows, highs = zip(
@@ -54,7 +64,7 @@ def _is_empty(wall: Wall, end: float, sign: int) -> bool:
     count = 0
     for pose in wall.poses:
         plane = pose.plane.disparity(wall.shape)
-        count += np.count_nonzero((sign * plane > sign * end) & in_both_eyes(plane))
+        count += np.count_nonzero((sign * plane > sign * end) & is_measurable(pose, plane))
     return bool(count >= EMPTY_PIXELS)
 
 

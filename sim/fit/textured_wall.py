@@ -8,15 +8,19 @@ import numpy as np
 from digs_warp.camera import Intrinsics
 from digs_warp.data.capture import Capture
 from digs_warp.data.capture_writer import CaptureWriter, FrameImages, MemoryWriter
-from digs_warp.data.rig import Rig
 from digs_warp.record.progress import progress
 from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.known_frame import known_frame
-from digs_warp.sim.fit.sensing import sense_frame
+from digs_warp.sim.fit.sensing import ON_IMAGES, sense_frame
+from digs_warp.sim.frame_maker import COLOR_SEED
+from digs_warp.sim.recorded_facts import rig_record
 from digs_warp.sim.rig import StereoRig
+from digs_warp.sim.sensor.color.recorded import recorded_images
 from digs_warp.sim.sensor.drift import NO_DRIFT, Drift
 from digs_warp.sim.sensor.filters import sampled
 from digs_warp.sim.sensor.frame import FrameTruth
+from digs_warp.sim.sensor.infrared.pair import one_channel
+from digs_warp.sim.sensor.infrared.registration import sources_of
 from digs_warp.sim.sensor.tiers import depth_of
 
 TILE = 3.0  # side of the piece of texture that the wall repeats [m]
@@ -70,10 +74,10 @@ def record_wall(
     seed: int = 0,
     drift: Drift = NO_DRIFT,
 ) -> Capture:
-    """Record the wall with a camera at rest at each place; vignetting is left out.
+    """Record the wall with a camera at rest at each place; no vignetting, no projector.
 
     Args:
-        writer: of the rig's size and baseline.
+        writer: as `in_memory` makes it for the rig.
         rig: the camera, with the figures to be found again.
         tier: of the sensor.
         places: one after another.
@@ -84,15 +88,20 @@ def record_wall(
     with progress(len(places) * frames, "Recording", "frame") as bar:
         for i, place in enumerate(places):
             truth = photograph(place, rig, seed, drift)
+            color = _of_color_camera(place, rig, seed) if rig.has_color_camera else None
             for number in range(i * frames, (i + 1) * frames):
                 frame = replace(truth, number=number)
-                recorded, sensed = sense_frame(frame, tier, seed)
-                images = FrameImages(
-                    image=recorded[0],
-                    right=recorded[1],
-                    depth=depth_of(sensed, frame),
-                    depth_true=frame.depth,
-                )
+                recorded, sensed = sense_frame(frame, tier, seed, gray=color is not None)
+                depth = depth_of(sensed, frame)
+                if color is None:
+                    images = FrameImages(
+                        image=recorded[0],
+                        right=recorded[1],
+                        depth=depth,
+                        depth_true=frame.depth,
+                    )
+                else:
+                    images = _registered(recorded, depth, replace(color, number=number), rig, seed)
                 writer.write_frame(number, images)
                 writer.add_pose(number, np.eye(4), float(number))
                 bar.update()
@@ -101,7 +110,36 @@ def record_wall(
 
 def in_memory(rig: StereoRig) -> MemoryWriter:
     """Return a writer that keeps the recording in memory."""
-    return MemoryWriter(rig.intrinsics, Rig(rig.baseline))
+    return MemoryWriter(rig.image_intrinsics, rig_record(rig))
+
+
+def _of_color_camera(place: Place, rig: StereoRig, seed: int) -> FrameTruth:
+    """Return what the color camera beside an infrared pair sees, as both eyes of a rig with its noise."""
+    k = rig.image_intrinsics
+    own = replace(rig, intrinsics=k, image_noise=rig.color_noise)
+    image, depth = _eye(
+        place, k, rig.color_offset, np.eye(3), _texture(place.distance / k.fx, seed)
+    )
+    return known_frame(image, image, own.focal_baseline / depth, own)
+
+
+def _registered(
+    infrared: tuple[np.ndarray, np.ndarray],
+    depth: np.ndarray,
+    color: FrameTruth,
+    rig: StereoRig,
+    seed: int,
+) -> FrameImages:
+    """Return a frame of the color camera, with the depth of the infrared pair moved into its image."""
+    source = sources_of(depth, rig)
+    left, right = map(one_channel, infrared)
+    return FrameImages(
+        image=recorded_images(color, ON_IMAGES, seed + COLOR_SEED)[0],
+        depth=np.where(source < 0, np.float32(np.nan), depth.reshape(-1)[source]),
+        depth_true=color.depth,
+        infrared_left=left,
+        infrared_right=right,
+    )
 
 
 def photograph(place: Place, rig: StereoRig, seed: int = 0, drift: Drift = NO_DRIFT) -> FrameTruth:

@@ -1,17 +1,16 @@
 """A recording of a flat wall: frames of a camera at rest, at several distances, as stacks of disparity."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
-from digs_warp.data.layers import Layer
 from digs_warp.record.progress import progress
 from digs_warp.sim.fit.plane import Plane, fit_plane
+from digs_warp.sim.fit.sensing import is_gray
+from digs_warp.sim.fit.wall_frames import WallFrame, eye_of, load_frames
 from digs_warp.words import counted
 
 # More frames of a pose add little, and all of them are held in memory.
@@ -34,15 +33,27 @@ class Pose:
         plane: of their mean disparity.
         disparity: as the camera reports it [px], (frames, height, width), float32, NaN where it has none.
         images: left images, sRGB, (frames, height, width, 3), uint8.
+        looked: where depth could be, (height, width), bool: in the mask, in the image that depth belongs to.
         true: true disparity [px], (height, width), float32; None: not known.
         right: right image of the first frame, (height, width, 3), uint8; None: not recorded.
+        color: images of the color camera beside an infrared pair, like ``images``; None: there is none.
     """
 
     plane: Plane
     disparity: np.ndarray
     images: np.ndarray
+    looked: np.ndarray
     true: np.ndarray | None
     right: np.ndarray | None = None
+    color: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class ColorCamera:
+    """A color camera beside an infrared pair: `StereoRig.color_offset` [m] and `color_zoom`."""
+
+    offset: float
+    zoom: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +64,13 @@ class Wall:
         intrinsics: of the left eye.
         baseline: [m].
         poses: from the nearest to the farthest.
+        color_camera: beside an infrared pair; None: the left eye takes the images.
     """
 
     intrinsics: Intrinsics
     baseline: float
     poses: tuple[Pose, ...]
+    color_camera: ColorCamera | None = None
 
     @property
     def focal_baseline(self) -> float:
@@ -69,6 +82,11 @@ class Wall:
         """Height and width of the images [px]."""
         return self.intrinsics.height, self.intrinsics.width
 
+    @property
+    def is_gray(self) -> bool:
+        """Whether the eyes see no color."""
+        return all(is_gray(pose.images) for pose in self.poses)
+
     def distance(self, pose: Pose) -> float:
         """Return the depth of the plane on the optical axis [m]."""
         k, (a, b, c) = self.intrinsics, pose.plane.coefficients
@@ -79,18 +97,20 @@ def read_wall(capture: Capture, baseline: float) -> Wall:
     """Read the frames of a capture and sort them by pose: neighbors in time with the same plane are one.
 
     Args:
-        capture: its frames have depth.
+        capture: its frames have depth. Where it names an infrared pair, the wall is that of the left infrared
+            eye.
         baseline: [m], where the capture does not give one.
 
     Raises:
         DigsError: a frame without depth, or one that shows no flat wall.
     """
-    intrinsics = capture.frames[0].camera.intrinsics
+    color = capture.frames[0].camera.intrinsics
+    intrinsics = eye_of(color, capture.rig)
     baseline = capture.rig.baseline if capture.rig else baseline
     focal_baseline = intrinsics.fx * baseline
-    groups: list[tuple[Plane, list[_Loaded]]] = []
+    groups: list[tuple[Plane, list[WallFrame]]] = []
     with progress(len(capture), "Reading", "frame") as bar:
-        for loaded in _load(capture, focal_baseline):
+        for loaded in load_frames(capture, focal_baseline):
             plane = _plane_of(loaded.disparity, f"{capture}, frame '{loaded.name}'")
             if groups and _differ(groups[-1][0], plane, loaded.disparity.shape) <= SAME_POSE:
                 if len(groups[-1][1]) < MOST_FRAMES:
@@ -99,44 +119,15 @@ def read_wall(capture: Capture, baseline: float) -> Wall:
                 groups.append((plane, [loaded]))
             bar.update()
     poses = [_pose(capture, loaded) for _, loaded in groups]
-    wall = Wall(intrinsics, baseline, ())
-    return Wall(intrinsics, baseline, tuple(sorted(poses, key=wall.distance)))
+    wall = Wall(intrinsics, baseline, (), _color_camera(capture))
+    return replace(wall, poses=tuple(sorted(poses, key=wall.distance)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Loaded:
-    name: str
-    image: np.ndarray
-    disparity: np.ndarray
-    true: np.ndarray | None
-    right: np.ndarray | None
-
-
-def _load(capture: Capture, focal_baseline: float) -> Iterator[_Loaded]:
-    first = capture.frames[0].camera.intrinsics
-    for frame in capture.frames:
-        if not frame.has(Layer.DEPTH):
-            raise DigsError(
-                f"{capture}, frame '{frame.name}': no depth; expected depth as the camera reports it. Record "
-                "it, or give a stereo pair with true disparity"
-            )
-        if frame.camera.intrinsics != first:
-            raise DigsError(
-                f"{capture}, frame '{frame.name}': another camera than that of the first frame; fit the "
-                "recordings of each camera alone"
-            )
-        disparity = np.float32(focal_baseline) / frame.load_depth()
-        if frame.has(Layer.MASK):
-            disparity[frame.load_mask() < 128] = np.nan
-        right = frame.load_right_image() if frame.has(Layer.RIGHT) else None
-        true = _true(frame, focal_baseline)
-        yield _Loaded(frame.name, frame.load_image(), disparity, true, right)
-
-
-def _true(frame: Frame, focal_baseline: float) -> np.ndarray | None:
-    if not frame.has(Layer.DEPTH_TRUE):
+def _color_camera(capture: Capture) -> ColorCamera | None:
+    if capture.rig is None or capture.rig.infrared is None:
         return None
-    return np.float32(focal_baseline) / frame.load_depth_true()
+    pair = capture.rig.infrared
+    return ColorCamera(-pair.offset, capture.frames[0].camera.intrinsics.fx / pair.fl_x)
 
 
 def _plane_of(disparity: np.ndarray, where: str) -> Plane:
@@ -163,22 +154,27 @@ def make_pose(
     name: str,
     disparity: np.ndarray,
     images: np.ndarray,
+    looked: np.ndarray,
     true: np.ndarray | None,
     right: np.ndarray | None = None,
+    color: np.ndarray | None = None,
 ) -> Pose:
     """Return a pose with the plane of its mean disparity; ``name`` is for messages."""
     count = np.isfinite(disparity).sum(axis=0)
     mean = np.nansum(disparity, axis=0, dtype=np.float64) / np.where(count, count, np.nan)
-    return Pose(_plane_of(mean, name), disparity, images, true, right)
+    return Pose(_plane_of(mean, name), disparity, images, looked, true, right, color)
 
 
-def _pose(capture: Capture, frames: list[_Loaded]) -> Pose:
+def _pose(capture: Capture, frames: list[WallFrame]) -> Pose:
+    colors = [frame.color for frame in frames if frame.color is not None]
     return make_pose(
         f"{capture}, frames from '{frames[0].name}' on",
         np.stack([frame.disparity for frame in frames]),
         np.stack([frame.image for frame in frames]),
+        frames[0].looked,
         frames[0].true,
         frames[0].right,
+        np.stack(colors) if colors else None,
     )
 
 

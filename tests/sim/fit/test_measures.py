@@ -38,10 +38,14 @@ def smooth(rng: np.random.Generator, length: float, *shape: int) -> np.ndarray:
     return np.sqrt(np.pi) * length * fields.reshape(*shape, *SHAPE)
 
 
+def black(count: int) -> np.ndarray:
+    return np.zeros((count, *SHAPE, 3), np.uint8)
+
+
 def wall(disparities: list[np.ndarray], true: list[np.ndarray | None] | None = None) -> Wall:
     """A wall from stacks of disparity, nearest first; images are black."""
     poses = tuple(
-        make_pose("test", d.astype(np.float32), np.zeros((len(d), *SHAPE, 3), np.uint8), t)
+        make_pose("test", d.astype(np.float32), black(len(d)), np.ones(SHAPE, bool), t)
         for d, t in zip(disparities, true or [None] * len(disparities), strict=True)
     )
     return Wall(K, BASELINE, poses)

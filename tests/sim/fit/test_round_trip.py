@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from digs_warp.checks import DigsError
+from digs_warp.data.layers import Layer
 from digs_warp.sim.config import Tier
 from digs_warp.sim.fit.fit_wall import fit_wall
 from digs_warp.sim.fit.result import Fit
-from digs_warp.sim.fit.textured_wall import PLACES, in_memory, record_wall
+from digs_warp.sim.fit.sensing import is_gray, sense_frame
+from digs_warp.sim.fit.textured_wall import PLACES, in_memory, photograph, record_wall
 from digs_warp.sim.fit.wall import read_wall
 from digs_warp.sim.profiles import load_profile
 from digs_warp.sim.rig import StereoRig
@@ -83,6 +86,77 @@ def test_matched_depth_gives_back_noise_field_drift_and_range(seed: int) -> None
     }
     figures = {name: value for name, value in known.items() if name != "unit"}
     check(fit, figures | of_drift | RANGE, largest)
+
+
+def test_an_infrared_pair_is_fitted_from_its_own_images() -> None:
+    """Depth comes in the image of a color camera that stands elsewhere, sees less, and has other noise."""
+    known = {"image_noise": 1.5, "full_well": 9_000.0, "static_field": 0.15}
+    drift = Drift(yaw_deg=0.04, roll_deg=0.03, focal=1e-3, baseline=8e-3)
+    native = load_profile("d435").rig(*SIZE)
+    rig = replace(native, color_offset=-0.02, color_zoom=1.3, color_noise=3.0, unit=1, **known)
+    capture = record_wall(in_memory(rig), rig, "guided", PLACES[:4], 3, seed=0, drift=drift)
+    wall = read_wall(capture, baseline=1.0)
+    fit = fit_wall(wall, replace(native, color_offset=0.0, color_zoom=1.0))
+
+    assert wall.intrinsics == rig.intrinsics and wall.is_gray
+    for pose, place in zip(wall.poses, PLACES, strict=False):
+        assert pose.true is not None
+        off = pose.true - photograph(place, rig).disparity
+        assert np.nanmax(np.abs(off)) < 0.06, "less than a pixel along the steepest wall"
+    check(
+        fit,
+        {
+            **known,
+            "color_noise": 3.0,
+            "rotation_drift": float(np.sqrt((drift.yaw_deg**2 + drift.roll_deg**2) / 2)),
+            "focal_drift": drift.focal,
+            "disparity_step": native.disparity_step,
+        },
+        {"image_noise": 0.03, "color_noise": 0.05, "static_field": 0.03, "disparity_step": 0.0},
+    )
+    found = {figure.name: figure.estimate.value for figure in fit.figures}
+    assert found["color_offset"] == pytest.approx(-0.02)
+    assert found["color_zoom"] == pytest.approx(1.3)
+    (table,) = fit.tables.values()
+    rows = {row.name: row for row in table}
+    temporal = rows["of that, temporal [px]"]
+    assert temporal.simulated.value == pytest.approx(temporal.measured.value, rel=0.08)
+    assert rows["share without depth"].measured.value < 1e-3, "the color camera sees less"
+    assert {"min_depth", "max_depth", "baseline_drift"} <= set(fit.kept), "not seen, not precise"
+
+
+def test_noise_of_gray_eyes_is_one_value() -> None:
+    """The brightness of three independent channels is less noisy: the root of .299^2 + .587^2 + .114^2."""
+    rig = replace(base(), image_noise=3.0)
+    wall = photograph(PLACES[2], rig)
+    spread = {}
+    for gray in (True, False):
+        frames = [sense_frame(replace(wall, number=i), gray=gray) for i in range(4)]
+        assert is_gray(np.stack([images for images, _ in frames])) == gray
+        spread[gray] = float(np.sqrt(np.nanmean(np.var([s.disparity for _, s in frames], axis=0))))
+    assert 1.3 < spread[True] / spread[False] < 1.7
+
+
+def test_an_infrared_pair_without_its_images_is_named() -> None:
+    rig = load_profile("d435").rig(*SIZE)
+    capture = record_wall(in_memory(rig), rig, "law", PLACES[:1], frames=1)
+    frames = tuple(frame.without_layer(Layer.INFRARED_RIGHT) for frame in capture.frames)
+    with pytest.raises(DigsError, match="frame '0000': no right infrared image; expected both"):
+        read_wall(replace(capture, frames=frames), rig.baseline)
+
+
+def test_what_a_mask_hides_is_no_hole() -> None:
+    """The wall fills the left half; the camera reports all of it."""
+    rig = replace(base(), static_field=0.1)
+    capture = record_wall(in_memory(rig), rig, "guided", PLACES[1:3], frames=1)
+    mask = np.zeros(SIZE[::-1], np.uint8)
+    mask[:, : SIZE[0] // 2] = 255
+    frames = tuple(frame.with_layer(Layer.MASK, mask) for frame in capture.frames)
+    fit = fit_wall(read_wall(replace(capture, frames=frames), rig.baseline), base())
+    (table,) = fit.tables.values()
+    (missing,) = (row for row in table if row.name == "share without depth")
+    assert missing.measured.value < 0.02 and missing.simulated.value < 0.02
+    assert "max_depth" in fit.kept, "the mask ends, not the camera's range"
 
 
 @pytest.mark.parametrize("seed", OF_LAW)
