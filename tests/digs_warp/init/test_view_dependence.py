@@ -5,7 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from digs_warp.init.view_dependence import chosen, prediction_error, view_dependence
+from digs_warp.data.layers import Layer
+from digs_warp.init.view_dependence import (
+    chosen,
+    evenly_exposed,
+    prediction_error,
+    view_dependence,
+)
 from digs_warp.sh import sh_basis
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 
@@ -43,6 +49,51 @@ def test_noise_is_no_dependence_on_the_view() -> None:
     assert matte.degree == 1
     assert matte.errors[3] < matte.errors[0]  # it predicts worse
     assert "used from 0.8 dB on" in matte.because
+
+
+def adapting(
+    directions: np.ndarray, colors: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Directions of points that are seen, their colors where the exposure varies, and its factors."""
+    some = np.isfinite(colors[..., 0]).any(axis=1)
+    angle = np.linspace(0, 6 * np.pi, colors.shape[1], endpoint=False)
+    factors = np.exp(0.3 * np.sin(2 * angle)[:, None] * [1.0, 1.1, 0.9])
+    return directions[some], colors[some] * factors, factors
+
+
+def test_a_camera_that_adapts_to_the_light_is_no_gloss() -> None:
+    directions, changed, factors = adapting(*seen(1, points=200))
+    assert chosen(directions, changed).degree == 3
+    even = evenly_exposed(changed)
+    assert chosen(directions, even).degree == 1
+    found = np.nanmedian(np.log(changed / even), axis=0)
+    expected = np.log(factors) - np.log(factors).mean(axis=0)
+    np.testing.assert_allclose(found, expected, atol=0.06)
+
+
+def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
+    frames = []
+    for number, frame in enumerate(write_tiny_capture(tmp_path / "capture", frames=24).frames):
+        darker = np.exp(-0.4 * (1 + np.sin(0.5 * number)))
+        image = np.rint(frame.load_image() * darker).astype(np.uint8)
+        frames.append(frame.with_layer(Layer.IMAGE, image))
+    found = view_dependence(frames, ball(400).means)
+    assert found.degree == 1 and found.points > 40
+
+
+def test_the_exposure_of_photographs_hides_no_gloss() -> None:
+    directions, changed, _ = adapting(*seen(3, points=200))
+    assert chosen(directions, evenly_exposed(changed)).degree == 3
+    black = np.where(np.isfinite(changed), 0.0, np.nan)
+    black[:, 3] = np.nan  # a photograph that sees nothing
+    np.testing.assert_array_equal(evenly_exposed(black), black)
+
+
+def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
+    capture = write_tiny_capture(tmp_path / "capture")
+    elsewhere = np.full((19000, 3), 10 * RADIUS)
+    found = view_dependence(capture.frames, np.concatenate([elsewhere, ball(800).means]))
+    assert found.points > 60  # every tenth point would show 12
 
 
 def test_predictions_are_those_of_fits_without_the_color() -> None:
