@@ -67,4 +67,6 @@ def rows_of(page: str) -> dict[str, str]:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:]:
+        sys.exit(__doc__)
     main()

@@ -5,6 +5,7 @@ Usage: python scripts/randomization_page.py
 
 import ast
 import inspect
+import sys
 from dataclasses import fields, is_dataclass
 from typing import Any, get_type_hints
 
@@ -71,4 +72,6 @@ def help_texts(settings: type) -> dict[str, str]:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:]:
+        sys.exit(__doc__)
     main()

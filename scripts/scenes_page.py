@@ -3,6 +3,8 @@
 Usage: python scripts/scenes_page.py   (needs the sample data; about a minute)
 """
 
+import sys
+
 from page_marks import DOCS, fill
 
 from digs_warp.study.scene_pictures import REAL, SCENES, DepthSpread, draw_scenes, real_spread
@@ -35,4 +37,6 @@ def row(label: str, spread: DepthSpread) -> list[str]:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:]:
+        sys.exit(__doc__)
     main()

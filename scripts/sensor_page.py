@@ -116,4 +116,6 @@ def figure_rows() -> list[list[str]]:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:]:
+        sys.exit(__doc__)
     main()

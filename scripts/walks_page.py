@@ -3,6 +3,8 @@
 Usage: python scripts/walks_page.py   (needs the sample data; some seconds)
 """
 
+import sys
+
 from page_marks import fill
 
 from digs_warp.sim.walk.settings import WalkSettings
@@ -31,4 +33,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:]:
+        sys.exit(__doc__)
     main()
