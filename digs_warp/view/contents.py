@@ -48,6 +48,7 @@ class Contents:
         frames: the views, in the order of time; empty where they are not known.
         points: clouds by their names, such as "start".
         meshes: surfaces by their names, such as "true surface".
+        recording: the folder of the recording; results of one recording stand in one world. None: not known.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Contents:
     frames: tuple[Frame, ...] = ()
     points: dict[str, PointCloud] = field(default_factory=dict)
     meshes: dict[str, TriangleMesh] = field(default_factory=dict)
+    recording: Path | None = None
 
     def world_points(self) -> np.ndarray:
         """Return points that say where it is and how large [m], shape (n, 3); never empty."""
@@ -107,6 +109,7 @@ def _of_capture(folder: Path) -> Contents:
         frames=tuple(frames),
         points=points | sensed_points(frames),
         meshes=_true_surface(folder),
+        recording=folder.resolve(),
     )
 
 
@@ -131,6 +134,7 @@ def _of_reconstruction(path: Path, result: Reconstruction) -> Contents:
         tuple(frames),
         points | sensed_points(frames),
         _true_surface(result.capture) if result.capture else {},
+        result.capture.resolve() if result.capture else None,
     )
 
 

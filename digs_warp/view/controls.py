@@ -14,6 +14,9 @@ from digs_warp.view.true_render import Shown
 if TYPE_CHECKING:
     import viser
 
+# How several contents stand: all in a row, or one of them alone.
+SIDE_BY_SIDE = "side by side"
+
 # The browser draws the Gaussians itself.
 BY_BROWSER = "in the browser"
 
@@ -28,6 +31,7 @@ class Controls:
         contents: what the page shows.
 
     Attributes:
+        standing: of several contents, all side by side or one alone.
         layers: what is shown and hidden, by name.
         stage: the place in the training, from 0 to 1.
         label: says in words which Gaussians are shown.
@@ -39,10 +43,16 @@ class Controls:
 
     def __init__(self, gui: "viser.GuiApi", contents: Sequence[Contents]) -> None:
         self._gui = gui
-        self._many = [each.name for each in contents] if len(contents) > 1 else []
+        # Numbered: two folders may have the same name.
+        self._names = [f"{n}: {each.name}" for n, each in enumerate(contents, start=1)]
         for each in contents:
             gui.add_markdown(f"**{each.name}**  \n" + "  \n".join(each.facts))
-        self._contents_shown = [gui.add_checkbox(name, True) for name in self._many]
+        self.standing = gui.add_dropdown(
+            "Compare",
+            [SIDE_BY_SIDE, *self._names],
+            hint="All in a row, or one after the other in the same place.",
+            visible=len(contents) > 1,
+        )
         has_gaussians = any(each.stages for each in contents)
         self.layers = self._add_layers(contents, has_gaussians)
         frames = tuple(frame for each in contents for frame in each.frames)
@@ -88,14 +98,20 @@ class Controls:
             return None
         return Box(self.box_center.value, self.box_size.value)
 
+    @property
+    def numbers(self) -> list[int]:
+        """The contents that are shown, in their order."""
+        if self.standing.value == SIDE_BY_SIDE:
+            return list(range(len(self._names)))
+        return [self._names.index(self.standing.value)]
+
     def stage_of(self, count: int) -> int:
         """Return which of ``count`` stages is shown."""
         return round(self.stage.value * (count - 1))
 
     def shows(self, number: int, layer: str) -> bool:
         """Return whether a layer of the contents with this number is to be seen."""
-        chosen = not self._many or self._contents_shown[number].value
-        return chosen and self.layers[layer].value
+        return number in self.numbers and self.layers[layer].value
 
     def on_stage(self, action: Action) -> None:
         """Call ``action`` when another stage is chosen."""
@@ -107,8 +123,12 @@ class Controls:
 
     def on_choice(self, action: Action) -> None:
         """Call ``action`` when something is shown, hidden or drawn in another way."""
-        for switch in (*self._contents_shown, *self.layers.values(), self.drawn):
+        for switch in (*self.layers.values(), self.drawn):
             switch.on_update(lambda _: action())
+
+    def on_standing(self, action: Action) -> None:
+        """Call ``action`` when other contents are to be shown."""
+        self.standing.on_update(lambda _: action())
 
     def on_pictures(self, action: Action) -> None:
         """Call ``action`` when the cameras are to show something else."""

@@ -42,11 +42,7 @@ class Page:
     def __init__(self, server: "viser.ViserServer", contents: Sequence[Contents]) -> None:
         self._server = server
         self._contents = list(contents)
-        offsets = side_by_side(len(contents))
-        self._placements = [
-            Placement.of(each.world_points(), offset)
-            for each, offset in zip(contents, offsets, strict=True)
-        ]
+        self._placements = _placed(contents)
         self._nodes: dict[tuple[int, str], list[viser.SceneNodeHandle]] = {}
         self._streamers: dict[int, Streamer] = {}
         self._changing = threading.RLock()
@@ -57,10 +53,18 @@ class Page:
         server.initial_camera.position = FIRST_EYE
         server.initial_camera.look_at = (0.0, 0.0, 0.0)
         server.scene.set_up_direction("+z")
-        self._add_still_nodes()
-        self.show_gaussians()
+        self.arrange()
         server.on_client_connect(self._welcome)
         server.on_client_disconnect(self._farewell)
+
+    def arrange(self) -> None:
+        """Put the chosen contents side by side, or one of them alone in the middle."""
+        with self._changing:
+            numbers = self.controls.numbers
+            for number, offset in zip(numbers, side_by_side(len(numbers)), strict=True):
+                self._placements[number] = self._placements[number].at(offset)
+            self._add_still_nodes()
+            self.show_gaussians()
 
     def show_gaussians(self) -> None:
         """Put the Gaussians of the chosen stage into the scene; what the box cuts off is left out."""
@@ -95,10 +99,12 @@ class Page:
                 streamer.update()
 
     def save(self, target: Path) -> str:
-        """Save the Gaussians that are shown of the first contents, in their world; return what was done."""
-        number = next(n for n, each in enumerate(self._contents) if each.stages)
-        world = self._world_gaussians(number)
-        assert world is not None
+        """Save the Gaussians of the first contents that are shown, in their world; return what was done."""
+        chosen = self.controls.numbers
+        number = next((n for n in chosen if self._contents[n].stages), None)
+        world = None if number is None else self._world_gaussians(number)
+        if number is None or world is None:
+            return "Not saved: what is shown has no Gaussians."
         box = self.controls.box
         page = self._placements[number].points(world.means)
         keep = np.ones(len(world), dtype=bool) if box is None else box.holds(page)
@@ -116,6 +122,7 @@ class Page:
     def _connect(self) -> None:
         controls = self.controls
         controls.on_stage(self.show_gaussians)
+        controls.on_standing(self.arrange)
         controls.on_choice(self.show_what_is_chosen)
         controls.on_pictures(self._replace_cameras)
         controls.on_crop(self.show_gaussians)
@@ -126,6 +133,9 @@ class Page:
         for number, (each, placement) in enumerate(
             zip(self._contents, self._placements, strict=True)
         ):
+            for layer in (*each.points, *each.meshes):
+                for handle in self._nodes.pop((number, layer), []):
+                    handle.remove()
             for layer, cloud in each.points.items():
                 handle = nodes.add_points(scene, _name(number, layer), cloud, placement)
                 self._nodes[number, layer] = [handle]
@@ -198,6 +208,18 @@ class Page:
         streamer = self._streamers.pop(client.client_id, None)
         if streamer is not None:
             streamer.end()
+
+
+def _placed(contents: Sequence[Contents]) -> list[Placement]:
+    """Return where each stands; all results of a recording have one scale, so that they can be compared."""
+    found: dict[Path, Placement] = {}
+    placements = []
+    for each in contents:
+        placement = Placement.of(each.world_points())
+        if each.recording is not None:
+            placement = found.setdefault(each.recording, placement)
+        placements.append(placement)
+    return placements
 
 
 def _name(number: int, layer: str) -> str:

@@ -12,6 +12,7 @@ from digs_warp.data.gaussians import Gaussians
 from digs_warp.pipeline.scene_files import read_scene
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.view.contents import Contents, Stage
+from digs_warp.view.controls import SIDE_BY_SIDE
 from digs_warp.view.live import live_page
 from digs_warp.view.page import Page
 from digs_warp.view.server import started
@@ -118,3 +119,34 @@ def test_the_box_cuts_and_the_button_saves(page: tuple[Page, str], tmp_path: Pat
     saved = read_scene(target).gaussians
     assert 0.3 < len(saved) / len(ball()) < 0.7
     assert "exists" in shown.save(target)
+
+
+def test_results_of_a_recording_stand_side_by_side_or_one_by_one_in_the_same_place(
+    tmp_path: Path,
+) -> None:
+    """The second is seen smaller where both have one scale, and is what is saved when it stands alone."""
+    red, blue = tinted((0.9, 0.1, 0.1)), tinted((0.1, 0.1, 0.9))
+    part = blue.select(blue.means[:, 2] > np.median(blue.means[:, 2]))
+    contents = [
+        Contents(name, stages=(Stage("result", gaussians),), recording=tmp_path)
+        for name, gaussians in (("same name", red), ("same name", part))
+    ]
+    with started(contents, "127.0.0.1", 8080) as (page, _):
+
+        def places() -> list[np.ndarray]:
+            shown = (page._page_gaussians(number) for number in (0, 1))
+            return [each.means for each in shown if each is not None]
+
+        first, second = places()
+        assert second[:, 0].min() > first[:, 0].max()
+        page.controls.standing.value = "1: same name"
+        alone = places()[0]
+        assert page.controls.shows(0, "gaussians") and not page.controls.shows(1, "gaussians")
+        page.controls.standing.value = "2: same name"
+        assert page.controls.shows(1, "gaussians") and not page.controls.shows(0, "gaussians")
+        half = alone[red.means[:, 2] > np.median(red.means[:, 2])]
+        np.testing.assert_allclose(places()[1], half, atol=1e-5)
+        page.save(tmp_path / "second.ply")
+        assert len(read_scene(tmp_path / "second.ply").gaussians) == len(part)
+        page.controls.standing.value = SIDE_BY_SIDE
+        np.testing.assert_array_equal(places()[1], second)
