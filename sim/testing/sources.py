@@ -9,6 +9,7 @@ from typing import Protocol
 from digs_warp.record.files import to_json
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.inputs import load_inputs
+from digs_warp.sim.mesh.named_files import mesh_files
 from digs_warp.sim.record import simulate
 from digs_warp.sim.session import Session, prepare_session
 from digs_warp.sim.testing.noisy_recording import content_of, write_noisy
@@ -40,18 +41,22 @@ class SimulatedWalk:
     config: SimulateConfig
 
     def key(self, strength: float) -> str:
-        """Hash the settings, and the files they name."""
+        """Hash the settings, the files they name, and those that these name."""
         config = self._at(strength)
-        profile = None if config.profile is None else Path(config.profile)
         digest = hashlib.sha256(to_json(config).encode())
-        for path in (*config.input_files, profile):
-            if path is not None and path.is_file():
-                digest.update(hashlib.sha256(path.read_bytes()).digest())
+        for path in self._files:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()[:KEY_LENGTH]
 
     def write(self, strength: float, folder: Path) -> None:
         """Simulate; see `NoiseSource.write`."""
         simulate(self._at(strength), folder, resume=True, session=self._session)
+
+    @property
+    def _files(self) -> list[Path]:
+        profile = None if self.config.profile is None else Path(self.config.profile)
+        named = [path for path in (*self.config.input_files, profile) if path and path.is_file()]
+        return [file for path in named for file in mesh_files(path)]
 
     def _at(self, strength: float) -> SimulateConfig:
         return replace(self.config, strength=float(strength))
