@@ -97,6 +97,14 @@ class Browser:
         for kind, (x, y) in (("mousePressed", start), ("mouseMoved", end), ("mouseReleased", end)):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, buttons=1, **button)
 
+    def touch(self, *moves: Sequence[tuple[float, float]]) -> None:
+        """Put fingers on places of the window [px], move them to each further list of places, lift them."""
+        for number, fingers in enumerate(moves):
+            points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in enumerate(fingers)]
+            kind = "touchMove" if number else "touchStart"
+            self._call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        self._call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def click(self, selector: str) -> None:
         """Click the middle of an element, by its CSS selector, after scrolling to it."""
         element = f"document.querySelector({json.dumps(selector)})"

@@ -9,14 +9,23 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.report.causes import describe_causes, paint_causes
-from digs_warp.report.markup import legend, picture, picture_grid, section, swatches
+from digs_warp.report.causes import causes_apart, describe_causes, paint_causes
+from digs_warp.report.markup import (
+    details,
+    figure,
+    legend,
+    picture,
+    picture_grid,
+    section,
+    swatches,
+)
 from digs_warp.report.pictures import (
     ColorScale,
     data_uri,
     depth_scale,
     error_scale,
     shrink,
+    shrink_factor,
 )
 
 MAX_FRAMES = 6
@@ -68,7 +77,22 @@ def capture_section(capture: Capture, doubts: Sequence[str] = ()) -> str:
         picture_grid(headings, rows),
         f"<div class=legends>{''.join(legends)}</div>",
         swatches(causes) if (causes := describe_causes(capture, frames)) else "",
+        _causes_apart(capture, frames),
     )
+
+
+def _causes_apart(capture: Capture, frames: Sequence[Frame]) -> str:
+    """Return a part that opens on click, with the causes in a frame one by one."""
+    frame = next((frame for frame in frames if frame.has(Layer.CAUSE)), None)
+    if frame is None or not (found := causes_apart(capture, frame)):
+        return ""
+    figures = []
+    for pixels, name in found:
+        image = shrink(pixels, THUMBNAIL_WIDTH // 2)
+        alt = f"Frame {frame.name}: black where the cause is {name}"
+        figures.append(figure(picture(data_uri(image), alt, image.shape[1], image.shape[0]), name))
+    summary = f"Causes one by one, black, in frame {frame.name}"
+    return details(summary, f"<div class=small>{''.join(figures)}</div>")
 
 
 def _scale_words(frames: Sequence[Frame]) -> str:
@@ -116,9 +140,11 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
         _Column("Depth error", "sensed minus true depth in colours", (_TRUE, _SENSED), error),
         _Column(
             "Cause of errors",
-            "cause of missing and wrong depth in colours",
+            "cause of missing and wrong depth in colours and patterns",
             (Layer.CAUSE,),
-            lambda frame: paint_causes(frame.load_cause()),
+            lambda frame: paint_causes(
+                causes := frame.load_cause(), shrink_factor(causes.shape[1], THUMBNAIL_WIDTH)
+            ),
         ),
         _Column("Mask", "object mask, white on the object", (Layer.MASK,), grey),
     ]

@@ -1,4 +1,4 @@
-"""Why depth pixels are missing or wrong, in colors: the cause images of a simulated capture."""
+"""Why depth pixels are missing or wrong, in colors and patterns: the cause images of a simulated capture."""
 
 from collections.abc import Sequence
 
@@ -7,6 +7,7 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.report.pictures import data_uri
 
 # Nearly white where the depth is right: only what went wrong has a color.
 OK_COLOR = np.array([238, 240, 243], dtype=np.uint8)
@@ -15,27 +16,81 @@ OK_COLOR = np.array([238, 240, 243], dtype=np.uint8)
 COLOR_MAP = "tab20"
 PAIR_STEP = 7
 
+# Patterns tell causes apart for people who do not see the colors: which places of a tile are drawn darker.
+TILE = 8
+DARKER = 0.4
+_ROW, _COLUMN = np.mgrid[:TILE, :TILE]
+PATTERNS = np.array(
+    [
+        (_ROW + _COLUMN) % TILE < 2,  # rising lines
+        _ROW % 4 < 1,  # level lines
+        (_ROW % 4 < 2) & (_COLUMN % 4 < 2),  # dots
+        (_ROW - _COLUMN) % TILE < 2,  # falling lines
+        _COLUMN % 4 < 1,  # upright lines
+        (_ROW % TILE < 2) | (_COLUMN % TILE < 2),  # a grid
+        ((_ROW + _COLUMN) % TILE < 1) | ((_ROW - _COLUMN) % TILE < 1),  # crossed lines
+        np.zeros((TILE, TILE), dtype=bool),  # plain
+    ]
+)
 
-def paint_causes(causes: np.ndarray) -> np.ndarray:
-    """Return a color per cause, shape (height, width, 3), uint8; causes: (height, width), uint8."""
+SWATCH_HEIGHT, SWATCH_WIDTH = 2 * TILE, 3 * TILE
+
+
+def paint_causes(causes: np.ndarray, step: int = 1) -> np.ndarray:
+    """Return a color and a pattern per cause, shape (height, width, 3), uint8.
+
+    Args:
+        causes: codes, (height, width), uint8; 0: the depth is right.
+        step: side of a place of the pattern [px]; by how much the picture will be reduced.
+    """
     import matplotlib
 
     colors = matplotlib.colormaps[COLOR_MAP]
-    table = (colors((PAIR_STEP * np.arange(256)) % colors.N)[:, :3] * 255 + 0.5).astype(np.uint8)
-    table[0] = OK_COLOR
-    return table[causes]
+    table = colors((PAIR_STEP * np.arange(256)) % colors.N)[:, :3]
+    table = (np.stack([table, DARKER * table]) * 255 + 0.5).astype(np.uint8)
+    table[:, 0] = OK_COLOR
+    rows, columns = ((np.arange(size) // step) % TILE for size in causes.shape)
+    kind = (causes.astype(np.int64) - 1) % len(PATTERNS)
+    darker = PATTERNS[kind, rows[:, None], columns[None, :]]
+    return table[darker.astype(np.int64), causes]
 
 
 def describe_causes(capture: Capture, frames: Sequence[Frame]) -> list[tuple[str, str]]:
-    """Return (CSS color, "cause, share of pixels") of every cause in the frames, the largest first."""
+    """Return (data URI of a swatch, "cause, share of pixels") of every cause in the frames.
+
+    The largest comes first.
+    """
     counts = np.zeros(256, dtype=np.int64)
     for frame in frames:
         if frame.has(Layer.CAUSE):
             counts += np.bincount(frame.load_cause().ravel(), minlength=256)
-    labels = capture.about.cause_labels or {}
     described = []
     for code in np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]:
-        r, g, b = paint_causes(np.array([[code]]))[0, 0]
-        name = labels.get(int(code), f"cause {code}").replace("_", " ")
-        described.append((f"rgb({r} {g} {b})", f"{name} {counts[code] / counts.sum():.1%}"))
+        swatch = paint_causes(np.full((SWATCH_HEIGHT, SWATCH_WIDTH), code, np.uint8))
+        words = f"{_name(capture, code)} {counts[code] / counts.sum():.1%}"
+        described.append((data_uri(swatch), words))
     return described
+
+
+def causes_apart(capture: Capture, frame: Frame) -> list[tuple[np.ndarray, str]]:
+    """Return a picture for each cause in a frame, black where it is, and its name; the largest first.
+
+    Where an area is thinner than a pattern, only this tells its cause without color.
+    """
+    causes = frame.load_cause()
+    counts = np.bincount(causes.ravel(), minlength=256)
+    counts[0] = 0
+    codes = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
+    black, white = np.uint8(0), np.uint8(255)
+    return [
+        (
+            np.repeat(np.where(causes == code, black, white)[..., None], 3, axis=2),
+            _name(capture, code),
+        )
+        for code in codes
+    ]
+
+
+def _name(capture: Capture, code: int) -> str:
+    labels = capture.about.cause_labels or {}
+    return labels.get(int(code), f"cause {code}").replace("_", " ")

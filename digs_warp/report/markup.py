@@ -80,11 +80,8 @@ def legend(scale: ColorScale, missing: bool = False) -> str:
 
 
 def swatches(items: Iterable[tuple[str, str]]) -> str:
-    """Return a legend of (CSS color, text) pairs."""
-    parts = (
-        f'<span><i style="background:{escape(color)}"></i>{escape(text)}</span>'
-        for color, text in items
-    )
+    """Return a legend of (data URI of a small picture, text) pairs."""
+    parts = (f'<span><img src="{escape(uri)}" alt="">{escape(text)}</span>' for uri, text in items)
     return f"<div class=swatches>{''.join(parts)}</div>"
 
 

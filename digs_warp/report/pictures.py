@@ -70,9 +70,14 @@ def error_scale(errors_in_mask: np.ndarray) -> ColorScale:
     return ColorScale("sensed minus true depth [mm]", -limit, limit, "coolwarm")
 
 
+def shrink_factor(width: int, max_width: int) -> int:
+    """Return the side of the blocks over which `shrink` averages [px]."""
+    return -(-width // max_width)
+
+
 def shrink(image: np.ndarray, max_width: int) -> np.ndarray:
     """Return the image, shape (height, width, 3), averaged over blocks until it is narrow enough."""
-    factor = -(-image.shape[1] // max_width)
+    factor = shrink_factor(image.shape[1], max_width)
     height, width = (max(1, size // factor) for size in image.shape[:2])
     if factor == 1 or min(image.shape[:2]) < factor:
         return image

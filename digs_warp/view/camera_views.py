@@ -43,6 +43,7 @@ def load_picture(frame: Frame, picture: Picture) -> np.ndarray | None:
         depth = frame.load_depth()
         full = painted_depth(depth, np.isfinite(depth) & (depth > 0))
     else:
-        full = paint_causes(frame.load_cause())
+        causes = frame.load_cause()
+        full = paint_causes(causes, max(1, causes.shape[1] // WIDTH))
     step = max(1, full.shape[1] // WIDTH)
     return np.ascontiguousarray(full[::step, ::step])

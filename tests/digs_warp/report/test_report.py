@@ -109,7 +109,9 @@ def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path
     assert all(str(value) in page.text for value in told.values())
     assert "8.5%" in page.text and "51 ms/MP" in page.text
     assert "occluded 25.0%" in page.text and "ok 75.0%" in page.text
-    assert len(page.images) == len(before.images) + 6
+    # A column, two swatches, and one cause apart from the others.
+    assert len(page.images) == len(before.images) + 6 + 2 + 1
+    assert "Causes one by one" in page.text
 
 
 def test_poses_scale_and_points_are_shown(run: tuple[Capture, Path, Path]) -> None:

@@ -135,6 +135,39 @@ def test_drags_keys_and_buttons_move_the_view_and_0_goes_back(tab: Browser) -> N
     assert difference(drawn(tab), first).max() == 0
 
 
+def test_one_finger_turns_and_two_zoom_and_move(page: Path, tab: Browser) -> None:
+    press(tab, "0", 1)
+    first = drawn(tab)
+    box = tab.run(f"JSON.parse(JSON.stringify({CANVAS}.getBoundingClientRect()))")
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    side = min(box["width"], box["height"])
+    scrolled = tab.run("scrollY")
+
+    # A drag across the whole view is 216 degrees: 40 degrees to the right.
+    across = side * 40 / 216
+    tab.touch([(x, y)], [(x - across / 2, y)], [(x - across, y)])
+    turned = drawn(tab)
+    assert difference(turned, by_engine(page, turned, turned_deg=40)).mean() < 1.5
+    press(tab, "0", 1)
+
+    def extent(picture: np.ndarray) -> tuple[float, float]:
+        """The width of what is seen, and its middle [px]."""
+        inside = picture[3:-3, 3:-3]  # without the outline
+        seen = np.flatnonzero((inside.min(axis=2) < 240).any(axis=0))
+        return float(np.ptp(seen)), float(seen.mean())
+
+    width, middle = extent(first)
+    tab.touch([(x - 45, y), (x + 45, y)], [(x - 36, y), (x + 36, y)], [(x - 30, y), (x + 30, y)])
+    assert extent(drawn(tab))[0] == pytest.approx(width / 1.5, rel=0.1)
+    press(tab, "0", 1)
+    tab.touch([(x - 30, y), (x + 30, y)], [(x, y), (x + 60, y)])
+    assert extent(drawn(tab))[1] == pytest.approx(middle + 30, abs=8)
+    press(tab, "0", 1)
+    # Fingers that were lifted are forgotten, and the page under them has not scrolled.
+    assert difference(drawn(tab), first).max() == 0
+    assert tab.run("scrollY") == scrolled
+
+
 def test_cameras_are_drawn_with_a_legend_that_tells_them_by_shape(tab: Browser) -> None:
     legend = "getComputedStyle(document.querySelector('#view3d .swatches')).display"
     assert tab.run(legend) == "none"
