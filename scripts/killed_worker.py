@@ -13,7 +13,6 @@ import psutil
 
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.engines.results import Results
-from digs_warp.record import layout
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.study.table import Table
 
@@ -22,8 +21,8 @@ SIZE = ("--width", "96", "--height", "54", "--tier", "law", "--samples-per-pixel
 STEPS = 30
 LOOK_EVERY = 0.2  # seconds between two looks at the processes
 
-# What a reconstruction leaves that has no times in it.
-COMPARED = (layout.GAUSSIANS, layout.EVALUATION, layout.INITIAL_POINTS)
+# What is compared: Gaussians, start points and rendered views; the other files of a result hold times.
+COMPARED = (".npz", ".png")
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,8 @@ def trial(folder: Path, count: int = COUNT, iterations: int = STEPS) -> Table:
     )
     if dask.killed_after is None:
         raise RuntimeError("no worker was killed: there was none at that time")
-    names = [f"{capture.name}/{each}" for capture in captures for each in COMPARED]
-    same = sum((one / name).read_bytes() == (two / name).read_bytes() for name in names)
+    names = sorted(files(one) | files(two))
+    same = sum(_bytes(one / name) == _bytes(two / name) is not None for name in names)
     rows = [
         ["reconstructions that ended well", *(str(finished(each)) for each in (one, two))],
         ["worker killed", "–", f"after {dask.killed_after} of {count}"],  # noqa: RUF001
@@ -151,6 +150,16 @@ class _Processor:
     def seconds(self) -> float:
         """The sum of all processes that were seen."""
         return sum(self._seconds.values())
+
+
+def files(out: Path) -> set[Path]:
+    """Return what is compared of all results in a folder, by the names below it."""
+    found = (path for path in out.rglob("*") if path.suffix in COMPARED)
+    return {path.relative_to(out) for path in found}
+
+
+def _bytes(path: Path) -> bytes | None:
+    return path.read_bytes() if path.is_file() else None
 
 
 def finished(out: Path) -> int:
