@@ -29,34 +29,21 @@ strip are computed twice. Only active blocks are computed: elsewhere image and t
 background, SSIM is 1 and its gradient is 0.
 """
 
-import math
-
 import warp as wp
 
 from digs_warp.device.contiguous import floats_from, prefetch_floats
 from digs_warp.device.image_planes import PlaneLayout
+from digs_warp.measure.ssim_window import C1, C2, REACH, WINDOW, window_sum
 
 # Products and sums are not contracted, except in a window: if fused, the variance of two equal constants
 # would not cancel, and SSIM would be off from 1 by 1e-4.
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
-
-WINDOW = 11
-REACH = WINDOW // 2  # the window reaches this far [px]
-SIGMA = 1.5
-C1 = 0.01**2  # for values in 0..1
-C2 = 0.03**2
 
 # Blocks are active or not; a strip is one block wide.
 BLOCK_ROWS = 16
 BLOCK_COLUMNS = 64
 # A thread's part of a strip: long, because each part begins with 20 rows that only fill the rings.
 SEGMENT_ROWS = 512
-
-
-def window_weights() -> list[float]:
-    """Return the 11 weights of the separable window; they sum to 1."""
-    raw = [math.exp(-((i - REACH) ** 2) / (2 * SIGMA**2)) for i in range(WINDOW)]
-    return [value / sum(raw) for value in raw]
 
 
 _C1 = wp.constant(C1)
@@ -96,20 +83,6 @@ _SUM_L1 = wp.constant(10 * _WIDE_COLUMNS)
 _SUM_DSSIM = wp.constant(11 * _WIDE_COLUMNS)
 _GRADIENT = wp.constant(12 * _WIDE_COLUMNS)
 _ROW_MEMORY = wp.constant(15 * _WIDE_COLUMNS)
-
-
-# The window is symmetric: weights of the taps at distance 5, 4, 3, 2, 1, 0.
-_TAPS = zip(window_weights()[: REACH + 1], range(REACH, -1, -1), strict=True)
-_WINDOW_SUM = f"""
-#pragma clang fp contract(fast)
-return {" + ".join(f"{weight:.9g}f * d{distance}" for weight, distance in _TAPS)};
-"""
-
-
-@wp.func_native(_WINDOW_SUM)
-def window_sum(d5: float, d4: float, d3: float, d2: float, d1: float, d0: float) -> float:
-    """Weighted sum of eleven taps, given as sums of the two at distance 5, 4, 3, 2, 1 and the middle one."""
-    ...
 
 
 @wp.func

@@ -12,11 +12,8 @@ import warp as wp
 from digs_warp.device.parallel import ParallelLaunch, default_threads
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.cooperative import (
-    CooperativeLaunch,
-    backward_cooperative_kernel,
-    forward_cooperative_kernel,
-)
+from digs_warp.splat.cooperative import backward_cooperative_kernel, forward_cooperative_kernel
+from digs_warp.splat.cooperative_launch import CooperativeLaunch
 from digs_warp.splat.group import GROUP_SIZE
 from digs_warp.splat.project import project_kernel
 from digs_warp.splat.project_adjoint import project_backward_kernel

@@ -8,10 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from digs_warp.device.image_planes import ImagePlanes
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry import PixelBox
 from digs_warp.splat.config import TILE_SIZE
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import Planes
+from digs_warp.splat.view_planes import ViewPlanes
 
 wp.set_module_options({"enable_backward": False})
 
@@ -59,3 +62,28 @@ def add_background_kernel(
         for channel in range(3):
             p = start + channel * drawn.plane + x
             drawn.image[p] = drawn.image[p] + drawn.transmittance[start + x] * background[p]
+
+
+def add_background(
+    behind: ImagePlanes, drawn: ViewPlanes, views: wp.array, device: str, threads: int
+) -> None:
+    """Add an image to what was drawn over black, where it shines through.
+
+    Args:
+        behind: sRGB, of the size of the renderer.
+        drawn: the view.
+        views: its parameters, one `ViewParams`.
+        device: Warp device of all arrays.
+        threads: CPU threads; 0 means all cores.
+
+    Raises:
+        ValueError: the image has another size.
+    """
+    image = drawn.image
+    if (behind.pitch, behind.plane, behind.channels) != (image.pitch, image.plane, 3):
+        raise ValueError(
+            f"background of {behind.max_width}x{behind.max_height} px with {behind.channels} "
+            f"channels, renderer of {image.max_width}x{image.max_height} px and 3 channels"
+        )
+    inputs = [views, behind.data, drawn.for_kernels()]
+    launch_parallel(add_background_kernel, image.max_height, inputs, device, threads)

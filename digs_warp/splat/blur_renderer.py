@@ -38,7 +38,8 @@ class BlurRenderer:
 
     After `forward`, ``image`` and ``transmittance`` hold the means. The renderer ``middle`` holds the view of
     the moment nearest to the middle of the exposure, with its depth. Put the gradients of a loss into
-    ``adj_image`` and ``adj_transmittance``, and `moments` times that in the depth into ``middle.adj_depth``.
+    ``adj_image``, ``adj_transmittance`` and ``middle.adj_depth``; that in the depth times `moments`, because
+    `backward` gives the mean over the moments, and only one of them has depth.
     """
 
     def __init__(
@@ -63,10 +64,8 @@ class BlurRenderer:
             for _ in range(moments - 1)
         ]
         self._renderers = [self.middle, *others]
-        self.adj_image, self.adj_transmittance = (
-            self.middle.adj_image,
-            self.middle.adj_transmittance,
-        )
+        self.adj_image = self.middle.adj_image
+        self.adj_transmittance = self.middle.adj_transmittance
         self.image, self.transmittance = self.middle.image, self.middle.transmittance
         if others:  # the backward pass still needs the views themselves
             device = gaussians.device
@@ -153,10 +152,7 @@ class BlurRenderer:
             self._average(content)
 
     def backward(self) -> None:
-        """Fill ``gradients`` from the ``adj_`` planes for the last `forward`.
-
-        They are the mean over the moments, hence the factor on the gradient in the depth of one of them.
-        """
+        """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""
         for renderer in self._drawn:
             renderer.backward()
         last = len(self._drawn) - 1

@@ -4,9 +4,8 @@ The formulas are in `digs_warp.splat.rasterize`. The threads of a block load the
 splats into shared memory together (3DGS), so that each record is read from global memory once per tile
 rather than once per pixel, and the block leaves when all of its pixels are saturated.
 
-The kernels need blocks of `BLOCK_THREADS` threads, and every thread has to reach every tile function: a pixel
-that is outside of the image or saturated goes on without work. Warp runs such blocks on a CPU, too, one
-thread after the other, where ``wp.config.enable_cpu_blocks`` is on: for tests, it is slow.
+Every thread has to reach every tile function: a pixel that is outside of the image or saturated goes on
+without work. The kernels are run by `digs_warp.splat.cooperative_launch`.
 """
 
 from functools import cache
@@ -15,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
-from digs_warp.splat.config import TILE_PIXELS
+from digs_warp.splat.cooperative_launch import BLOCK_THREADS, cooperative_module_options
 from digs_warp.splat.records import (
     COLOR_FIELDS,
     SPLAT_A,
@@ -36,43 +35,12 @@ from digs_warp.splat.tile import TILE
 
 wp.set_module_options({"enable_backward": False})
 
-BLOCK_THREADS = TILE_PIXELS
 _THREADS = wp.constant(BLOCK_THREADS)
 # Splats whose records are loaded together: 64 take 2.3 KB of shared memory, so that it never limits how many
 # blocks run at once.
 BATCH = wp.constant(64)
 # Columns of a record that compositing reads: the first ones.
 READ_FIELDS = wp.constant(COLOR_FIELDS)
-
-
-def cooperative_module_options() -> dict[str, Any]:
-    """Return the Warp module options of kernels that run in blocks of `BLOCK_THREADS` threads."""
-    return {"enable_backward": False, "block_dim": BLOCK_THREADS}
-
-
-class CooperativeLaunch:
-    """A recorded launch of a kernel of this kind over ``tiles`` tiles.
-
-    Raises:
-        ValueError: the device is a CPU, and Warp is not told to run blocks of threads there.
-    """
-
-    def __init__(self, kernel: wp.Kernel, tiles: int, inputs: list[Any], device: str) -> None:
-        if device == "cpu" and not wp.config.enable_cpu_blocks:
-            raise ValueError("cooperative kernels need wp.config.enable_cpu_blocks = True on a CPU")
-        self._inputs = inputs  # keeps the arrays alive: a recorded launch holds raw addresses
-        self._launch = wp.launch_tiled(
-            kernel,
-            dim=[tiles],
-            inputs=inputs,
-            block_dim=BLOCK_THREADS,
-            device=device,
-            record_cmd=True,
-        )
-
-    def run(self) -> None:
-        """Execute."""
-        self._launch.launch()
 
 
 @wp.func

@@ -4,8 +4,6 @@ The trainer's tier; `digs_warp.splat.render.render` takes and returns NumPy valu
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -13,19 +11,20 @@ import warp as wp
 from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.device.image_planes import ImagePlanes
-from digs_warp.device.parallel import launch_parallel, packed
+from digs_warp.device.parallel import packed
 from digs_warp.geometry import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
-from digs_warp.splat.background import add_background_kernel, tiles_with_background
+from digs_warp.splat.background import add_background, tiles_with_background
 from digs_warp.splat.bin_tiles import TileBinner
 from digs_warp.splat.camera_gradient import CameraGradient, CameraShares
 from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, view_params
-from digs_warp.splat.records import GradientLayout, PairGradients, Planes, Splats, TilePairs
+from digs_warp.splat.records import GradientLayout, PairGradients, Splats, TilePairs
 from digs_warp.splat.row_motion import RowMotion
 from digs_warp.splat.skin import skin_launch
 from digs_warp.splat.statistics import SplatStatistics
+from digs_warp.splat.view_planes import ViewPlanes
 
 WHITE = (1.0, 1.0, 1.0)
 
@@ -80,8 +79,8 @@ class SplatRenderer:
         self.adj_transmittance = adjoint_of.adj_transmittance if adjoint_of else planes(1)
         self.adj_depth = planes(1, options.has_depth)
         self.adj_normals = planes(3, options.has_normals)
-        self._drawn = _ViewPlanes(self.image, self.transmittance, self.depth, self.normals)
-        self._adjoint = _ViewPlanes(
+        self._drawn = ViewPlanes(self.image, self.transmittance, self.depth, self.normals)
+        self._adjoint = ViewPlanes(
             self.adj_image, self.adj_transmittance, self.adj_depth, self.adj_normals
         )
         self._views = wp.zeros(1, dtype=ViewParams, device=device)  # pyright: ignore[reportArgumentType]
@@ -181,7 +180,7 @@ class SplatRenderer:
             self._filled.assign(filled)
         self._launches.forward.run()
         if behind is not None:
-            self._add_background(behind)
+            add_background(behind, self._drawn, self._views, self.device, self.threads)
 
     def backward(self) -> None:
         """Fill ``gradients`` from the ``adj_`` planes for the last `forward`."""
@@ -296,33 +295,3 @@ class SplatRenderer:
             self._skin = skin_launch(
                 self.gaussians, self._views, lists.depths, self.device, self.threads
             )
-
-    def _add_background(self, behind: ImagePlanes) -> None:
-        image = self.image
-        if (behind.pitch, behind.plane, behind.channels) != (image.pitch, image.plane, 3):
-            raise ValueError(
-                f"background of {behind.max_width}x{behind.max_height} px with {behind.channels} "
-                f"channels, renderer of {image.max_width}x{image.max_height} px and 3 channels"
-            )
-        inputs = [self._views, behind.data, self._drawn.for_kernels()]
-        launch_parallel(add_background_kernel, image.max_height, inputs, self.device, self.threads)
-
-
-@dataclass(frozen=True, eq=False)
-class _ViewPlanes:
-    """The planes of a view, or of a gradient in it; those that are not wanted have no channels."""
-
-    image: ImagePlanes
-    transmittance: ImagePlanes
-    depth: ImagePlanes
-    normals: ImagePlanes
-
-    def resize(self, width: int, height: int) -> None:
-        """Hold a view of another size."""
-        for planes in vars(self).values():
-            planes.resize(width, height)
-
-    def for_kernels(self) -> Any:
-        """Return the planes as kernels take them, `Planes`."""
-        layout = {name: getattr(self.image, name) for name in ("pitch", "plane", "origin")}
-        return packed(Planes, **layout, **{name: p.data for name, p in vars(self).items()})

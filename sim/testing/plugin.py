@@ -80,9 +80,8 @@ def sensor_noise(
     # If pytest's cache is disabled, captures last as long as the run.
     cache = getattr(request.config, "cache", None)
     folder = cache.mkdir("sensor_noise") if cache else tmp_path_factory.mktemp(MARKER)
-    properties = (
-        request.node.user_properties
-    )  # part of the test's report, also from another process
+    # Part of the test's report, also from another process.
+    properties = request.node.user_properties
     return NoiseSeries(
         source,
         strengths,

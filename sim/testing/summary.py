@@ -10,6 +10,7 @@ import pytest
 
 from digs_warp.record.files import write_atomically
 from digs_warp.sim.testing.curve import DegradationCurve
+from digs_warp.words import counted
 
 MARKER = "sensor_noise"
 
@@ -72,7 +73,7 @@ class SummaryWriter:
 def summary_page(measured: Sequence[Measured]) -> str:
     """Return the page, complete in itself."""
     failed = sum(each.outcome == "failed" for each in measured)
-    count = f"{len(measured)} curves" + (f", {failed} of failed tests" if failed else "")
+    count = counted(len(measured), "curve") + (f", {failed} of failed tests" if failed else "")
     sections = "".join(map(_section, measured))
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'

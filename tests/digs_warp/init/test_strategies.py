@@ -1,6 +1,5 @@
-"""The five strategies and the voxel sizes, on a ball whose surface is known in closed form."""
+"""The five strategies, on a ball whose surface is known in closed form."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,15 +16,13 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.sfm_model import SfmModel
 from digs_warp.data.viewpoints import looked_at
 from digs_warp.geometry import look_at
-from digs_warp.init import voxel_size
 from digs_warp.init.config import InitConfig
 from digs_warp.init.local_scales import local_scales
 from digs_warp.init.random_points import random_points
-from digs_warp.init.recipes import Initialization, initialize
+from digs_warp.init.recipes import initialize
 from digs_warp.init.scale import estimate_scale
 from digs_warp.study.synthetic_sfm import sfm_from_truth
 from reference.ball_capture import INTRINSICS, RADIUS, ball_views, write_capture
-from reference.larger_world import larger
 
 SFM_PER_METRE = 2.5
 
@@ -75,9 +72,9 @@ def test_depth_is_coarser_than_highdepth_by_the_papers_ratio(capture: Capture) -
     assert high.depth is not None and low.depth is not None
     assert low.depth.voxel_size / high.depth.voxel_size == pytest.approx(0.1 / 0.04)
     assert len(low.points) < len(high.points)
-    for found in (high, low):
+    for found, size in ((high, high.depth.voxel_size), (low, low.depth.voxel_size)):
         # The mean of a curved patch lies below the surface, by the square of its width.
-        below = edge_length(found) ** 2 / (4 * RADIUS)
+        below = size**2 / (4 * RADIUS)
         np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=below)
 
 
@@ -178,112 +175,6 @@ def test_the_report_counts_what_each_filter_leaves(capture: Capture) -> None:
     assert stages <= found.depth.seconds.keys()
 
 
-def edge_length(found: Initialization) -> float:
-    assert found.depth is not None
-    return found.depth.voxel_size
-
-
-def test_voxel_sizes_in_units_of_structure_from_motion(capture: Capture) -> None:
-    for strategy, gamma in (("highdepth", 0.04), ("depth", 0.1)):
-        config = InitConfig(strategy=strategy, voxel_unit="sfm")  # pyright: ignore[reportArgumentType]
-        found = initialize(capture.frames, config, sfm_per_metre=SFM_PER_METRE)
-        assert edge_length(found) == pytest.approx(gamma / SFM_PER_METRE)
-    with pytest.raises(DigsError, match="--voxel-unit sfm: needs structure from motion"):
-        initialize(capture.frames, InitConfig(voxel_unit="sfm"))
-
-
-def test_voxel_sizes_as_shares_of_the_object(capture: Capture) -> None:
-    config = InitConfig(voxel_unit="object", voxel_size=0.1)
-    assert edge_length(initialize(capture.frames, config)) == pytest.approx(
-        0.1 * 2 * RADIUS, rel=0.03
-    )
-
-
-def test_a_share_finer_than_the_depth_maps_is_told(
-    capture: Capture, caplog: pytest.LogCaptureFixture
-) -> None:
-    config = InitConfig(voxel_unit="object", voxel_size=1e-4)
-    pixel = 0.75 / INTRINSICS.fx
-    assert edge_length(initialize(capture.frames, config)) == pytest.approx(2 * pixel, rel=0.1)
-    assert "finer than its depth maps" in caplog.text
-
-
-@pytest.mark.parametrize("factor", [0.05, 1.0, 30.0])
-def test_the_default_voxel_is_two_pixels_whatever_the_size(capture: Capture, factor: float) -> None:
-    frames = [larger(frame, factor) for frame in capture.frames]
-    found = initialize(frames, InitConfig())
-    pixel = 0.75 / INTRINSICS.fx  # the middle of the ball's near side is 0.7 m away, its rim 0.85 m
-    assert edge_length(found) == pytest.approx(2 * factor * pixel, rel=0.1)
-    same = initialize(capture.frames, InitConfig())
-    assert len(found.points) == pytest.approx(len(same.points), rel=0.02)
-    given = initialize(frames, InitConfig(voxel_size=0.02 * factor))
-    assert edge_length(given) == 0.02 * factor
-
-
-def test_the_default_voxel_grows_where_there_would_be_too_many_points(
-    capture: Capture, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    usual = initialize(capture.frames, InitConfig())
-    wanted = len(usual.points) // 3
-    monkeypatch.setattr(voxel_size, "MOST_POINTS", wanted)
-    caplog.set_level(logging.INFO)
-    fewer = initialize(capture.frames, InitConfig())
-    assert 0.7 * wanted < len(fewer.points) <= wanted
-    assert edge_length(fewer) > edge_length(usual)
-    assert "--voxel-size" in caplog.text
-    # What somebody asks for is not corrected.
-    fine = initialize(capture.frames, InitConfig(voxel_size=edge_length(usual)))
-    assert len(fine.points) == len(usual.points)
-
-
-@pytest.mark.parametrize("wanted", [50, 400, 1500])
-def test_the_voxel_size_for_a_number_of_points(capture: Capture, wanted: int) -> None:
-    found = initialize(capture.frames, InitConfig(target_points=wanted))
-    assert 0.85 * wanted < len(found.points) <= wanted
-    np.testing.assert_allclose(radii(found.points.points_world), RADIUS, atol=0.02)
-
-
-def test_more_points_than_there_are_pixels_gives_what_there_is(
-    capture: Capture, caplog: pytest.LogCaptureFixture
-) -> None:
-    found = initialize(capture.frames, InitConfig(target_points=10**6))
-    assert "--target-points: 1000000 wanted" in caplog.text
-    assert "the edge filter dropped most" in caplog.text
-    assert 1000 < len(found.points) < 10**5
-
-
-def test_the_filter_that_dropped_the_points_is_named(
-    capture: Capture, caplog: pytest.LogCaptureFixture
-) -> None:
-    white = np.full((INTRINSICS.height, INTRINSICS.width), 255, np.uint8)
-    frames = [frame.with_layer(Layer.MASK, white) for frame in capture.frames]
-    found = initialize(frames, InitConfig(target_points=10**6))
-    assert found.depth is not None
-    (line,) = (line for line in caplog.messages if "--target-points" in line)
-    for count in (*found.depth.pixels.values(), found.depth.voxels["well supported"]):
-        assert f"{count:,} " in line
-    assert "the foreground filter dropped most" in line
-
-
-def test_one_point_is_as_few_as_the_coarsest_grid_has(
-    capture: Capture, caplog: pytest.LogCaptureFixture
-) -> None:
-    found = initialize(capture.frames, InitConfig(target_points=1))
-    assert 1 <= len(found.points) <= 8
-    assert "1 wanted, but the coarsest grid has" in caplog.text
-
-
-def test_voxels_larger_than_the_object_leave_eight_points(capture: Capture) -> None:
-    found = initialize(capture.frames, InitConfig(voxel_size=10.0))
-    assert len(found.points) == 8  # the grid has a corner at the origin
-    assert radii(found.points.points_world).max() < RADIUS
-
-
-def test_sizes_and_counts_exclude_each_other() -> None:
-    with pytest.raises(DigsError, match="--voxel-size and --target-points: give one of them"):
-        InitConfig(voxel_size=0.01, target_points=100)
-
-
 # Depth maps and masks at their worst: the whole recipe has to give points on the ball, or say why not.
 
 
@@ -369,18 +260,3 @@ def test_duplicated_frames_change_nothing(capture: Capture) -> None:
     once = initialize(capture.frames, InitConfig()).points
     twice = initialize([*capture.frames, *capture.frames], InitConfig()).points
     np.testing.assert_allclose(twice.points_world, once.points_world, atol=1e-7)
-
-
-def test_a_world_far_from_its_origin(capture: Capture) -> None:
-    """Recordings in geographic coordinates have their object a thousand kilometres away."""
-    shift = np.eye(4)
-    shift[:3, 3] = [1e6, -1e6, 1e3]
-    moved = [
-        replace(f, camera=replace(f.camera, world_from_cam=shift @ f.camera.world_from_cam))
-        for f in capture.frames
-    ]
-    points = initialize(moved, InitConfig(voxel_size=1.0)).points.points_world
-    assert 8 <= len(points) <= 16
-    assert np.abs(points - shift[:3, 3]).max() < 0.3
-    with pytest.raises(DigsError, match="move the origin near the cameras"):
-        initialize(moved, InitConfig(voxel_size=0.004))

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +16,8 @@ from digs_warp.data.layers import Layer
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.train.config import Stop, TrainConfig
-from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import write_tiny_capture
+from reference.trained_ball import assert_same_bits, interrupt
 
 CONFIG = ReconstructConfig(
     init=InitConfig(voxel_size=0.012),
@@ -74,23 +73,11 @@ def test_the_folder_holds_what_the_documents_promise(result: Path, capture: Capt
 def test_an_interrupted_run_resumes_to_the_same_bits(
     capture: Capture, result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    step = Trainer.step
-
-    def step_until_interrupted(trainer: Trainer) -> None:
-        if trainer.optimizer.step == 37:
-            signal.raise_signal(signal.SIGINT)  # Ctrl-C in the middle of a step
-        step(trainer)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Trainer, "step", step_until_interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            reconstruct(capture, CONFIG, tmp_path)
+    interrupt(lambda: reconstruct(capture, CONFIG, tmp_path), 37, monkeypatch)
     assert (tmp_path / "checkpoint.npz").exists()
     assert not (tmp_path / "gaussians.npz").exists()
-    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True).gaussians
-    whole = Gaussians.load(result / "gaussians.npz")
-    for name in FIELDS:
-        np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
+    resumed = reconstruct(capture, CONFIG, tmp_path, resume=True)
+    assert_same_bits(resumed.gaussians, Gaussians.load(result / "gaussians.npz"))
     lines = [json.loads(line) for line in (tmp_path / "training.jsonl").read_text().splitlines()]
     assert [line["iteration"] for line in lines] == list(range(0, 61, 10))
 

@@ -1,24 +1,19 @@
 """Recordings of a camera with a rolling shutter: what the reconstruction makes of them, and says."""
 
 import json
-import signal
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.gaussians import FIELDS
 from digs_warp.init.config import InitConfig
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.sfm.config import SfmConfig
-from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import Stop, TrainConfig
-from digs_warp.train.evaluate import load_test_views, render_views, score_views
-from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import READOUT_TIME, write_tiny_capture
+from reference.trained_ball import assert_same_bits, interrupt, score_of_perfect_views
 
 CONFIG = ReconstructConfig(
     init=InitConfig(voxel_size=0.012),
@@ -37,20 +32,13 @@ def corrected(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Rec
     return reconstruct(capture, CONFIG, tmp_path_factory.mktemp("corrected"))
 
 
-def psnr_of_perfect_views(result: Reconstruction, folder: Path) -> float:
-    """Against the ball as a camera sees it that does not move."""
-    views = load_test_views(write_tiny_capture(folder, 5).frames)
-    images = render_views(DeviceGaussians.from_numpy(result.gaussians), views)
-    return float(np.mean([score.psnr_frame for score in score_views(images, views)]))
-
-
 def test_the_result_is_closer_to_what_a_perfect_camera_sees(
     capture: Capture, corrected: Reconstruction, tmp_path: Path
 ) -> None:
     ignored = reconstruct(capture, OFF, tmp_path / "ignored")
-    with_shutter = psnr_of_perfect_views(corrected, tmp_path / "perfect")
-    without = psnr_of_perfect_views(ignored, tmp_path / "again")
-    assert with_shutter > without + 1.0
+    with_shutter = score_of_perfect_views(corrected.gaussians, tmp_path / "perfect")
+    without = score_of_perfect_views(ignored.gaussians, tmp_path / "again")
+    assert with_shutter.psnr_frame > without.psnr_frame + 1.0
     # The held-out photographs have the same shutter: drawn with it, they fit, too.
     assert corrected.scores.mean.psnr_frame > ignored.scores.mean.psnr_frame + 1.0
 
@@ -82,19 +70,6 @@ def test_an_interrupted_run_resumes_to_the_same_bits(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    step = Trainer.step
-
-    def step_until_interrupted(trainer: Trainer) -> None:
-        if trainer.optimizer.step == 37:
-            signal.raise_signal(signal.SIGINT)
-        step(trainer)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Trainer, "step", step_until_interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            reconstruct(capture, CONFIG, tmp_path)
+    interrupt(lambda: reconstruct(capture, CONFIG, tmp_path), 37, monkeypatch)
     resumed = reconstruct(capture, CONFIG, tmp_path, resume=True)
-    for name in FIELDS:
-        np.testing.assert_array_equal(
-            getattr(resumed.gaussians, name), getattr(corrected.gaussians, name), err_msg=name
-        )
+    assert_same_bits(resumed.gaussians, corrected.gaussians)

@@ -1,0 +1,44 @@
+"""Reconstructions of the tiny capture: how a perfect camera sees them, and how they go on after Ctrl-C."""
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.measure.scores import Score, mean_score
+from digs_warp.splat.device import DeviceGaussians
+from digs_warp.train.evaluate import load_test_views, render_views, score_views
+from digs_warp.train.trainer import Trainer
+from reference.tiny_capture import write_tiny_capture
+
+
+def score_of_perfect_views(gaussians: Gaussians, folder: Path) -> Score:
+    """Compare with the ball as a camera sees it that does not move; its capture goes to ``folder``."""
+    views = load_test_views(write_tiny_capture(folder, 5).frames)
+    return mean_score(
+        score_views(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
+    )
+
+
+def interrupt(run: Callable[[], object], step: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a training that Ctrl-C ends in the middle of a step."""
+    take_step = Trainer.step
+
+    def step_until_interrupted(trainer: Trainer) -> None:
+        if trainer.optimizer.step == step:
+            signal.raise_signal(signal.SIGINT)
+        take_step(trainer)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Trainer, "step", step_until_interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run()
+
+
+def assert_same_bits(one: Gaussians, other: Gaussians) -> None:
+    """Check that two results are equal to the bit."""
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
