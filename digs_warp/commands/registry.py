@@ -13,6 +13,7 @@ from digs_warp.commands.preference import PREFERENCE
 from digs_warp.commands.recommend import Recommend
 from digs_warp.commands.reconstruct import Reconstruct
 from digs_warp.commands.render import Render
+from digs_warp.commands.report import Report
 from digs_warp.commands.run import Run
 from digs_warp.commands.sensor import SENSOR
 from digs_warp.commands.simulate import Simulate
@@ -38,6 +39,7 @@ details, --version prints the version.""",
         "export-usd": ExportUsd,
         "convert": Convert,
         "view": View,
+        "report": Report,
         "render": Render,
         "mesh": Mesh,
         "info": Info,

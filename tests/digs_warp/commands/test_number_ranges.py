@@ -22,6 +22,7 @@ NEEDED = {
     "convert": ["in", "--out", "out"],
     "render": ["scene", "--out", "out.mp4"],
     "view": ["scene"],
+    "report": ["folder"],
     "mesh": ["scene", "--out", "out.ply"],
     "export-usd": ["scene", "--out", "out.usd"],
     "sensor fit": ["capture", "--out", "profile.yaml"],

@@ -207,6 +207,7 @@ REQUIRED = {
         "convert": "a --out b",
         "info": "a",
         "view": "a",
+        "report": "a",
         "usd info": "a",
         "usd validate": "a",
         "usd diff": "a b",
