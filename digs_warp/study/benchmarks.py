@@ -81,6 +81,12 @@ BENCHMARKS = (
         "render.md",
     ),
     Benchmark(
+        "view",
+        "the page of `digs-warp view`: time of a frame; what --view adds to a training",
+        "bench_view:bench_view",
+        "view.md",
+    ),
+    Benchmark(
         "train",
         "a training step, stage by stage, at three image sizes",
         "bench_train:bench_train",

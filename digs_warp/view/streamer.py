@@ -8,7 +8,7 @@ import numpy as np
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.geometry import matrix_from_quat_xyzw, rigid
-from digs_warp.view.true_render import MOST_HEIGHT, MOST_WIDTH, Shown, TrueRenderer
+from digs_warp.view.true_render import MOST_HEIGHT, MOST_WIDTH, Drawn, Shown, TrueRenderer
 
 if TYPE_CHECKING:
     import viser
@@ -70,11 +70,13 @@ class Streamer:
         renderer, shown = asked
         camera = camera_of(self._client.camera, width)
         if camera is not None:
-            drawn = renderer.draw(camera, shown)
-            self._client.scene.set_background_image(
-                drawn.image, format="jpeg", jpeg_quality=85, depth=drawn.depth
-            )
+            put_behind(self._client.scene, renderer.draw(camera, shown))
             self._shows_image = True
+
+
+def put_behind(scene: "viser.SceneApi", drawn: Drawn) -> None:
+    """Encode a picture and send it as the background, with the depth that hides what is behind it."""
+    scene.set_background_image(drawn.image, format="jpeg", jpeg_quality=85, depth=drawn.depth)
 
 
 def camera_of(handle: "viser.CameraHandle", most_width: int) -> Camera | None:
