@@ -22,7 +22,7 @@ from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.subject import say_subject, subject_of
 from digs_warp.pipeline.tracked_poses import tracked
-from digs_warp.plausibility.check import check_capture
+from digs_warp.plausibility.check import Plausibility, check_capture
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.manifest import is_kept
@@ -132,9 +132,14 @@ def front_end(
 
 def _doubts(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
     """Look at what the capture contributes, and warn of what does not fit together."""
-    found = check_capture(
-        capture, poses=config.sfm.poses != "sfm", masks=config.segment.source == "capture"
-    )
+    found = quick_check(capture, config)
     for doubt in found.doubts:
         logger.warning("%s: %s", capture, doubt)
     return found.doubts
+
+
+def quick_check(capture: Capture, config: FrontEndConfig) -> Plausibility:
+    """Return what a first look finds in the parts of the capture that the settings use."""
+    return check_capture(
+        capture, poses=config.sfm.poses != "sfm", masks=config.segment.source == "capture"
+    )

@@ -21,6 +21,7 @@ from digs_warp.init.seed_gaussians import seed_gaussians
 from digs_warp.init.start import Subject
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.init.voxel_size import MOST_POINTS, pixel_size
+from digs_warp.pipeline.front_end import quick_check
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.pipeline.subject import subject_of
 from digs_warp.train.config import TrainConfig
@@ -53,6 +54,7 @@ class Look:
         color: what the photographs say about view-dependence.
         step_seconds: time of a training step on this machine [s]; None: not measured.
         step_points: from how many of the points.
+        check_seconds: time that the check of the capture takes on this machine [s]; 0: not measured.
     """
 
     frames: int
@@ -69,6 +71,7 @@ class Look:
     color: ViewDependence | None = None
     step_seconds: float | None = None
     step_points: int = 0
+    check_seconds: float = 0.0
 
 
 def look_at(
@@ -80,7 +83,7 @@ def look_at(
         capture: the recording.
         config: what the user wants; says what is held out, and what the subject is.
         voxel_pixels: edge length of the voxels of the points, in pixels at the object.
-        timed: whether training steps are timed.
+        timed: whether training steps and the check are timed.
 
     Raises:
         DigsError: a frame cannot be read, or its depth gives no points.
@@ -121,7 +124,12 @@ def look_at(
         if len(points) > MOST_POINTS:  # a step would take too long
             points = points.select(drawn(len(points), MOST_POINTS))
         seconds = _step_seconds(some, points, config.train)
-        found = replace(found, step_seconds=seconds, step_points=len(points))
+        start = time.perf_counter()
+        quick_check(capture, config)
+        checking = time.perf_counter() - start
+        found = replace(
+            found, step_seconds=seconds, step_points=len(points), check_seconds=checking
+        )
     return found
 
 

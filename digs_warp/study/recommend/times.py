@@ -58,7 +58,8 @@ class Times:
         time += setting.rest * here.counts()[pixels] / there.counts()[pixels]
         if self.matches:
             time += self.laws["structure from motion"].at(here)
-        return self.machine * time
+        # The study is from before captures were checked.
+        return self.machine * time + self.look.check_seconds
 
     def _here(self, setting: Setting) -> Load:
         look = self.look

@@ -89,6 +89,18 @@ def test_more_work_takes_longer(
     assert of_a_slow_machine.seconds(settings[0]) == pytest.approx(3 * less.seconds(settings[0]))
 
 
+def test_the_check_takes_its_time_whatever_is_chosen(
+    studies: Studies, settings: list[Setting]
+) -> None:
+    checked = replace(LIKE_STUDY, check_seconds=1.25)
+    for setting in settings:
+        usual, longer = (
+            times_of(look, settings, studies, 2.0).seconds(setting)
+            for look in (LIKE_STUDY, checked)
+        )
+        assert longer == pytest.approx(usual + 1.25)
+
+
 def test_matching_images_takes_its_time(studies: Studies, settings: list[Setting]) -> None:
     given = times(LIKE_STUDY, settings, studies.tradeoff, studies.scaling, 35, 1.0, matches=False)
     estimated = replace(given, matches=True)
@@ -157,6 +169,7 @@ def test_the_look_takes_what_the_capture_has(capture: Capture) -> None:
     assert found.step_seconds is not None and found.step_seconds > 0
     coarse = look_at(capture, ReconstructConfig(), 6.0, timed=False)
     assert coarse.points < found.points and coarse.step_seconds is None
+    assert found.check_seconds > 0.0 == coarse.check_seconds
     scene = look_at(capture, ReconstructConfig(subject="scene"), 2.0, timed=False)
     assert scene.subject == "scene" and scene.points > found.points and scene.pixel is None
 
