@@ -39,7 +39,7 @@ from digs_warp.view.true_render import TrueRenderer
 if TYPE_CHECKING:
     import viser
 
-DRAWING, TRAINING = "drawing", "training"
+DRAWING, WATCHING = "drawing", "training"
 
 # Images while the camera moves and at rest [px], and voxels of the points that become splats [m].
 SIZES = ((480, 270), (1280, 720))
@@ -170,7 +170,7 @@ def _training(way: str, taken: Sequence[Took], usual: float, steps: int) -> Resu
             "CPU [s]": cpu,
             "more CPU [%]": 100 * (cpu / usual - 1),
         },
-        TRAINING,
+        WATCHING,
     )
 
 
