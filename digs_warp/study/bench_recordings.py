@@ -32,6 +32,7 @@ from digs_warp.study.scenes import sample_data
 from digs_warp.study.timing import Stopwatch
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Density, Stop, TrainConfig
+from digs_warp.train.neighbor_exposure import psnr_by_neighbors
 
 ITERATIONS = 500
 
@@ -40,11 +41,12 @@ SHOWN = 2
 
 FIGURES, FINDINGS = "figures", "findings"
 
-Poses = Literal["capture", "sfm", "rgbd"]
+Poses = Literal["capture", "sfm", "rgbd", "auto"]
 POSES: dict[Poses, str] = {
     "capture": "recorded",
     "sfm": "estimated",
     "rgbd": "color and depth",
+    "auto": "auto",
 }
 
 
@@ -103,7 +105,7 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
     """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        notes = _Notes(recording.name, folder, iterations)
+        notes = Notes(recording.name, folder, iterations)
         try:
             capture = convert(recording, source, folder / "capture")
             notes.check(capture)
@@ -115,16 +117,30 @@ def measure(recording: RealRecording, source: Path, iterations: int = ITERATIONS
             notes.failed("conversion", error)
             return Measured(recording, tuple(notes.results), None)
         picture = None
-        for poses in _ways(recording, capture):
-            try:
-                result, values = _reconstructed(capture, poses, iterations, folder)
-            except DigsError as error:
-                notes.figures(capture, poses, {})
-                notes.failed(f"{POSES[poses]} poses", error)
-                continue
-            notes.figures(capture, poses, values)
+        for result in reconstructions(capture, _ways(recording, capture), notes):
             picture = _picture(result) if picture is None else picture
         return Measured(recording, tuple(notes.results), picture)
+
+
+def reconstructions(
+    capture: Capture, ways: Sequence[Poses], notes: "Notes"
+) -> Iterator[Reconstruction]:
+    """Reconstruct a capture with each kind of poses, note the figures or the error, and yield what came out.
+
+    Args:
+        capture: the recording.
+        ways: kinds of poses.
+        notes: which recording, how many training steps, and where results go.
+    """
+    for poses in ways:
+        try:
+            result, values = _reconstructed(capture, poses, notes.iterations, notes.folder)
+        except DigsError as error:
+            notes.figures(capture, poses, {})
+            notes.failed(f"{POSES[poses]} poses", error)
+            continue
+        notes.figures(capture, poses, values)
+        yield result
 
 
 def _ways(recording: RealRecording, capture: Capture) -> list[Poses]:
@@ -134,12 +150,12 @@ def _ways(recording: RealRecording, capture: Capture) -> list[Poses]:
     return [*ways, "sfm", "rgbd"] if with_depth else [*ways, "sfm"]
 
 
-class _Notes:
+class Notes:
     """The rows of one recording; paths of the temporary folder say nothing and are left out."""
 
     def __init__(self, name: str, folder: Path, iterations: int) -> None:
         self.results: list[Result] = []
-        self._name, self._folder, self._iterations = name, folder, iterations
+        self.folder, self.iterations, self._name = folder, iterations, name
 
     def check(self, capture: Capture) -> None:
         """Add what `digs-warp check` finds."""
@@ -151,14 +167,14 @@ class _Notes:
 
     def failed(self, stage: str, error: Exception) -> None:
         """Add why a stage failed."""
-        self._found(stage, str(error).replace(f"{self._folder}/", ""))
+        self._found(stage, str(error).replace(f"{self.folder}/", ""))
 
     def figures(self, capture: Capture, poses: Poses, values: dict[str, float]) -> None:
         """Add what was measured; nothing for a reconstruction that failed."""
         labels = {
             "recording": self._name,
             "poses": POSES[poses],
-            "iterations": self._iterations,
+            "iterations": self.iterations,
         }
         self.results.append(Result(labels, {"frames": len(capture)} | values, FIGURES))
 
@@ -193,10 +209,13 @@ def _figures(
     assert result.frames is not None
     values: dict[str, float] = {
         "held out": len(result.frames.held_out),
-        "PSNR [dB]": result.scores.mean.psnr_frame,
-        "exposure fitted [dB]": result.scores.mean.psnr_frame_aligned,
+        "PSNR [dB]": result.scores.mean.psnr_object,
+        "exposure fitted [dB]": result.scores.mean.psnr_object_aligned,
     }
     gaussians = DeviceGaussians.from_numpy(result.gaussians, "cpu")
+    values["exposure of neighbors [dB]"] = psnr_by_neighbors(
+        gaussians, result.frames.training, result.frames.held_out
+    )
     depth_error = adherence(gaussians, load_measured_views(result.frames.held_out))
     if depth_error is not None:
         values["depth error [cm]"] = 1e2 * depth_error

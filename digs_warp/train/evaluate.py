@@ -15,7 +15,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
 from digs_warp.geometry import mask_box
-from digs_warp.measure.color_gain import fit_color_gain
+from digs_warp.measure.color_gain import ColorGain, fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.blur import Blur
@@ -111,12 +111,20 @@ def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list
 
 def color_aligned(image: np.ndarray, view: TestView) -> np.ndarray:
     """Return an image rendered over white with the photograph's exposure and white balance, in 0..1."""
+    return with_gain(image, view, photographed_gain(image, view))
+
+
+def photographed_gain(image: np.ndarray, view: TestView) -> ColorGain:
+    """Return the gain that turns the object in an image rendered over white into the photographed one."""
+    inside = view.share >= INSIDE / 255.0
+    return fit_color_gain(image[inside], view.target[inside])
+
+
+def with_gain(image: np.ndarray, view: TestView, gain: ColorGain) -> np.ndarray:
+    """Return an image rendered over white whose object has a gain, in 0..1."""
     x0, y0, x1, y1 = mask_box(view.share)
     box = (slice(y0, y1), slice(x0, x1))  # elsewhere there is nothing to change
-    share, part, target = view.share[box], image[box], view.target[box]
-    inside = share >= INSIDE / 255.0
-    gain = fit_color_gain(part[inside], target[inside])
-    share = share[..., None]
+    share, part = view.share[box][..., None], image[box]
     # Only the object's part of a pixel at its rim has the gain.
     color = np.clip((part - (1 - share)) / np.maximum(share, 1e-6), 0.0, 1.0)
     aligned = np.clip(image, 0.0, 1.0)

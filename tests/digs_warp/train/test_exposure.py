@@ -10,9 +10,11 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
+from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import Rates, Stop, TrainConfig
 from digs_warp.train.evaluate import color_aligned, load_test_views, render_views, score_views
 from digs_warp.train.exposure import ColorSamples, Exposures
+from digs_warp.train.neighbor_exposure import interpolated, psnr_by_neighbors
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, write_tiny_capture
@@ -119,6 +121,25 @@ def test_held_out_photographs_are_measured_raw_and_aligned(
     assert off[solid].max() < 0.02
     # At the rim the share of the room is taken out, and with it the 8 bits of a dark photograph grow.
     assert off.max() < 0.03
+
+
+def test_neighbors_in_time_tell_the_exposure_of_a_held_out_photograph(
+    frames: tuple[Frame, ...],
+) -> None:
+    drift = np.linspace(-0.9, 0.3, len(frames))[:, None] * [1.0, 0.8, 0.9]
+    photographs = [exposed(frame, stops) for frame, stops in zip(frames, drift, strict=True)]
+    held_out = [photographs[number] for number in (2, 5)]
+    training = [frame for frame in photographs if frame not in held_out]
+    scene, views = DeviceGaussians.from_numpy(ball(), "cpu"), load_test_views(held_out)
+    raw = score_views(render_views(scene, views), views)
+    found = psnr_by_neighbors(scene, training[::-1], held_out)
+    assert found > np.mean([score.psnr_object_aligned for score in raw]) - 0.5
+    assert found > np.mean([score.psnr_object for score in raw]) + 3
+    # The photograph itself is not looked at: another exposure of it only makes it worse.
+    brighter = [exposed(frame, np.full(3, 1.0)) for frame in held_out]
+    assert psnr_by_neighbors(scene, training, brighter) < found - 3
+    first = interpolated(np.array([3.0, 1.0]), np.array([[0.2] * 3, [0.1] * 3]), 0.0)
+    np.testing.assert_allclose(first.log_factors, 0.1)
 
 
 def test_samples_are_inside_the_mask_and_few() -> None:
