@@ -1,6 +1,6 @@
 """How much two frames contradict each other under a motion: their depth, and their color where it agrees."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +67,29 @@ def disagreements(
     there = _one_way(Samples.of(first, most), second, np.stack(motions))
     back = np.stack([invert_rigid(motion) for motion in motions])
     return np.maximum(there, _one_way(Samples.of(second, most), first, back))
+
+
+def got_worse(
+    pictures: Sequence[Picture],
+    before: np.ndarray,
+    after: np.ndarray,
+    pairs: Iterable[tuple[int, int]],
+) -> np.ndarray:
+    """Return for each of n frames whether its pairs contradict each other more than before, (n,), bool.
+
+    Where little holds a frame, an alignment may slide.
+
+    Args:
+        pictures: of the frames.
+        before: their ``world_from_cam``, (n, 4, 4).
+        after: the same after the alignment.
+        pairs: numbers of two frames that see the same.
+    """
+    totals = np.zeros((2, len(before)))
+    for i, j in pairs:
+        motions = [invert_rigid(poses[j]) @ poses[i] for poses in (before, after)]
+        totals[:, [i, j]] += disagreements(pictures[i], pictures[j], motions)[:, None]
+    return totals[1] > totals[0]
 
 
 def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarray:

@@ -28,13 +28,13 @@ class Alignment:
         poses: ``world_from_cam``, (n, 4, 4), float64; as far from the given ones as they have to be: together
             they were not moved.
         error_before, error_after: mean difference of the images at the points, in units of the contrast.
-        pairs: number of pairs that were compared.
+        pairs: numbers (source, target) of the frames that were compared, (k, 2).
     """
 
     poses: np.ndarray
     error_before: float
     error_after: float
-    pairs: int
+    pairs: np.ndarray
 
 
 def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> Alignment | None:
@@ -68,7 +68,7 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
                 break
         after = comparison.sums(poses, sums.scales, hidden, threads)
         error = (before, after.scales.color)
-    return Alignment(in_place(poses, given, _distance(pictures)), *error, len(pairs))
+    return Alignment(in_place(poses, given, _distance(pictures)), *error, pairs)
 
 
 def in_place(poses: np.ndarray, given: np.ndarray, distance: float) -> np.ndarray:

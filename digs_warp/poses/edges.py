@@ -47,14 +47,8 @@ class Sight:
     @staticmethod
     def of(picture: Picture) -> "Sight":
         """Return a frame at its sizes, with its features."""
-        small = _reduced(picture, WIDEST)
-        return Sight(small, _reduced(small, WIDEST_OF_STARTS), features_of(picture), picture)
-
-
-def _reduced(picture: Picture, widest: int) -> Picture:
-    while picture.intrinsics.width > widest:
-        picture = picture.halved()
-    return picture
+        small = picture.at_most(WIDEST)
+        return Sight(small, small.at_most(WIDEST_OF_STARTS), features_of(picture), picture)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,11 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.views import load_pictures
+from digs_warp.words import counted
 
 # The frames have to differ less by at least this share. Exact poses gain 0.07 by fitting the noise of the
 # depth, and get worse by it; poses off by 0.1 degrees and 1 mm gain 0.13 to 0.19 and stay as good as they
@@ -18,6 +20,8 @@ from digs_warp.poses.views import load_pictures
 LEAST_GAIN = 0.15
 # Poses that turn by more (root mean square) were not nearly right, or the frames do not hold them [degree].
 LARGEST_TURN = 5.0
+# The widest images in which a frame is compared before and after [px].
+COMPARED = 320
 
 
 def refine(
@@ -39,20 +43,27 @@ def refine(
     if not any(frame.has(Layer.DEPTH) for frame in frames):
         return _left(frames, "no frame has depth", needed)
     given = np.stack([frame.camera.world_from_cam for frame in frames])
-    found = align(load_pictures(frames, readout_time), given)
+    pictures = load_pictures(frames, readout_time)
+    found = align(pictures, given)
     if found is None:
         return _left(frames, "no two frames with depth show the same surface", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)
     if gain < LEAST_GAIN and not needed:
         return _left(frames, f"with refined poses the frames would differ {_less(gain)}", needed)
-    motion = _motion(given, found.poses)
+    small = [picture.at_most(COMPARED) for picture in pictures]
+    worse = got_worse(small, given, found.poses, found.pairs)
+    poses = np.where(worse[:, None, None], given, found.poses)
+    motion = _motion(given, poses)
     if motion[1] > LARGEST_TURN:
         return _left(frames, f"the frames do not hold together: turned by {motion[1]:.1f}°", needed)
     posed = [
         replace(frame, camera=replace(frame.camera, world_from_cam=pose))
-        for frame, pose in zip(frames, found.poses, strict=True)
+        for frame, pose in zip(frames, poses, strict=True)
     ]
-    return posed, PoseRefinement(True, f"the frames differ {_less(gain)}", *motion)
+    because = f"the frames differ {_less(gain)}"
+    if worse.any():
+        because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
+    return posed, PoseRefinement(True, because, *motion)
 
 
 def _left(

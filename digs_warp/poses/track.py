@@ -10,7 +10,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
 from digs_warp.geometry import invert_rigid
-from digs_warp.poses.agreement import disagreements
+from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.chain import along, bridged, holds, measured_again, measured_chain, turn_deg
 from digs_warp.poses.edges import Edge, Sight, edge_between, usual_distance
@@ -96,8 +96,11 @@ def _closed(
     loops = [*near, *_loops(sights, placed, NEAR + 1, len(sights))]
     placed = _optimized(placed, chain, loops)
     found = align(pictures, placed)
-    small = [sight.picture for sight in sights]
-    return placed if found is None else _better(small, placed, found.poses, chain, loops), loops
+    if found is None:
+        return placed, loops
+    pairs = [(edge.source, edge.target) for edge in (*chain, *loops)]
+    worse = got_worse([sight.picture for sight in sights], placed, found.poses, pairs)
+    return np.where(worse[:, None, None], placed, found.poses), loops
 
 
 def _check_measured(frames: Sequence[Frame], pictures: Sequence[Picture]) -> None:
@@ -178,26 +181,6 @@ def _optimized(rough: np.ndarray, chain: Sequence[Edge], loops: Sequence[Edge]) 
         registration.GlobalOptimizationOption(edge_prune_threshold=PRUNE, reference_node=0),
     )
     return np.stack([node.pose for node in graph.nodes])
-
-
-def _better(
-    pictures: Sequence[Picture],
-    placed: np.ndarray,
-    aligned: np.ndarray,
-    chain: Sequence[Edge],
-    loops: Sequence[Edge],
-) -> np.ndarray:
-    """Return the aligned pose of each frame, or the placed one where its pairs agree better under that.
-
-    Where little holds a frame, the alignment may slide.
-    """
-    totals = np.zeros((2, len(placed)))
-    for edge in (*chain, *loops):
-        i, j = edge.source, edge.target
-        motions = [invert_rigid(poses[j]) @ poses[i] for poses in (placed, aligned)]
-        totals[:, [i, j]] += disagreements(pictures[i], pictures[j], motions)[:, None]
-    slid = totals[1] > totals[0]
-    return np.where(slid[:, None, None], placed, aligned)
 
 
 def _told(

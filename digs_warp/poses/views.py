@@ -47,6 +47,10 @@ class Picture:
     turn: np.ndarray
     shift: np.ndarray
 
+    def at_most(self, widest: int) -> "Picture":
+        """Return the picture halved until it has at most so many columns."""
+        return self if self.intrinsics.width <= widest else self.halved().at_most(widest)
+
     def halved(self) -> "Picture":
         """Return the picture at half the size; a last odd row or column is left out."""
         k = self.intrinsics
@@ -101,9 +105,7 @@ def _picture(frame: Frame, readout_time: float) -> Picture:
         readout_time * np.array(motion.angular_velocity) if motion else np.zeros(3),
         readout_time * np.array(motion.velocity) if motion else np.zeros(3),
     )
-    while found.intrinsics.width > WIDEST:
-        found = found.halved()
-    return found
+    return found.at_most(WIDEST)
 
 
 def tint_of(image: np.ndarray) -> np.ndarray:

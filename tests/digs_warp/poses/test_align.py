@@ -1,5 +1,6 @@
 """Alignment of frames with color and depth: the kernel's twin, poses brought back, hard input."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,12 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
-from digs_warp.geometry import invert_rigid
-from digs_warp.poses.align import align, in_place
+from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.equations import PairComparison, Scales
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.refine import refine
-from digs_warp.poses.views import view_of
+from digs_warp.poses.views import Picture, view_of
 from digs_warp.sfm.perturb import perturbed_poses
 from reference.pair_twin import pair_equations
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
@@ -91,6 +92,23 @@ def test_auto_leaves_good_poses_and_refines_bad_ones() -> None:
     frames, bad = refine(frames_at(perturbed()), 0.0, needed=False)
     assert bad.refined and bad.moved_mm > 1.0
     assert error_mm(np.stack([frame.camera.world_from_cam for frame in frames])) < 1.0
+
+
+def test_a_frame_that_would_agree_less_keeps_its_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    given, slid = perturbed(), 3
+    slide = rigid(matrix_from_rotation_vector(np.array([0.0, 0.08, 0.0])), np.array([0.03, 0, 0]))
+
+    def sliding(pictures: Sequence[Picture], poses: np.ndarray) -> Alignment:
+        found = align(pictures, poses)
+        assert found is not None
+        found.poses[slid] = found.poses[slid] @ slide
+        return found
+
+    monkeypatch.setattr("digs_warp.poses.refine.align", sliding)
+    frames, refinement = refine(frames_at(given), 0.0, needed=True)
+    kept = [n for n in range(8) if (frames[n].camera.world_from_cam == given[n]).all()]
+    assert kept == [slid]
+    assert refinement.because.endswith("; 1 frame would agree less and kept the pose")
 
 
 @pytest.mark.parametrize("broken", ["one frame", "black", "constant depth", "no depth", "all NaN"])
