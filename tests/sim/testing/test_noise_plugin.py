@@ -93,6 +93,8 @@ def test_the_marker_is_described(tmp_path: Path) -> None:
         ("'law'", "found ('law',), expected keyword arguments only"),
         ("effects='miror'", "no effect 'miror'; did you mean 'mirror'?"),
         ("effects=('mirror', 'quantm')", "no effect 'quantm'; did you mean 'quantum'?"),
+        ("effects=()", "effects: found no name"),
+        ("effects=each()", "effects: found no name"),
         ("frames=0", "--frames: 0, expected 1 to 100,000"),
         ("strengths=(2, 1)", "expected rising numbers"),
         ("strengths='auto'", "expected finite numbers"),
