@@ -5,6 +5,8 @@ Each function imports on first call, and says what to install if the import fail
 
 import importlib
 import os
+import signal
+import threading
 from types import ModuleType
 
 from digs_warp.checks import DigsError
@@ -37,22 +39,28 @@ def missing_library(error: ImportError) -> MissingLibraryError | None:
 
 
 def import_pycolmap() -> ModuleType:
-    """Return pycolmap, imported after zlib.
+    """Return pycolmap, imported after zlib; SIGTERM is left as it was.
 
     In the other order, pycolmap's bundled zlib shadows Python's, and every later PNG write in the process
-    aborts with ``free(): invalid pointer``.
+    aborts with ``free(): invalid pointer``. Its log library takes SIGTERM and prints a stack trace: a command
+    would not end in order.
 
     Raises:
         MissingLibraryError: it is not installed. Only structure from motion needs it.
     """
     importlib.import_module("zlib")
+    handler = signal.getsignal(signal.SIGTERM)
     try:
-        return importlib.import_module("pycolmap")
+        pycolmap = importlib.import_module("pycolmap")
     except ImportError as error:
         raise MissingLibraryError(
             f"structure from motion needs the package 'pycolmap', which cannot be loaded ({error}); install "
             "it with: pip install pycolmap. Or do without: --poses capture, and a --strategy from depth."
         ) from error
+    # Python sets signals in its main thread only; None is a handler that Python did not set.
+    if threading.current_thread() is threading.main_thread() and handler is not None:
+        signal.signal(signal.SIGTERM, handler)
+    return pycolmap
 
 
 def import_open3d() -> ModuleType:
