@@ -1,4 +1,4 @@
-"""Compiler options for kernels whose inner loops LLVM must vectorize. Imports nothing heavy."""
+"""Compiler options for kernels whose inner loops LLVM must vectorize, and for those that cast rays."""
 
 import platform
 from typing import Any
@@ -20,3 +20,19 @@ def vector_module_options() -> dict[str, Any]:
         "optimization_level": 3,
         "cpu_compiler_flags": " ".join(flags),
     }
+
+
+def ray_module_options() -> dict[str, Any]:
+    """Return Warp module options for kernels that cast rays; their results have the same bits as without.
+
+    ``max_unroll`` 1: a short loop of rays would get a whole traversal for each of them, more code than the
+    instruction cache holds. ``-menable-no-nans`` spares the comparisons by which the minima and maxima of a
+    box test skip NaN. Both are for kernels in which finite inputs make no NaN. Warp's own flags, which inline
+    the traversal, stay.
+    """
+    import warp as wp
+
+    # Warp's headers name NaN, and the compiler would warn of each.
+    flags = [wp.config.cpu_compiler_flags or "-march=native"]
+    flags += ["-menable-no-nans", "-Wno-nan-infinity-disabled"]
+    return {"enable_backward": False, "max_unroll": 1, "cpu_compiler_flags": " ".join(flags)}

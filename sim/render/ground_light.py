@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sh import sh_basis
 from digs_warp.sim.render.key_lights import SPOT_POINTS, KeyLights
@@ -23,7 +24,7 @@ from digs_warp.sim.render.lighting import Light
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.render.view import FAR
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(ray_module_options())
 
 # Rays of each node, and nodes along the longer side of the fine and of the coarse grid.
 RAYS = wp.constant(128)

@@ -6,6 +6,7 @@ the number of threads.
 
 import warp as wp
 
+from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.sim.render.glass import Bend, bend
 from digs_warp.sim.render.ground_light import (
     has_sharp_shadows,
@@ -40,7 +41,7 @@ from digs_warp.sim.render.view import (
     view_at,
 )
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(ray_module_options())
 
 # The R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018) covers the pixel
 # evenly with any number of samples.

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.render.light_map import openness_on, plane_distance
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.scene import Scene
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options(ray_module_options())
 
 GOLDEN_ANGLE = wp.constant(2.399963229728653)
 GOLDEN_RATIO = wp.constant(0.6180339887498949)

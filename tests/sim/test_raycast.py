@@ -101,6 +101,22 @@ def sphere_depth(camera: Camera, radius: float) -> np.ndarray:
 FAR_AWAY = quad(np.array([0, 0, -3.9]), np.array([0.01, 0, 0]), np.array([0, 0.01, 0]))
 
 
+def test_rays_along_the_sides_of_boxes_meet_what_is_there() -> None:
+    # Zeros in directions, on the sides of the boxes of a grid of quads: 0 times infinity is NaN.
+    forward, right, up = -np.eye(3)[0], np.eye(3)[1], np.eye(3)[2]
+    places = [(y, z) for y in (-0.15, -0.05, 0.05, 0.15) for z in (-0.15, -0.05, 0.05, 0.15)]
+    scene = join_scenes(*(quad(np.array([0.0, y, z]), 0.05 * right, 0.05 * up) for y, z in places))
+    k = Intrinsics.from_fov(9, 9, 8.0)
+    camera = Camera(k, look_at(np.array([1.0, 0.0, 0.0]), np.zeros(3), UP))
+    renderer = RaycastRenderer(scene, grey_sky())
+    directions = camera.world_from_cam[:3, :3] @ np.array([0.0, 0.0, 1.0])
+    assert np.array_equal(directions, forward)
+    np.testing.assert_allclose(renderer.render_geometry(camera).depth, 1.0, atol=1e-6)
+    image, mask = renderer.render_image(camera, samples_per_pixel=16)
+    assert (mask == 255).all()
+    assert np.ptp(image.reshape(-1, 3)[:, 0].astype(int)) <= 8
+
+
 def test_depth_of_a_slanted_plane_is_the_closed_form() -> None:
     normal = np.array([0.8, -0.5, 0.33]) / np.linalg.norm([0.8, -0.5, 0.33])
     right = np.cross(UP, normal)
