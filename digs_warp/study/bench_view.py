@@ -47,7 +47,7 @@ VOXELS = (0.008, 0.004, 0.002)
 SH_DEGREE, FOV_DEG, FRAMES = 3, 45.0, 12
 
 RECORDING = SimulateConfig(frames=24, width=640, height=360, samples_per_pixel=1, tier="law")
-STEPS, ROUNDS = 300, 3
+STEPS, ROUNDS = 300, 2
 
 ALONE, SERVED, WATCHED = "without --view", "--view, no browser", "--view, a browser looks"
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+")  # as the command prints it
