@@ -45,8 +45,9 @@ class Controls:
         self._gui = gui
         # Numbered: two folders may have the same name.
         self._names = [f"{n}: {each.name}" for n, each in enumerate(contents, start=1)]
-        for each in contents:
-            gui.add_markdown(f"**{each.name}**  \n" + "  \n".join(each.facts))
+        for name, each in zip(self._names, contents, strict=True):
+            title = name if len(contents) > 1 else each.name
+            gui.add_markdown(f"**{title}**  \n" + "  \n".join(each.facts))
         self.standing = gui.add_dropdown(
             "Compare",
             [SIDE_BY_SIDE, *self._names],

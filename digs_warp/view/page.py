@@ -4,6 +4,7 @@ import logging
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+ORIGIN = (0.0, 0.0, 0.0)
+
 # Where a browser's camera starts [page units].
 FIRST_EYE = (0.0, -2.2 * RADIUS, 0.8 * RADIUS)
 
@@ -43,6 +46,10 @@ class Page:
         self._server = server
         self._contents = list(contents)
         self._placements = _placed(contents)
+        # What a content's nodes hang on: it moves all of them, and nothing is sent again.
+        self._stands = [
+            server.scene.add_frame(f"/{number}", show_axes=False) for number in range(len(contents))
+        ]
         self._nodes: dict[tuple[int, str], list[viser.SceneNodeHandle]] = {}
         self._streamers: dict[int, Streamer] = {}
         self._changing = threading.RLock()
@@ -51,8 +58,10 @@ class Page:
         self.controls = Controls(server.gui, contents)
         self._connect()
         server.initial_camera.position = FIRST_EYE
-        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+        server.initial_camera.look_at = ORIGIN
         server.scene.set_up_direction("+z")
+        self._add_still_nodes()
+        self.show_gaussians()
         self.arrange()
         server.on_client_connect(self._welcome)
         server.on_client_disconnect(self._farewell)
@@ -63,8 +72,12 @@ class Page:
             numbers = self.controls.numbers
             for number, offset in zip(numbers, side_by_side(len(numbers)), strict=True):
                 self._placements[number] = self._placements[number].at(offset)
-            self._add_still_nodes()
-            self.show_gaussians()
+                self._stands[number].position = offset
+            if self.controls.box is None:
+                self._renderer = None
+                self.show_what_is_chosen()
+            else:  # the box stays where it is, and cuts other parts
+                self.show_gaussians()
 
     def show_gaussians(self) -> None:
         """Put the Gaussians of the chosen stage into the scene; what the box cuts off is left out."""
@@ -130,12 +143,8 @@ class Page:
 
     def _add_still_nodes(self) -> None:
         scene = self._server.scene
-        for number, (each, placement) in enumerate(
-            zip(self._contents, self._placements, strict=True)
-        ):
-            for layer in (*each.points, *each.meshes):
-                for handle in self._nodes.pop((number, layer), []):
-                    handle.remove()
+        for number, each in enumerate(self._contents):
+            placement = self._placements[number].at(ORIGIN)
             for layer, cloud in each.points.items():
                 handle = nodes.add_points(scene, _name(number, layer), cloud, placement)
                 self._nodes[number, layer] = [handle]
@@ -151,14 +160,13 @@ class Page:
                     continue
                 for handle in self._nodes.pop((number, nodes.CAMERAS), []):
                     handle.remove()
-                placement = self._placements[number]
                 self._nodes[number, nodes.CAMERAS] = nodes.add_cameras(
                     self._server.scene,
                     _name(number, nodes.CAMERAS),
                     each.frames,
                     self.controls.pictures,
-                    placement,
-                    lambda client, frame, placement=placement: _go_to(client, frame, placement),
+                    self._placements[number].at(ORIGIN),
+                    partial(self._go_to, number),
                 )
             self.show_what_is_chosen()
 
@@ -167,9 +175,11 @@ class Page:
             handle.remove()
         page = self._page_gaussians(number)
         if page is not None:
+            offset = self._placements[number].offset.astype(np.float32)
+            here = replace(page, means=page.means - offset)
             name = _name(number, nodes.GAUSSIANS)
             self._nodes[number, nodes.GAUSSIANS] = [
-                nodes.add_gaussians(self._server.scene, name, page)
+                nodes.add_gaussians(self._server.scene, name, here)
             ]
 
     def _world_gaussians(self, number: int) -> Gaussians | None:
@@ -201,6 +211,14 @@ class Page:
                 self._rendered = numbers
             return (self._renderer, shown) if self._renderer else None
 
+    def _go_to(self, number: int, client: "viser.ClientHandle", frame: Frame) -> None:
+        """Move a browser's camera to where a photograph was taken."""
+        k, pose = frame.camera.intrinsics, frame.camera.world_from_cam
+        with client.atomic():
+            client.camera.wxyz = np.roll(quat_xyzw_from_matrix(pose[:3, :3]), 1)
+            client.camera.position = self._placements[number].points(pose[None, :3, 3])[0]
+            client.camera.fov = 2.0 * float(np.arctan(0.5 * k.height / k.fy))
+
     def _welcome(self, client: "viser.ClientHandle") -> None:
         self._streamers[client.client_id] = Streamer(client, self._asked)
 
@@ -224,12 +242,3 @@ def _placed(contents: Sequence[Contents]) -> list[Placement]:
 
 def _name(number: int, layer: str) -> str:
     return f"/{number}/{layer.replace(' ', '_')}"
-
-
-def _go_to(client: "viser.ClientHandle", frame: Frame, placement: Placement) -> None:
-    """Move a browser's camera to where a photograph was taken."""
-    k, pose = frame.camera.intrinsics, frame.camera.world_from_cam
-    with client.atomic():
-        client.camera.wxyz = np.roll(quat_xyzw_from_matrix(pose[:3, :3]), 1)
-        client.camera.position = placement.points(pose[None, :3, 3])[0]
-        client.camera.fov = 2.0 * float(np.arctan(0.5 * k.height / k.fy))
