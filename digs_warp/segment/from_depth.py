@@ -9,6 +9,7 @@ Blake, SIGGRAPH 2004).
 import numpy as np
 
 from digs_warp.checks import check_shape
+from digs_warp.segment.planes import before_planes, border_pixels, middle_weights
 
 # The cut runs on an image of at most this side [px]: its time grows with the pixels, its exactness little.
 CUT_SIZE = 720
@@ -20,27 +21,12 @@ BAND = 0.012
 # Unknown depth takes its neighbor's value over this distance, as a share of the image's longer side.
 GAP = 0.015
 
-# A plane counts from this share of the known pixels on. Pixels belong to it within this relative distance.
-PLANE_SHARE = 0.35
-PLANE_MARGIN = 0.015
-PLANE_TRIALS = 200
-PLANE_SAMPLES = 2000
-
-# A table or a wall reaches the border of the image, this share of it, or lies behind something while it
-# spans nearly all that is known. A flat side of the object does neither.
-PLANE_BORDER_SHARE = 0.3
-LEAST_IN_FRONT = 0.003
-PLANE_SPAN = 0.8
-
 # Neighbors belong together when their depths differ by less than this share.
 LARGEST_STEP = 0.05
 
 # Pieces beside the best one are kept from this share of its score on, if they are about as far away.
 PIECE_SHARE = 0.1
 PIECE_DEPTH_RATIO = 1.3
-
-# Weight of a pixel by its distance to the middle, as a share of the image's shorter side.
-CENTER_SIGMA = 0.2
 
 # What the border of the image cuts is rarely the object: its score falls by this, per share of the border.
 BORDER_PENALTY = 100.0
@@ -103,11 +89,11 @@ def cut_size(height: int, width: int) -> tuple[int, int]:
 
 def object_by_depth(depth: np.ndarray) -> np.ndarray:
     """Return the pixels of the piece in the middle that stands before plane and surround, (h, w) bool."""
-    in_front = np.isfinite(depth) & ~on_or_behind_main_plane(depth)
+    in_front = before_planes(depth)
     labels = connected_pieces(depth, in_front)
     if not in_front.any():
         return in_front
-    scores = np.bincount(labels[in_front], weights=_weights(depth.shape)[in_front])
+    scores = np.bincount(labels[in_front], weights=middle_weights(depth.shape)[in_front])
     border = _border_share(labels, in_front, len(scores))
     scores /= 1.0 + BORDER_PENALTY * border
     best = int(np.argmax(scores))
@@ -119,53 +105,6 @@ def object_by_depth(depth: np.ndarray) -> np.ndarray:
         and (border[piece] == 0 or border[best] > 0)
     ]
     return in_front & np.isin(labels, kept)
-
-
-def on_or_behind_main_plane(depth: np.ndarray) -> np.ndarray:
-    """Return which pixels the main plane accounts for, (height, width) bool; none where there is no plane.
-
-    The inverse depth of a plane is linear in the image, whatever the camera: 1 / z = a u + b v + c.
-    It is found by RANSAC (Fischler and Bolles 1981) with a fixed seed.
-    """
-    v, u = np.nonzero(np.isfinite(depth))
-    nothing = np.zeros(depth.shape, bool)
-    if len(u) < 3:
-        return nothing
-    rows = np.stack([u, v, np.ones_like(u)], axis=1).astype(np.float64)
-    inverse = 1.0 / depth[v, u].astype(np.float64)
-    rng = np.random.default_rng(0)
-    plane = _best_plane(rows, inverse, rng)
-    if plane is None:
-        return nothing
-    on_plane = np.abs(rows @ plane - inverse) < PLANE_MARGIN * inverse
-    plane = np.linalg.lstsq(rows[on_plane], inverse[on_plane], rcond=None)[0]
-    gap = inverse - rows @ plane  # above 0: nearer than the plane
-    on_plane, in_front = np.abs(gap) < PLANE_MARGIN * inverse, gap >= PLANE_MARGIN * inverse
-    on_image = nothing.copy()
-    on_image[v[on_plane], u[on_plane]] = True
-    reaches_border = _border_pixels(on_image).mean() > PLANE_BORDER_SHARE
-    span = np.ptp(rows[on_plane, :2], axis=0) / np.ptp(rows[:, :2], axis=0)
-    lies_behind = in_front.mean() > LEAST_IN_FRONT and span.min() > PLANE_SPAN
-    if on_plane.mean() < PLANE_SHARE or not (reaches_border or lies_behind):
-        return nothing
-    accounted = nothing.copy()
-    accounted[v, u] = ~in_front
-    return accounted
-
-
-def _best_plane(
-    rows: np.ndarray, inverse: np.ndarray, rng: np.random.Generator
-) -> np.ndarray | None:
-    """Return (a, b, c) through three pixels that most of a sample agrees with."""
-    sample = rng.choice(len(rows), min(PLANE_SAMPLES, len(rows)), replace=False)
-    triples = rng.choice(sample, (PLANE_TRIALS, 3))
-    corners = rows[triples]
-    usable = np.abs(np.linalg.det(corners)) > 1.0  # three pixels that span a triangle
-    if not usable.any():
-        return None
-    planes = np.linalg.solve(corners[usable], inverse[triples[usable]][..., None])[..., 0]
-    gaps = np.abs(rows[sample] @ planes.T - inverse[sample, None])
-    return planes[np.argmax((gaps < PLANE_MARGIN * inverse[sample, None]).sum(axis=0))]
 
 
 def connected_pieces(depth: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -258,24 +197,10 @@ def refine_by_color(image: np.ndarray, near: np.ndarray, far: np.ndarray) -> np.
     return main_pieces((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD))
 
 
-def _weights(shape: tuple[int, ...]) -> np.ndarray:
-    """Return 1 in the middle of the image, falling off toward its border, (height, width)."""
-    height, width = shape
-    sigma = CENTER_SIGMA * min(shape)
-    v, u = np.mgrid[:height, :width]
-    squared = (u - (width - 1) / 2) ** 2 + (v - (height - 1) / 2) ** 2
-    return np.exp(-0.5 * squared / sigma**2)
-
-
 def _border_share(labels: np.ndarray, wanted: np.ndarray, pieces: int) -> np.ndarray:
     """Return which share of the image's border each piece takes, (pieces,)."""
-    along = _border_pixels(wanted)
-    return np.bincount(_border_pixels(labels)[along], minlength=pieces) / len(along)
-
-
-def _border_pixels(image: np.ndarray) -> np.ndarray:
-    """Return the outermost pixels, (n,); the corners twice."""
-    return np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    along = border_pixels(wanted)
+    return np.bincount(border_pixels(labels)[along], minlength=pieces) / len(along)
 
 
 def _ratio(a: float, b: float) -> float:

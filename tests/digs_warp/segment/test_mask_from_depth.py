@@ -7,9 +7,9 @@ from digs_warp.segment.from_depth import (
     connected_pieces,
     mask_from_depth,
     object_by_depth,
-    on_or_behind_main_plane,
     without_enclosed_holes,
 )
+from digs_warp.segment.planes import far_edge, on_or_behind_main_plane
 from digs_warp.segment.score import intersection_over_union
 
 HEIGHT, WIDTH = 120, 160
@@ -125,3 +125,19 @@ def test_one_known_pixel_does_no_harm() -> None:
 def test_the_same_image_gives_the_same_mask() -> None:
     image, depth = photograph(NEAR_DISK), ball_before(ROUND_ROOM)
     np.testing.assert_array_equal(mask_from_depth(image, depth), mask_from_depth(image, depth))
+
+
+def test_a_table_before_a_far_room_is_neither_the_object_nor_all_there_is() -> None:
+    table = 1.0 / (
+        0.25 + 0.9 * V / HEIGHT
+    )  # inverse depth is linear in the image; 0.9 m at the near edge
+    slope = 4.0 + 3.0 * U / WIDTH + 0.3 * np.sin(V / 5.0)  # no plane
+    depth = np.where((V > 80) & (np.abs(U - 75) < 60), table, slope).astype(np.float32)
+    depth[NEAR_DISK] = 1.08  # as far as the table under it
+    noise = np.random.default_rng(0).normal(size=depth.shape)
+    depth = (depth * (1 + 0.004 * noise)).astype(np.float32)
+    assert 1.6 < far_edge(depth) < 4.0
+    assert far_edge(np.linspace(1.0, 5.0, 10_000).reshape(100, 100)) == np.inf
+    assert far_edge(np.full((4, 4), np.nan)) == np.inf
+    truth = np.where(NEAR_DISK, 255, 0).astype(np.uint8)
+    assert intersection_over_union(mask_from_depth(photograph(NEAR_DISK), depth), truth) > 0.95
