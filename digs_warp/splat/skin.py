@@ -1,20 +1,17 @@
-"""The skin of a splat: the depth at which it hides half of what is behind it.
+"""The skin of a splat: the depth of the surface that it is part of.
 
-A splat is a soft ball, and a photograph shows where it ends, not where its center is: at a silhouette, the
-object ends where the opacity of its last splats falls to one half. Along the ray through its center, a splat
-of opacity o and standard deviation s has this opacity at the distance t in front of the center:
+A splat is a soft ball, and a surface is a layer of them, of which each hides a part. A photograph shows the
+outside of that layer: splats that fit the photographs have their centers inside the object. In training
+without a depth term, the true surface is found a number of standard deviations in front of the centers that
+is nearly the same for all objects, and whatever their opacity:
 
-    o exp(-t^2 / (2 s^2)) = 1/2   =>   t = s sqrt(2 ln(2 o)),   0 where o <= 1/2
+    skin = center - REACH s,   s = 1 / |S^-1 R^T d|
 
-    s = 1 / |S^-1 R^T d|: d the direction of the ray, R the rotation, S the scales of the splat
+d is the direction of the ray through the center, R the rotation and S the scales of the splat. A depth camera
+measures the skin: a training that pulls the centers there moves the silhouettes out.
 
-So splats that fit the photographs have their centers t inside the object, and their skin on its surface. A
-depth camera measures the skin: a training that pulls the centers there moves the silhouettes out.
-
-Neighbors overlap, so that together they reach one half farther out: the skin is at OVERLAP t.
-
-The order of the splats stays that of their centers. The backward pass takes t as a constant, so a gradient of
-the depth moves the centers, but does not change the scales or the opacities through t.
+The order of the splats stays that of their centers. The backward pass takes REACH s as a constant, so a
+gradient of the depth moves the centers, but does not change the scales through s.
 """
 
 import warp as wp
@@ -26,13 +23,12 @@ from digs_warp.splat.records import GaussianArrays
 
 wp.set_module_options({"enable_backward": False})
 
-# Without a depth term, the surface of the cow "spot" (320x180, 300 steps) is 4.0 mm too deep with 1.3 and
-# 2.0 mm with 2, that of the built-in vase 1.6 and 0.3 mm; with 2.6 the vase's is 0.9 mm too near.
-OVERLAP = 2.0
+# [standard deviations] With it, the surface without a depth term is least biased: see docs/training.md.
+REACH = 2.5
 
 # A splat as wide as its distance has its skin at this share of the distance, not behind the camera.
 _LEAST_SHARE = wp.constant(0.1)
-_OVERLAP = wp.constant(OVERLAP)
+_REACH = wp.constant(REACH)
 
 
 @wp.kernel
@@ -58,8 +54,7 @@ def skin_kernel(
     s = gaussians.log_scales[g]
     inverse = wp.vec3(wp.exp(-s[0]), wp.exp(-s[1]), wp.exp(-s[2]))
     deviation = 1.0 / wp.length(wp.cw_mul(along, inverse))
-    opacity = 1.0 / (1.0 + wp.exp(-gaussians.opacity_logits[g]))
-    ahead = _OVERLAP * deviation * wp.sqrt(2.0 * wp.log(wp.max(2.0 * opacity, 1.0)))
+    ahead = _REACH * deviation
     depths[g] = wp.max(depth - ahead * wp.dot(ray, forward), _LEAST_SHARE * depth)
 
 

@@ -7,11 +7,20 @@ mean lies on neither. So the depth of the surface is the expected one where the 
 
 import numpy as np
 
-from digs_warp.splat.config import EXPECTED, MEDIAN
+from digs_warp.splat.config import EXPECTED, MEDIAN, DepthOf
 
 # Expected and median depth further apart than this share of the depth belong to two surfaces: a centimetre
 # at a metre, several times the depth of the soft layer that the splats of one surface are.
 SAME_SURFACE = 0.01
+
+
+def surface_place(is_object: bool) -> DepthOf:
+    """Return the place of splats that lies on the surface.
+
+    The mask of an object shows where it ends, which draws the centers of its splats inside. Without masks, as
+    in a room, nothing does: the splats keep to the surface.
+    """
+    return "skin" if is_object else "center"
 
 
 def surface_depth(drawn: np.ndarray) -> np.ndarray:

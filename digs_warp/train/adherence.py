@@ -21,7 +21,7 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.row_motion import RowMotion
-from digs_warp.splat.surface_depth import surface_depth
+from digs_warp.splat.surface_depth import surface_depth, surface_place
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 
 # The median hardly changes with more views, and each takes the time of a training step.
@@ -42,12 +42,14 @@ class MeasuredView:
         box: of the object in the image.
         depth: inside the box [m], NaN where unknown or not on the object, float32.
         rows: how the camera moves while its rows are read; None: not at all.
+        is_object: whether a mask tells an object from the rest.
     """
 
     camera: Camera
     box: PixelBox
     depth: np.ndarray
     rows: RowMotion | None = None
+    is_object: bool = True
 
 
 def load_measured_views(
@@ -72,13 +74,14 @@ def load_measured_views(
 def _measured(frame: Frame, layer: DepthLayer, rows: RowMotion | None) -> MeasuredView:
     depth = frame.load_depth() if layer is Layer.DEPTH else frame.load_depth_true()
     mask = np.full(depth.shape, 255, np.uint8)
-    if frame.has(Layer.MASK):
+    is_object = frame.has(Layer.MASK)
+    if is_object:
         mask = frame.load_mask()
     box = mask_box(mask)
     x0, y0, x1, y1 = box
     known = (mask >= OBJECT) & np.isfinite(depth) & (depth > 0)
     kept = np.where(known, depth, np.float32(np.nan))[y0:y1, x0:x1]
-    return MeasuredView(frame.camera, box, kept.astype(np.float32), rows)
+    return MeasuredView(frame.camera, box, kept.astype(np.float32), rows, is_object)
 
 
 def adherence(gaussians: DeviceGaussians, views: Sequence[MeasuredView]) -> float | None:
@@ -100,11 +103,12 @@ def signed_distances(
     sizes = [view.camera.intrinsics for views in groups for view in views]
     if not sizes or not len(gaussians):
         return [np.zeros(0) for _ in groups]
+    place = surface_place(any(view.is_object for views in groups for view in views))
     renderer = SplatRenderer(
         gaussians,
         max(k.width for k in sizes),
         max(k.height for k in sizes),
-        options=RasterOptions(outputs="depth", depth_of="skin"),
+        options=RasterOptions(outputs="depth", depth_of=place),
     )
     center = gaussians.means.numpy().mean(axis=0)
     found: list[list[np.ndarray]] = [[np.zeros(0)] for _ in groups]

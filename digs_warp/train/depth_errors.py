@@ -1,15 +1,19 @@
-"""What is wrong with measured depth, as the photographs tell: an offset of its disparity, and its noise.
+"""What is wrong with measured depth, as the photographs tell: an offset of disparity, and errors of regions.
 
 A drifted calibration moves a whole surface by millimeters to centimeters, by the same in every frame, so
-averaging does not remove it. But the photographs contradict it: they put the surface where their rays meet.
-After each rendering, the offset of its view is the median of 1/d - 1/z (d measured, z rendered); that of the
-recording is the median over the views. The depth term compares with the depth without it: it holds the shape.
+averaging does not remove it. Highlights and faint texture move parts of it, and neighboring pixels together.
+But the photographs contradict both: they put the surface where their rays meet.
+
+After each rendering, the errors of its view are 1/d - 1/z (d measured, z rendered), and their medians in
+cells of the image those of regions. The offset of the view is the median of the cells; that of the recording
+is the median over the views. The depth term compares with the depth without it: it holds the shape.
 
 Where depth has no offset, those found are errors of the model, whose surface lies a little off before the
 depth term has pulled it to its place. They are shrunk by the share of their square that such errors explain.
 
-The spread around the offset is the noise of the depth. The weight of the depth falls with its square where it
-exceeds that of a good camera: noise of several pixels' width, as in small images, is no help to photographs.
+How far the cells spread around the offset tells whether depth or photographs know the shape better: noise of
+single pixels averages out over the views, errors of regions do not. From a spread that photographs have, too,
+the weight of the depth falls with its square.
 """
 
 from dataclasses import dataclass
@@ -24,13 +28,15 @@ from digs_warp.splat.renderer import SplatRenderer
 MOST_SAMPLES = 2048
 # Where more of the background shows through, a pixel does not tell the depth of the surface.
 MOST_TRANSPARENT = 0.5
-# The fewest pixels that a view is judged by.
-FEWEST_PIXELS = 16
-# The surface without a depth term is this far from unbiased depth, as a share of the distance: 0.2 % on the
-# cow "spot" of the sample data (320x180, 300 steps), less on other objects.
-NOISE_SHARE = 0.003
-# Noise of the depth up to which it has its full weight, as a share of the distance.
-TRUSTED_SPREAD = 0.003
+# Cells along each side of the box of the object: about as wide as the errors of a matcher's window.
+CELLS = 12
+# The fewest samples that a cell is judged by.
+FEWEST_PIXELS = 8
+# The surface without a depth term is this far from unbiased depth, as a share of the distance.
+NOISE_SHARE = 0.001
+# Spread of the cells up to which depth has its full weight, as a share of the distance: for an object, which
+# the photographs show from all sides, and for a scene, of whose plain walls they tell less.
+TRUSTED_SPREAD, TRUSTED_IN_SCENES = 0.001, 0.003
 # A larger offset [share of the distance] is no drift.
 MOST_SHARE = 0.02
 
@@ -42,16 +48,18 @@ class DepthSamples:
     Attributes:
         columns, rows: which, shape (k,).
         depths: measured [m], shape (k,), float32.
+        cells: number of the cell that each lies in, shape (k,).
     """
 
     columns: np.ndarray
     rows: np.ndarray
     depths: np.ndarray
+    cells: np.ndarray
 
     @property
     def bytes(self) -> int:
         """Memory of the samples [bytes]."""
-        return self.columns.nbytes + self.rows.nbytes + self.depths.nbytes
+        return sum(a.nbytes for a in (self.columns, self.rows, self.depths, self.cells))
 
     @staticmethod
     def of(depth: np.ndarray, weights: np.ndarray) -> "DepthSamples":
@@ -59,7 +67,8 @@ class DepthSamples:
         rows, columns = np.nonzero(weights)
         step = max(1, -(-len(rows) // MOST_SAMPLES))
         rows, columns = rows[::step], columns[::step]
-        return DepthSamples(columns, rows, depth[rows, columns].astype(np.float32))
+        cells = CELLS * _shares(rows) + _shares(columns)
+        return DepthSamples(columns, rows, depth[rows, columns].astype(np.float32), cells)
 
 
 @dataclass(frozen=True)
@@ -84,30 +93,36 @@ class DepthJudge:
 
     Args:
         count: number of views.
+        trusted: spread of the cells up to which depth has its full weight, as a share of the distance.
 
     Attributes:
         offsets: of each view, as a share of its distance, shape (count,); 0 for those that were not fitted.
-        spreads: median distance of each view's errors from its offset, likewise.
+        spreads: median distance of the errors of its cells from its offset, likewise.
         distances: median depth of each view [m], likewise.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, trusted: float = TRUSTED_SPREAD) -> None:
+        self._trusted = trusted
         self.offsets = np.zeros(count)
         self.spreads = np.zeros(count)
         self.distances = np.zeros(count)
 
-    def fit(self, index: int, rendered: np.ndarray, measured: np.ndarray) -> DepthErrors:
+    def fit(
+        self, index: int, rendered: np.ndarray, measured: np.ndarray, cells: np.ndarray
+    ) -> DepthErrors:
         """Fit a view again, and return what is known of the recording.
 
         Args:
             index: of the view.
             rendered: depths [m], shape (k,), above 0.
             measured: those of the same pixels [m], shape (k,).
+            cells: numbers of the cells that these lie in, shape (k,).
         """
-        if len(rendered) >= FEWEST_PIXELS:
-            measured = measured.astype(np.float64)
+        measured = measured.astype(np.float64)
+        errors = cell_medians(1.0 / measured - 1.0 / rendered, cells)
+        if len(errors):
             distance = float(np.median(measured))
-            errors = distance * (1.0 / measured - 1.0 / rendered)
+            errors *= distance
             self.distances[index] = distance
             self.offsets[index] = np.median(errors)
             self.spreads[index] = np.median(np.abs(errors - self.offsets[index]))
@@ -123,7 +138,7 @@ class DepthJudge:
         share = min(max(found, -MOST_SHARE), MOST_SHARE)
         sure = max(0.0, 1.0 - (NOISE_SHARE / max(abs(share), NOISE_SHARE)) ** 2)
         spread = float(np.median(self.spreads[fitted]))
-        trust = min(1.0, (TRUSTED_SPREAD / max(spread, TRUSTED_SPREAD)) ** 2)
+        trust = min(1.0, (self._trusted / max(spread, self._trusted)) ** 2)
         return DepthErrors(sure * share / float(np.median(self.distances[fitted])), trust)
 
     def state(self) -> dict[str, np.ndarray]:
@@ -140,12 +155,33 @@ class DepthJudge:
             array[:] = check_shape(name, state[name], array.shape)
 
 
+def cell_medians(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Return the upper median of each cell with `FEWEST_PIXELS` values or more, (cells,).
+
+    Args:
+        values: shape (k,).
+        cells: numbers of their cells, shape (k,).
+    """
+    order = np.lexsort((values, cells))
+    _, starts, counts = np.unique(cells[order], return_index=True, return_counts=True)
+    known = counts >= FEWEST_PIXELS
+    return values[order][(starts + counts // 2)[known]]
+
+
 def rendered_depths(
     renderer: SplatRenderer, samples: DepthSamples
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return rendered and measured depths [m], (k,) each, where the Gaussians cover the pixel by half."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rendered and measured depths [m] and cells, (k,) each, where Gaussians cover a pixel by half."""
     depth, transmittance = renderer.depth, renderer.transmittance
     at = depth.origin + samples.rows * depth.pitch + samples.columns
     drawn = depth.data.numpy()[EXPECTED * depth.plane + at].astype(np.float64)
     seen = (transmittance.data.numpy()[at] <= MOST_TRANSPARENT) & (drawn > 0)
-    return drawn[seen], samples.depths[seen]
+    return drawn[seen], samples.depths[seen], samples.cells[seen]
+
+
+def _shares(places: np.ndarray) -> np.ndarray:
+    """Return in which of `CELLS` equal parts of their range the places lie, int64."""
+    if not len(places):
+        return places
+    low = int(places.min())
+    return CELLS * (places - low) // (int(places.max()) - low + 1)

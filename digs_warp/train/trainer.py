@@ -12,10 +12,18 @@ from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
+from digs_warp.splat.surface_depth import surface_place
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.density.control import density_control
 from digs_warp.train.density.refinement import Refinement
-from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors, DepthJudge, rendered_depths
+from digs_warp.train.depth_errors import (
+    NO_ERRORS,
+    TRUSTED_IN_SCENES,
+    TRUSTED_SPREAD,
+    DepthErrors,
+    DepthJudge,
+    rendered_depths,
+)
 from digs_warp.train.draws import BACKGROUND
 from digs_warp.train.exposure import Exposures, rendered_samples
 from digs_warp.train.finite import FiniteCheck, non_finite_rows
@@ -58,11 +66,12 @@ class Trainer:
         self._start_count = len(gaussians)
         sizes = [camera.intrinsics for camera in views.cameras]
         with_depth = config.depth_weight_where(views.have_depth) > 0
+        place = surface_place(views.have_masks)
         self.renderer = BlurRenderer(
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
-            options=RasterOptions(outputs="depth" if with_depth else "color", depth_of="skin"),
+            options=RasterOptions(outputs="depth" if with_depth else "color", depth_of=place),
             moments=views.moments,
         )
         self._extent = scene_extent(views.cameras)
@@ -71,7 +80,8 @@ class Trainer:
         self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
         self.exposures = Exposures(len(views)) if config.fit_exposure == "on" else None
-        self.depth_judge = DepthJudge(len(views)) if with_depth else None
+        trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
+        self.depth_judge = DepthJudge(len(views), trusted) if with_depth else None
         self._build_optimizer(step=0)
 
     def step(self) -> None:

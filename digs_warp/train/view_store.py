@@ -120,6 +120,11 @@ class ViewStore:
         """Whether depth was measured in any of them."""
         return any(frame.has(Layer.DEPTH) for frame in self._frames)
 
+    @property
+    def have_masks(self) -> bool:
+        """Whether an object is masked in any of them; otherwise they show a scene."""
+        return any(frame.has(Layer.MASK) for frame in self._frames)
+
     def index(self, step: int) -> int:
         """Return which view ``step`` uses."""
         return self._index_of(step)

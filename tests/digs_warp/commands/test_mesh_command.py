@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.special import expit
 
 from digs_warp.camera import Intrinsics
 from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, EXIT_WRONG_USAGE, main
@@ -19,6 +18,7 @@ from digs_warp.record.run_log import RunLog
 from digs_warp.sh import sh_from_rgb
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
+from digs_warp.splat.skin import REACH
 from digs_warp.surface.files import vertex_normals
 from digs_warp.surface.true_surface import read_true_surface
 from reference.optional import open3d_or_skip
@@ -60,8 +60,7 @@ def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     writer.finish()
     shutil.copy(folder / "recording/run.json", folder / "capture/run.json")
     deviation, opacity_logit = 0.003, 3.0
-    # A splat hides half of what is behind it at its skin: that is what lies on the surface.
-    skin = 1.3 * deviation * np.sqrt(2 * np.log(2 * expit(opacity_logit)))
+    skin = REACH * deviation  # what lies on the surface
     inner = replace(surface, points_world=surface.points_world - skin * vertex_normals(surface))
     points = sample_surface(inner, 20_000)
     Gaussians(

@@ -12,7 +12,7 @@ from digs_warp.geometry import look_at
 from digs_warp.splat.config import EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.skin import OVERLAP
+from digs_warp.splat.skin import REACH
 from reference.splat_scenes import random_gaussians
 
 POSE = look_at(np.array([0.4, -3.0, 0.5]), np.zeros(3), np.array([0.0, 0.0, 1.0]))
@@ -35,7 +35,7 @@ def one(opacity: float, scales: tuple[float, float, float], seed: int = 0) -> Ga
 
 
 def twin(gaussians: Gaussians) -> float:
-    """The planar depth on the ray through the center where the opacity first reaches one half."""
+    """The planar depth `REACH` standard deviations in front of the center, on the ray through it."""
     mean, quat = gaussians.means[0].astype(np.float64), gaussians.quats[0].astype(np.float64)
     ray = mean - CAMERA.center_world
     distance = np.linalg.norm(ray)
@@ -43,18 +43,17 @@ def twin(gaussians: Gaussians) -> float:
     axes = Rotation.from_quat(quat).as_matrix()
     variances = np.exp(2.0 * gaussians.log_scales[0].astype(np.float64))
     inverse = axes @ np.diag(1.0 / variances) @ axes.T
-    opacity = 1.0 / (1.0 + np.exp(-float(gaussians.opacity_logits[0])))
 
-    def above_half(t: float) -> float:
-        return opacity * np.exp(-0.5 * t * t * (ray @ inverse @ ray)) - 0.5
+    def above_one(t: float) -> float:
+        return t * t * (ray @ inverse @ ray) - 1.0
 
-    t = float(brentq(above_half, 0.0, 1.0)) if opacity > 0.5 else 0.0  # pyright: ignore[reportArgumentType]
-    return float((distance - OVERLAP * t) * (ray @ CAMERA.world_from_cam[:3, 2]))
+    deviation = float(brentq(above_one, 0.0, 1.0))  # pyright: ignore[reportArgumentType]
+    return float((distance - REACH * deviation) * (ray @ CAMERA.world_from_cam[:3, 2]))
 
 
 @pytest.mark.parametrize("opacity", [0.3, 0.5, 0.51, 0.8, 0.99])
 @pytest.mark.parametrize("scales", [(0.1, 0.1, 0.1), (0.12, 0.05, 0.01)])
-def test_depth_is_where_the_opacity_reaches_one_half(
+def test_depth_is_that_of_the_skin_whatever_the_opacity(
     opacity: float, scales: tuple[float, float, float]
 ) -> None:
     for seed in range(3):

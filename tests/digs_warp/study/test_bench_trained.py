@@ -9,7 +9,7 @@ from digs_warp.camera import Intrinsics
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.parallel import default_threads
 from digs_warp.film.camera_path import Subject, orbit
-from digs_warp.splat.skin import OVERLAP
+from digs_warp.splat.skin import REACH
 from digs_warp.study.bench_trained import (
     FORMATS,
     TrainedObject,
@@ -37,8 +37,8 @@ def test_distances_by_voxel_size() -> None:
     g.log_scales[:] = np.log(0.005)
     k = Intrinsics.from_fov(96, 96, 40.0)
     cameras = [c for e in (-60, 0, 60) for c in orbit(Subject(np.zeros(3), RADIUS), k, 8, e)]
-    # The skins of its splats, 5 mm wide and nearly opaque, lie in front of their centers.
-    skin = RADIUS + OVERLAP * 0.005 * np.sqrt(2.0 * np.log(2.0 / (1.0 + np.exp(-4.0))))
+    # The skins of its splats, 5 mm wide, lie in front of their centers.
+    skin = RADIUS + REACH * 0.005
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=skin)
     surface = TriangleMesh(sphere.vertices, sphere.faces, np.ones_like(sphere.vertices))
     results = measure_meshes(TrainedObject(g, cameras, surface), voxels=(0.03, 0.01), near=0.01)

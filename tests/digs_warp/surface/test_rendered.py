@@ -7,7 +7,7 @@ import trimesh
 from digs_warp.data.capture import Capture
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.splat.skin import OVERLAP
+from digs_warp.splat.skin import REACH
 from digs_warp.surface.rendered import surface_error
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 
@@ -23,8 +23,8 @@ def sphere(radius: float) -> TriangleMesh:
 
 
 def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
-    # The skins of its splats, 12 mm wide and nearly opaque, lie in front of their centers.
-    skin = RADIUS + OVERLAP * 0.012 * np.sqrt(2.0 * np.log(2.0 / (1.0 + np.exp(-4.0))))
+    # The skins of its splats, 12 mm wide, lie in front of their centers.
+    skin = RADIUS + REACH * 0.012
     exact = surface_error(ball(), capture.frames, sphere(skin))
     larger = surface_error(ball(), capture.frames, sphere(skin + 0.1))
     assert exact is not None and larger is not None

@@ -17,7 +17,7 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.film.camera_path import Subject, orbit
 from digs_warp.geometry import quat_xyzw_from_matrix
 from digs_warp.sh import C0
-from digs_warp.splat.skin import OVERLAP
+from digs_warp.splat.skin import REACH
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.extract import Scene, extract_surface, remove_floaters, within_mask
 from digs_warp.surface.files import vertex_normals, write_mesh
@@ -265,7 +265,5 @@ def test_thin_fog_before_the_surface_does_not_move_it() -> None:
         sh=np.zeros((2, 1, 3)),
     )
     view = next(depth_views(layers, [camera], far))
-    skin = (
-        OVERLAP * 0.05 * np.sqrt(2.0 * np.log(2.0 / (1.0 + np.exp(-4.0))))
-    )  # in front of the far center
+    skin = REACH * 0.05  # in front of the far center
     np.testing.assert_allclose(view.depth[48, 48], 0.6 - skin, rtol=1e-5)

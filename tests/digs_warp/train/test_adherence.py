@@ -16,7 +16,10 @@ from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
 from digs_warp.splat.surface_depth import surface_depth
 from digs_warp.train.adherence import adherence, load_measured_views, signed_distances
+from digs_warp.train.config import TrainConfig
 from digs_warp.train.shutter import ShutterPlan
+from digs_warp.train.trainer import Trainer
+from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
 
 
@@ -80,6 +83,23 @@ def test_rows_are_drawn_from_where_they_were_read(capture: Capture) -> None:
     assert known is not None and ignored is not None
     assert known == pytest.approx(0.0, abs=1e-6)
     assert ignored > 1e-3
+
+
+def test_without_masks_the_centers_lie_on_the_surface(capture: Capture) -> None:
+    gaussians = DeviceGaussians.from_numpy(ball())
+    frames = []
+    for frame in capture.frames:
+        k = frame.camera.intrinsics
+        options = RasterOptions(outputs="depth", depth_of="center")
+        renderer = SplatRenderer(gaussians, k.width, k.height, options=options)
+        renderer.forward(frame.camera, near=0.01)
+        depth = surface_depth(renderer.depth.to_numpy())
+        frames.append(frame.with_layer(Layer.DEPTH, depth).without_layer(Layer.MASK))
+    assert measured(frames, ball()) == pytest.approx(0.0, abs=1e-6)
+    config = TrainConfig()
+    for each, place in ((frames, "center"), (capture.frames, "skin")):
+        trainer = Trainer(ball(50), open_views(each, config), config)
+        assert trainer.renderer.middle.options.depth_of == place
 
 
 def test_wrong_pixels_do_not_change_it_much(capture: Capture) -> None:

@@ -8,11 +8,13 @@ from digs_warp.data.layers import Layer
 from digs_warp.train.adherence import adherence, load_measured_views
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.depth_errors import (
+    CELLS,
     NO_ERRORS,
     NOISE_SHARE,
     TRUSTED_SPREAD,
     DepthJudge,
     DepthSamples,
+    cell_medians,
 )
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
@@ -20,6 +22,8 @@ from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
 
 OFFSET = -0.02  # [1/m]: at 1 m, depth is 2 cm too large
 STEPS = 60
+# Of a view: each has 25 pixels.
+REGIONS = 80
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +31,20 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=6)
 
 
-def seen(offset: float, noise: float = 0.003) -> tuple[np.ndarray, np.ndarray]:
-    """True depths near 1 m, and what a camera with an offset measures; a fifth of it is far off."""
+def seen(
+    offset: float, noise: float = 0.003, of_regions: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """True depths near 1 m, what a camera with an offset measures, and regions; a fifth is far off.
+
+    ``noise`` [m] is that of pixels, ``of_regions`` that which all pixels of a region share.
+    """
     rng = np.random.default_rng(0)
     true = rng.uniform(0.9, 1.1, 2000)
-    measured = 1.0 / (1.0 / true + offset) + rng.normal(0.0, noise, true.shape)
+    cells = rng.permutation(2000) % REGIONS
+    shared = rng.normal(0.0, of_regions, REGIONS)[cells]
+    measured = 1.0 / (1.0 / true + offset) + rng.normal(0.0, noise, true.shape) + shared
     wrong = rng.uniform(size=true.shape) < 0.2
-    return true, np.where(wrong, measured + rng.normal(0.0, 0.3, true.shape), measured)
+    return true, np.where(wrong, measured + rng.normal(0.0, 0.3, true.shape), measured), cells
 
 
 def test_an_offset_is_found_over_all_views() -> None:
@@ -51,21 +62,34 @@ def test_what_errors_of_the_model_explain_is_no_offset() -> None:
     assert 0 < DepthJudge(1).fit(0, *seen(2 * NOISE_SHARE)).offset < 2 * NOISE_SHARE
 
 
-def test_noise_lowers_the_weight_with_its_square() -> None:
-    for noise, trust in ((0.0, 1.0), (TRUSTED_SPREAD, 1.0), (6 * TRUSTED_SPREAD, None)):
-        errors = DepthJudge(1).fit(0, *seen(OFFSET, noise))
-        if trust is not None:
-            assert errors.trust == trust
-        else:  # the median is 0.67 deviations, and a little more with the outliers
-            assert (1 / 6) ** 2 < errors.trust < (1 / (0.67 * 6)) ** 2
+def test_errors_of_regions_lower_the_weight_with_their_square() -> None:
+    trust = DepthJudge(1).fit(0, *seen(OFFSET, 0.0, of_regions=6 * TRUSTED_SPREAD)).trust
+    # The median is 0.67 deviations, and a little more with the outliers.
+    assert (1 / 6) ** 2 < trust < (1 / (0.6 * 6)) ** 2
+    in_scene = DepthJudge(1, 2 * TRUSTED_SPREAD).fit(0, *seen(OFFSET, 0.0, 6 * TRUSTED_SPREAD))
+    assert in_scene.trust == pytest.approx(4 * trust)
+
+
+def test_noise_of_pixels_does_not_lower_the_weight() -> None:
+    for noise in (0.0, 3 * TRUSTED_SPREAD):
+        assert DepthJudge(1).fit(0, *seen(OFFSET, noise)).trust == 1.0
+
+
+def test_medians_are_those_of_cells_with_enough_values() -> None:
+    rng = np.random.default_rng(1)
+    values, cells = rng.normal(size=60), np.repeat([4, 7, 2, 9], [20, 7, 9, 24])
+    mixed = rng.permutation(60)
+    expected = [np.sort(values[cells == cell])[(cells == cell).sum() // 2] for cell in (2, 4, 9)]
+    assert cell_medians(values[mixed], cells[mixed]).tolist() == expected
+    assert not len(cell_medians(np.zeros(0), np.zeros(0, int)))
 
 
 def test_views_that_tell_nothing_change_nothing() -> None:
     judge = DepthJudge(2)
-    few = np.full(3, 1.0)
-    assert judge.fit(0, few, 2 * few) == NO_ERRORS
+    few, cells = np.full(3, 1.0), np.zeros(3, int)
+    assert judge.fit(0, few, 2 * few, cells) == NO_ERRORS
     found = judge.fit(1, *seen(OFFSET))
-    assert judge.fit(0, few, 2 * few) == found
+    assert judge.fit(0, few, 2 * few, cells) == found
     again = DepthJudge(2)
     again.restore(judge.state())
     assert again.errors == found
@@ -78,12 +102,27 @@ def test_samples_are_where_depth_counts() -> None:
     samples = DepthSamples.of(depth, weights)
     assert samples.depths.tolist() == [6.0, 8.0]
     assert (samples.rows.tolist(), samples.columns.tolist()) == ([1, 2], [2, 0])
+    assert samples.cells.tolist() == [CELLS - CELLS // 3, CELLS // 2 * CELLS]
+    assert not len(DepthSamples.of(depth, np.zeros_like(weights)).cells)
 
 
-def test_biased_depth_does_not_pull_the_surface_along(capture: Capture) -> None:
-    """The surface starts where the photographs see it, and depth is 1.5 % too large."""
+def test_cells_are_equal_parts_of_the_box() -> None:
+    weights = np.zeros((70, 50), np.uint8)
+    weights[5:65, 11:47] = 1  # 60 x 36 px: cells of 5 x 3
+    samples = DepthSamples.of(np.ones((70, 50), np.float32), weights)
+    rows, columns = (samples.rows - 5) // 5, (samples.columns - 11) // 3
+    assert np.array_equal(samples.cells, CELLS * rows + columns)
+
+
+@pytest.mark.parametrize("wrong", ["everywhere", "in regions"])
+def test_wrong_depth_does_not_pull_the_surface_along(capture: Capture, wrong: str) -> None:
+    """The surface starts where the photographs see it, and depth is wrong by 1.5 %."""
     seen = [frame.with_layer(Layer.DEPTH, drawn_depth(frame)) for frame in capture.frames]
-    frames = [f.with_layer(Layer.DEPTH, np.float32(1.015) * f.load_depth()) for f in seen]
+    factor = np.full(seen[0].load_depth().shape, 1.015, np.float32)
+    if wrong == "in regions":
+        rows, columns = np.indices(factor.shape)
+        factor[(rows // 8 + columns // 8) % 2 == 1] = 0.985
+    frames = [f.with_layer(Layer.DEPTH, factor * f.load_depth()) for f in seen]
     config = TrainConfig(depth_weight=0.1, stop=Stop(iterations=STEPS), half_size_until=0)
     moved = []
     for judged in (True, False):
