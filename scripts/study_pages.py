@@ -56,10 +56,15 @@ def publish(study: Study, folder: Path) -> None:
 
 
 def portable(record: dict[str, Any]) -> dict[str, Any]:
-    """Return the record with the names of input files instead of where they lay."""
-    recording = record["recording"]
-    files = {key: Path(recording[key]).name for key in ("mesh", "environment") if key in recording}
-    return record | {"recording": recording | files}
+    """Return the record with the names of input files and of the recording instead of where they lay."""
+    return record | {
+        "recording": _names(record["recording"], "mesh", "environment"),
+        "results": _names(record.get("results", {}), "capture"),
+    }
+
+
+def _names(values: dict[str, Any], *paths: str) -> dict[str, Any]:
+    return values | {key: Path(values[key]).name for key in paths if key in values}
 
 
 def write_index() -> None:
