@@ -69,7 +69,7 @@ studies: setup ## Run the studies within their budgets and write docs/study; two
 	$(BIN)/python scripts/pictures.py initialization
 
 pages: setup ## Run all other benchmarks for the documentation; an hour on a quiet machine
-	$(BIN)/python scripts/pages.py convergence options train init init-noise masks sfm sfm-full sfm-sensor \
+	$(BIN)/python scripts/pages.py convergence options train init init-noise masks sfm sfm-full sfm-sensor sfm-poses \
 		paper-length usd render mesh splat-files
 	$(BIN)/python scripts/recordings_page.py
 

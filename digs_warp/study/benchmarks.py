@@ -142,6 +142,12 @@ BENCHMARKS = (
         "sfm.md",
     ),
     Benchmark(
+        "sfm-poses",
+        "what poses that nobody knows cost: four simulated scenes, poses found in each way",
+        "bench_found_poses:bench_found_poses",
+        "sfm.md",
+    ),
+    Benchmark(
         "masks",
         "object masks without a network, compared with the true ones",
         "bench_masks:bench_masks",

@@ -1,0 +1,125 @@
+"""`digs-warp bench sfm-poses`: what poses that nobody knows cost, on simulated scenes.
+
+Every scene is reconstructed with its true poses, and with poses from images, from color and depth, and from
+what `--poses auto` chooses. A way that fails is a row without figures, and its error is among the findings.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.data.images import write_image
+from digs_warp.record.progress import progress
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.record import simulate
+from digs_warp.sim.walk.settings import PathName, WalkSettings
+from digs_warp.study.bench_recordings import FIGURES, POSES, Notes, Poses, reconstructions
+from digs_warp.study.results import Result
+from digs_warp.study.scenes import OBJECT_SIZE, with_meshes
+
+FRAMES, WIDTH, ITERATIONS = 24, 320, 100
+# Of the camera above the horizon [degree].
+ELEVATION = 30.0
+
+# Noise in tiles, this many of them all round; and how bright white walls are, with a faint gradient.
+TILES, TILE_PX = 20, 64
+WHITE, GRADIENT = 228, 8
+
+LOSS = "below true poses [dB]"
+
+
+@dataclass(frozen=True)
+class PosedScene:
+    """A scene whose poses are found.
+
+    Attributes:
+        name: as the table shows it.
+        mesh: a sample mesh.
+        wall: what is around it: that of the other benchmarks, a repeating pattern, or white.
+        path: of the camera: to and fro on an arc, about 5 degrees between frames; or on an orbit, 15.
+        aside: nothing of the way to find poses was fitted to it.
+    """
+
+    name: str
+    mesh: str
+    wall: str
+    path: PathName
+    aside: bool
+
+
+SCENES = (
+    PosedScene("armchair, repeating wall", "armchair", "repeating", "arc", False),
+    PosedScene(
+        "mustard bottle, white room, wide steps", "ycb_mustard_bottle", "white", "orbits", False
+    ),
+    PosedScene("boot, white room", "boot_plain", "white", "arc", True),
+    PosedScene("metal case, wide steps", "sci_fi_case", "textured", "orbits", True),
+)
+
+
+def bench_found_poses(
+    data: Path | None = None,
+    scenes: Sequence[PosedScene] = SCENES,
+    recording: SimulateConfig | None = None,
+    iterations: int = ITERATIONS,
+) -> list[Result]:
+    """Return the figures of every scene with each kind of poses, and what went wrong.
+
+    Args:
+        data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
+        scenes: which.
+        recording: settings of all recordings; None: those of the published table.
+        iterations: training steps.
+    """
+    recording = recording or SimulateConfig(frames=FRAMES, width=WIDTH, object_size=OBJECT_SIZE)
+    meshes = with_meshes(recording, [scene.mesh for scene in scenes], data, "sfm-poses")
+    present = [scene for scene in scenes if scene.mesh in meshes]
+    results: list[Result] = []
+    with progress(len(present), "Measuring", "scene") as bar:
+        for scene in present:
+            with tempfile.TemporaryDirectory() as folder:
+                results += _measured(scene, meshes[scene.mesh], Path(folder), iterations)
+            bar.update()
+    return sorted(results, key=lambda row: row.table != FIGURES)
+
+
+def _measured(
+    scene: PosedScene, recording: SimulateConfig, folder: Path, iterations: int
+) -> list[Result]:
+    if scene.wall != "textured":
+        recording = replace(recording, environment=_wall(scene.wall, folder / "wall.png"))
+    walk = WalkSettings(path=scene.path, elevations=(ELEVATION,))
+    capture = simulate(replace(recording, walk=walk), folder / "capture")
+    notes = Notes(scene.name, folder, iterations)
+    ways: tuple[Poses, ...] = tuple(POSES)
+    for _ in reconstructions(capture, ways, notes):
+        pass  # the figures are in the notes
+    first, *others = notes.results
+    return [_compared(row, first, scene.aside) for row in (first, *others)]
+
+
+def _compared(row: Result, with_true_poses: Result, aside: bool) -> Result:
+    """Return a row with what it lacks to that with true poses, and whether the scene was kept aside."""
+    if row.table != FIGURES:
+        return row
+    values, true = dict(row.values), with_true_poses.values
+    if row is not with_true_poses and "PSNR [dB]" in values and "PSNR [dB]" in true:
+        values[LOSS] = true["PSNR [dB]"] - values["PSNR [dB]"]
+    labels = {**row.labels, "kept aside": "yes" if aside else "no"}
+    return replace(row, labels=labels, values=values)
+
+
+def _wall(kind: str, path: Path) -> Path:
+    """Write the environment of a room."""
+    if kind == "white":
+        across = np.cos(np.linspace(0, 2 * np.pi, 128))[None, :, None]
+        pixels = np.broadcast_to(WHITE + GRADIENT * across, (64, 128, 3))
+    else:
+        rng = np.random.default_rng(1)
+        blocks = rng.uniform(40, 230, (TILE_PX // 4, TILE_PX // 4, 3))
+        pixels = np.tile(blocks.repeat(4, 0).repeat(4, 1), (TILES // 2, TILES, 1))
+    write_image(path, np.ascontiguousarray(pixels.astype(np.uint8)))
+    return path
