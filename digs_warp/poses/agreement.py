@@ -75,9 +75,10 @@ def got_worse(
     after: np.ndarray,
     pairs: Iterable[tuple[int, int]],
 ) -> np.ndarray:
-    """Return for each of n frames whether its pairs contradict each other more than before, (n,), bool.
+    """Return for each of n frames whether it would agree better with its old pose, (n,), bool.
 
-    Where little holds a frame, an alignment may slide.
+    Where little holds a frame, an alignment may slide. All other frames have their new poses in both cases:
+    a frame that kept its own while they moved together would agree with none of them.
 
     Args:
         pictures: of the frames.
@@ -85,11 +86,14 @@ def got_worse(
         after: the same after the alignment.
         pairs: numbers of two frames that see the same.
     """
-    totals = np.zeros((2, len(before)))
+    old, new = np.zeros(len(before)), np.zeros(len(before))
     for i, j in pairs:
-        motions = [invert_rigid(poses[j]) @ poses[i] for poses in (before, after)]
-        totals[:, [i, j]] += disagreements(pictures[i], pictures[j], motions)[:, None]
-    return totals[1] > totals[0]
+        placings = ((after[i], after[j]), (before[i], after[j]), (after[i], before[j]))
+        motions = [invert_rigid(second) @ first for first, second in placings]
+        together, i_old, j_old = disagreements(pictures[i], pictures[j], motions)
+        new[[i, j]] += together
+        old[[i, j]] += i_old, j_old
+    return old < new
 
 
 def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarray:

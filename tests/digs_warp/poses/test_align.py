@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.equations import PairComparison, Scales
 from digs_warp.poses.pairs import overlapping_pairs
@@ -109,6 +110,15 @@ def test_a_frame_that_would_agree_less_keeps_its_pose(monkeypatch: pytest.Monkey
     kept = [n for n in range(8) if (frames[n].camera.world_from_cam == given[n]).all()]
     assert kept == [slid]
     assert refinement.because.endswith("; 1 frame would agree less and kept the pose")
+
+
+def test_a_frame_does_not_stay_behind_where_all_move_together() -> None:
+    """Its old pose fits the old ones of the others, and not the new ones."""
+    together = rigid(matrix_from_rotation_vector(np.array([0.0, 0.1, 0.0])), np.array([0.05, 0, 0]))
+    after = TRUTH.copy()
+    after[3, :3, 3] += 0.003  # the alignment was a little worse there
+    pairs = overlapping_pairs(PICTURES, TRUTH)
+    assert not got_worse(PICTURES, together @ TRUTH, after, pairs).any()
 
 
 @pytest.mark.parametrize("broken", ["one frame", "black", "constant depth", "no depth", "all NaN"])
