@@ -48,7 +48,7 @@ class Picture:
     shift: np.ndarray
 
     def at_most(self, widest: int) -> "Picture":
-        """Return the picture halved until it has at most so many columns."""
+        """Return the picture, halved until it is no wider than ``widest`` [px]."""
         return self if self.intrinsics.width <= widest else self.halved().at_most(widest)
 
     def halved(self) -> "Picture":

@@ -48,7 +48,7 @@ class Contents:
         frames: the views, in the order of time; empty where they are not known.
         points: clouds by their names, such as "start".
         meshes: surfaces by their names, such as "true surface".
-        recording: the folder of the recording; results of one recording stand in one world. None: not known.
+        recording: the folder of the recording; results of one recording share a world frame. None: not known.
     """
 
     name: str

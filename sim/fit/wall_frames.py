@@ -81,12 +81,12 @@ def load_frames(capture: Capture, focal_baseline: float) -> Iterator[WallFrame]:
 
 
 def _of_left(frame: Frame, focal_baseline: float) -> WallFrame:
-    true = _true(frame)
+    true, mask = _true(frame), _mask(frame)
     return WallFrame(
         frame.name,
         image=frame.load_image(),
-        disparity=np.float32(focal_baseline) / _masked_depth(frame),
-        looked=_mask(frame),
+        disparity=np.float32(focal_baseline) / _depth(frame, mask),
+        looked=mask,
         true=None if true is None else np.float32(focal_baseline) / true,
         right=frame.load_right_image() if frame.has(Layer.RIGHT) else None,
         color=None,
@@ -100,7 +100,8 @@ def _of_infrared(frame: Frame, pair: InfraredPair, focal_baseline: float, where:
                 f"{where}: no {layer.label}; expected both images of the infrared pair that the capture "
                 "names. Record them, or take 'infrared' out of its rig to fit the color camera alone"
             )
-    depth, true = _masked_depth(frame), _true(frame)
+    true, mask = _true(frame), _mask(frame)
+    depth = _depth(frame, mask)
     row, column, inside = _in_color(depth, frame.camera.intrinsics, pair, focal_baseline)
 
     def seen(image: np.ndarray, outside: float) -> np.ndarray:
@@ -112,7 +113,7 @@ def _of_infrared(frame: Frame, pair: InfraredPair, focal_baseline: float, where:
         frame.name,
         image=left,
         disparity=np.float32(focal_baseline) / seen(depth, np.nan),
-        looked=seen(_mask(frame), 0),
+        looked=seen(mask, 0),
         true=None if true is None else np.float32(focal_baseline) / seen(true, np.nan),
         right=right,
         color=frame.load_image(),
@@ -126,8 +127,8 @@ def _mask(frame: Frame) -> np.ndarray:
     return np.ones((k.height, k.width), bool)
 
 
-def _masked_depth(frame: Frame) -> np.ndarray:
-    return np.where(_mask(frame), frame.load_depth(), np.float32(np.nan))
+def _depth(frame: Frame, mask: np.ndarray) -> np.ndarray:
+    return np.where(mask, frame.load_depth(), np.float32(np.nan))
 
 
 def _true(frame: Frame) -> np.ndarray | None:

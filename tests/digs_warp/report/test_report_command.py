@@ -27,7 +27,7 @@ def test_the_page_of_a_whole_run_is_the_same(stored: Run) -> None:
     report_on(stored)
     again = stored[2].with_name("again.html")
     assert main(["report", str(stored[1].parent), "--out", str(again)]) == EXIT_OK
-    # The film is encoded anew each time; the rest has no dates.
+    # The film is encoded again each time; the rest has no dates.
     first, second = (_without_film(path) for path in (stored[2], again))
     assert first == second
 
