@@ -193,38 +193,34 @@ def rim_at_corner(
 
 
 @wp.func
-def share_at_vertex(
-    surface: Surface, keys: KeyLights, spot: int, place: Place, corner: int
-) -> float:
-    """Share of a spot that a vertex sees, from memory or measured now.
-
-    It is kept in a byte, in which 0 is unknown.
-    """
-    vertex = surface.corners[3 * place.face + corner]
-    row = 2 * vertex + place.outer
-    kept = int(surface.vertex_shadows[row, spot])
-    if kept == 0:
-        origin = vertex_origin(surface, vertex, place.outer)
-        share = rim_share(surface, keys, spot, origin)
-        if is_partial(share):
-            share = all_points_share(surface, keys, spot, origin)
-        kept = int(wp.round(STEPS * share)) + 1
-        surface.vertex_shadows[row, spot] = wp.uint8(kept)
-    return (float(kept) - 1.0) / STEPS
+def measured_at_vertex(
+    surface: Surface, keys: KeyLights, spot: int, vertex: int, outer: int
+) -> int:
+    """Measure the share of a spot that a vertex sees, and keep it; the byte that is kept."""
+    origin = vertex_origin(surface, vertex, outer)
+    share = rim_share(surface, keys, spot, origin)
+    if is_partial(share):
+        share = all_points_share(surface, keys, spot, origin)
+    kept = int(wp.round(STEPS * share)) + 1
+    surface.vertex_shadows[2 * vertex + outer, spot] = wp.uint8(kept)
+    return kept
 
 
 @wp.func
-def share_at_corner(
-    surface: Surface, keys: KeyLights, spot: int, place: Place, i: int, j: int
+def kept_at_vertex(surface: Surface, spot: int, vertex: int, outer: int) -> int:
+    """The byte in which the share that a vertex sees is kept; 0: it is unknown."""
+    return int(surface.vertex_shadows[2 * vertex + outer, spot])
+
+
+@wp.func
+def measured_at_corner(
+    surface: Surface, keys: KeyLights, spot: int, place: Place, word: Word, i: int, j: int
 ) -> float:
-    """Share of a spot that a corner of the lattice sees, from the store or measured now.
+    """Measure the share of a spot that a corner of the lattice sees, and keep it in that word.
 
     Where the rim says the same on both sides, at corners twice as far apart, that is the answer. Only the
     others ask many points.
     """
-    word = word_of_corner(surface, place, spot, place.level, i, j, 0)
-    if word.share >= 0.0:
-        return word.share
     # A corner lies midway between two of the coarser lattice, or is one.
     level = place.level - 1
     share = rim_at_corner(surface, keys, spot, place, level, i >> 1, (j + 1) >> 1)
@@ -238,19 +234,52 @@ def share_at_corner(
 
 
 @wp.func
-def seen_share(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
-    """Share of a spot that is seen from a place of a triangle."""
-    if place.level <= SMALL:
-        return (
-            place.along[0] * share_at_vertex(surface, keys, spot, place, 0)
-            + place.along[1] * share_at_vertex(surface, keys, spot, place, 1)
-            + place.along[2] * share_at_vertex(surface, keys, spot, place, 2)
-        )
+def seen_from_vertices(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
+    """`seen_share` on a small triangle."""
+    first = surface.corners[3 * place.face]
+    second = surface.corners[3 * place.face + 1]
+    third = surface.corners[3 * place.face + 2]
+    a = kept_at_vertex(surface, spot, first, place.outer)
+    b = kept_at_vertex(surface, spot, second, place.outer)
+    c = kept_at_vertex(surface, spot, third, place.outer)
+    if a == 0:
+        a = measured_at_vertex(surface, keys, spot, first, place.outer)
+    if b == 0:
+        b = measured_at_vertex(surface, keys, spot, second, place.outer)
+    if c == 0:
+        c = measured_at_vertex(surface, keys, spot, third, place.outer)
+    return (
+        place.along[0] * ((float(a) - 1.0) / STEPS)
+        + place.along[1] * ((float(b) - 1.0) / STEPS)
+        + place.along[2] * ((float(c) - 1.0) / STEPS)
+    )
+
+
+@wp.func
+def seen_from_corners(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
+    """`seen_share` on a triangle with a lattice."""
     i = place.i
     j = place.j
     n = place.near
-    return (
-        place.along[0] * share_at_corner(surface, keys, spot, place, i + 1, j)
-        + place.along[1] * share_at_corner(surface, keys, spot, place, i, j + 1)
-        + place.along[2] * share_at_corner(surface, keys, spot, place, i + n, j + n)
-    )
+    a = word_of_corner(surface, place, spot, place.level, i + 1, j, 0)
+    b = word_of_corner(surface, place, spot, place.level, i, j + 1, 0)
+    c = word_of_corner(surface, place, spot, place.level, i + n, j + n, 0)
+    if a.share < 0.0:
+        a.share = measured_at_corner(surface, keys, spot, place, a, i + 1, j)
+    if b.share < 0.0:
+        b.share = measured_at_corner(surface, keys, spot, place, b, i, j + 1)
+    if c.share < 0.0:
+        c.share = measured_at_corner(surface, keys, spot, place, c, i + n, j + n)
+    return place.along[0] * a.share + place.along[1] * b.share + place.along[2] * c.share
+
+
+@wp.func
+def seen_share(surface: Surface, keys: KeyLights, spot: int, place: Place) -> float:
+    """Share of a spot that is seen from a place of a triangle, from memory or measured now.
+
+    Mostly all three shares are in memory. What measures is therefore called for each corner by itself: a
+    function with a single caller would become part of it, and the rest too large to become part of shading.
+    """
+    if place.level <= SMALL:
+        return seen_from_vertices(surface, keys, spot, place)
+    return seen_from_corners(surface, keys, spot, place)
