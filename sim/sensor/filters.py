@@ -13,6 +13,13 @@ def gray_of(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
 
 
+def table_values(table: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """Return the entries of a table of 256 values for an image of any shape, uint8."""
+    import cv2
+
+    return cv2.LUT(image.reshape(1, -1), table).reshape(image.shape)
+
+
 def horizontal_gradient(gray: np.ndarray) -> np.ndarray:
     """Return the central difference along x [DN/px], float32, same shape; mirrored at the borders."""
     import cv2

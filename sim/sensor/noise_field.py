@@ -17,19 +17,20 @@ GRID_POINTS = 5.0
 KERNEL_REACH = 3.0
 
 
-def white_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Return independent normal numbers, float32, drawn uniformly from 2^16 quantiles.
+def drawn_quantiles(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return numbers of `normal_quantiles`, drawn independently and uniformly, (count,), uint16.
 
-    Five times as fast as ``rng.standard_normal``. No value exceeds 4.3: enough for noise that ends up in
-    8-bit steps.
+    The quantiles with these numbers are white noise, several times as fast as ``rng.standard_normal``.
     """
-    drawn = random_bytes(rng, 2 * int(np.prod(shape))).view(np.uint16)
-    return np.take(_normal_quantiles(), drawn).reshape(shape)
+    return random_bytes(rng, 2 * count).view(np.uint16)
 
 
 @cache
-def _normal_quantiles() -> np.ndarray:
-    """Return the quantiles (i + 0.5) / 2^16 of a normal distribution, scaled to variance 1."""
+def normal_quantiles() -> np.ndarray:
+    """Return the quantiles (i + 0.5) / 2^16 of a normal distribution, scaled to variance 1, float32.
+
+    No value exceeds 4.3: enough for noise that ends up in 8-bit steps.
+    """
     from scipy.special import ndtri
 
     quantiles = ndtri((np.arange(1 << 16) + 0.5) / (1 << 16))

@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
+from digs_warp.sim.sensor.color.pixel_loops import looked_up
+from digs_warp.sim.sensor.filters import table_values
 
 # Steps of linear light: sRGB is steepest in the dark, where one step is a twentieth of an 8-bit step.
 LINEAR_STEPS = 65535
@@ -12,15 +14,12 @@ LINEAR_STEPS = 65535
 
 def decode(image: np.ndarray) -> np.ndarray:
     """Return sRGB pixels, uint8, as linear light, float32, 0 to 1."""
-    return np.take(_decoding(), image)
+    return table_values(_decoding(), image)
 
 
 def encode(linear: np.ndarray) -> np.ndarray:
     """Return linear light as sRGB pixels, uint8; values outside 0 to 1 are clipped."""
-    steps = np.clip(linear, 0.0, 1.0)
-    steps *= LINEAR_STEPS
-    steps += 0.5
-    return np.take(_encoding(), steps.astype(np.uint16))
+    return looked_up(linear, _encoding())
 
 
 @cache

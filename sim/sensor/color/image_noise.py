@@ -21,11 +21,11 @@ import numpy as np
 
 from digs_warp.sim.rig import StereoRig
 from digs_warp.sim.sensor.color.adaptation import MIDDLE_GREY
-from digs_warp.sim.sensor.color.gain import times_channels
+from digs_warp.sim.sensor.color.pixel_loops import with_noise
 from digs_warp.sim.sensor.color.protocol import ByChannel, EyeImages
 from digs_warp.sim.sensor.effects.protocol import Choice, choose_above
 from digs_warp.sim.sensor.facts import SceneFacts
-from digs_warp.sim.sensor.noise_field import white_normal
+from digs_warp.sim.sensor.noise_field import drawn_quantiles
 
 # 8-bit sRGB steps per unit of linear light at middle gray: the derivative of the sRGB curve there.
 STEPS_PER_LINEAR = 255 * 1.055 / 2.4 * MIDDLE_GREY ** (1 / 2.4 - 1)
@@ -80,9 +80,7 @@ class ShotNoise:
         factor = strength * shot_factor(rig)
         red, green, blue = (factor * gain**0.5 for gain in eyes.electronic_gain)
         images = (eyes.left, eyes.right)
-        return eyes.with_images(
-            *(_noisy(x, (red, green, blue), rng, np.sqrt(np.maximum(x, 0))) for x in images)
-        )
+        return eyes.with_images(*(_noisy(x, (red, green, blue), rng, is_shot=True) for x in images))
 
 
 @dataclass(frozen=True)
@@ -111,18 +109,13 @@ class ReadNoise:
         sigma = strength * read_sigma(rig)
         red, green, blue = (sigma * gain for gain in eyes.electronic_gain)
         images = (eyes.left, eyes.right)
-        return eyes.with_images(*(_noisy(x, (red, green, blue), rng) for x in images))
+        return eyes.with_images(
+            *(_noisy(x, (red, green, blue), rng, is_shot=False) for x in images)
+        )
 
 
 def _noisy(
-    linear: np.ndarray,
-    sigma: ByChannel,
-    rng: np.random.Generator,
-    relative: np.ndarray | None = None,
+    linear: np.ndarray, sigma: ByChannel, rng: np.random.Generator, is_shot: bool
 ) -> np.ndarray:
-    """Return the image plus white noise of standard deviation ``sigma``, times ``relative`` if given."""
-    noise = times_channels(white_normal(rng, linear.shape), sigma)
-    if relative is not None:
-        noise *= relative
-    noise += linear
-    return noise
+    """Return the image plus white noise of standard deviation ``sigma``; of shot noise, at white."""
+    return with_noise(linear, sigma, drawn_quantiles(rng, linear.size), is_shot)

@@ -45,12 +45,17 @@ class Vignetting:
         self, eyes: EyeImages, rig: StereoRig, rng: np.random.Generator, strength: float = 1.0
     ) -> EyeImages:
         """Multiply both images by the lens's transmission."""
-        gain = 1 - np.float32(strength * rig.vignetting) * _falloff(eyes.intrinsics)
-        gain = np.repeat(gain, 3, axis=2)  # four times as fast as broadcasting
+        gain = _transmission(eyes.intrinsics, strength * rig.vignetting)
         return eyes.with_images(eyes.left * gain, eyes.right * gain)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)  # the eyes, and a color camera beside them
+def _transmission(k: Intrinsics, lost: float) -> np.ndarray:
+    """Return the share of the light that is left, (height, width, 3), float32; ``lost``: in the corners."""
+    # Repeated for each channel: four times as fast as broadcasting.
+    return np.repeat(1 - np.float32(lost) * _falloff(k), 3, axis=2)
+
+
 def _falloff(k: Intrinsics) -> np.ndarray:
     """Return the loss by the cos^4 law, 1 in the darkest corner, shape (height, width, 1), float32."""
     tangents = (pixel_centers(k.width, k.height) - [k.cx, k.cy]) / [k.fx, k.fy]
