@@ -4,10 +4,12 @@ A point that most views call surround is surround, whatever one mask says.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from digs_warp.data.evenly import evenly
+from digs_warp.plausibility.seen_through import in_hull, seen_through
 from digs_warp.plausibility.small_frames import SmallDepth, pixels_showing
 
 # This many other views vote: of the nearer half of all, every n-th.
@@ -33,25 +35,34 @@ class MaskVotes:
     """The votes on one mask.
 
     Attributes:
-        known: pixels of the thumbnail with enough votes, (height, width), bool.
+        known: pixels of the thumbnail on which votes count, (height, width), bool.
         is_object: those of them that most views call object.
-        agreement: overlap of the mask with the votes where they are known (intersection over union); 1 where
-            they say too little.
+        agreement: overlap of the mask with all votes (intersection over union); 1 where they say too little.
+        without_glass: the same with ``known`` and ``is_object``, which leave out votes on what is seen
+            through glass.
     """
 
     known: np.ndarray
     is_object: np.ndarray
     agreement: float
+    without_glass: float
 
 
 def mask_votes(frames: Sequence[SmallDepth]) -> list[MaskVotes]:
     """Return the votes on the mask of each frame; all of them have masks.
 
-    There are two rounds: in the second one only the half votes that agreed best in the first.
+    There are two rounds: in the second one only the half votes that agreed best in the first. Where they
+    contradict a mask, votes on what is seen through glass are left out.
     """
     first = _round(frames, range(len(frames)))
     middle = np.median([each.agreement for each in first])
-    return _round(frames, [n for n, each in enumerate(first) if each.agreement >= middle])
+    voters = [number for number, each in enumerate(first) if each.agreement >= middle]
+    votes = _round(frames, voters)
+    for number, each in enumerate(votes):
+        if each.agreement < AGREES:
+            others = evenly([other for other in voters if other != number], VOTERS)
+            votes[number] = _without_glass(frames[number], each, [frames[n] for n in others])
+    return votes
 
 
 def _round(frames: Sequence[SmallDepth], voters: Sequence[int]) -> list[MaskVotes]:
@@ -67,7 +78,7 @@ def contradicted(votes: Sequence[MaskVotes]) -> list[int]:
     agreements = [each.agreement for each in votes]
     if not agreements or np.quantile(agreements, BEST) < TRUSTED:
         return []
-    return [number for number, each in enumerate(agreements) if each < AGREES]
+    return [number for number, each in enumerate(votes) if each.without_glass < AGREES]
 
 
 def _nearer(centers: np.ndarray, number: int, voters: Sequence[int]) -> list[int]:
@@ -76,6 +87,22 @@ def _nearer(centers: np.ndarray, number: int, voters: Sequence[int]) -> list[int
     away = np.linalg.norm(centers[others] - centers[number], axis=1)
     nearer = others[np.argsort(away, kind="stable")][: max(VOTERS, len(others) // 2)]
     return nearer[:: max(1, len(nearer) // VOTERS)][:VOTERS].tolist()
+
+
+def _without_glass(frame: SmallDepth, votes: MaskVotes, others: Sequence[SmallDepth]) -> MaskVotes:
+    """Return the votes without those on what is seen through glass: there, depth lies behind a right mask.
+
+    Glass in this frame: the votes on what is behind say nothing of the mask. Glass in other frames: what they
+    see through it is no part of the object, for a part lies in the outline in all views.
+    """
+    assert frame.mask is not None
+    known, is_object = votes.known.copy(), votes.is_object.copy()
+    rows, columns = np.nonzero(known & frame.mask & ~is_object)
+    known[rows, columns] = ~seen_through(frame, rows, columns, others)
+    rows, columns = np.nonzero(is_object & ~frame.mask)
+    is_object[rows, columns] = in_hull(frame.points_at(rows, columns), others)
+    overlap = _overlap(frame.mask, known, is_object)
+    return replace(votes, known=known, is_object=is_object, without_glass=overlap)
 
 
 def _votes(frame: SmallDepth, others: Sequence[SmallDepth]) -> MaskVotes:
@@ -95,7 +122,8 @@ def _votes(frame: SmallDepth, others: Sequence[SmallDepth]) -> MaskVotes:
     known[rows[enough], columns[enough]] = True
     is_object[rows[enough], columns[enough]] = for_object[enough] > votes[enough] / 2
     assert frame.mask is not None
-    return MaskVotes(known, is_object, _overlap(frame.mask, known, is_object))
+    agreement = _overlap(frame.mask, known, is_object)
+    return MaskVotes(known, is_object, agreement, agreement)
 
 
 def _overlap(mask: np.ndarray, known: np.ndarray, is_object: np.ndarray) -> float:
