@@ -134,7 +134,7 @@ def reconstructions(
     """
     for poses in ways:
         try:
-            result, values = _reconstructed(capture, poses, notes.iterations, notes.folder)
+            result, values = reconstructed(capture, poses, notes.iterations, notes.folder)
         except DigsError as error:
             notes.figures(capture, poses, {})
             notes.failed(f"{POSES[poses]} poses", error)
@@ -183,10 +183,20 @@ class Notes:
         self.results.append(Result(labels, {}, FINDINGS))
 
 
-def _reconstructed(
+def reconstructed(
     capture: Capture, poses: Poses, iterations: int, folder: Path
 ) -> tuple[Reconstruction, dict[str, float]]:
-    """Return the result with the settings that `digs-warp reconstruct` has, and its figures."""
+    """Return the result with the settings that `digs-warp reconstruct` has, and its figures.
+
+    Args:
+        capture: the recording.
+        poses: which kind.
+        iterations: training steps.
+        folder: the reconstruction is written to a folder in it, named after the kind of poses.
+
+    Raises:
+        DigsError: it fails.
+    """
     has_masks = any(frame.has(Layer.MASK) for frame in capture.frames)
     strategy = chosen_strategy("auto", capture.has_depth, has_masks)
     config = ReconstructConfig(

@@ -143,7 +143,7 @@ BENCHMARKS = (
     ),
     Benchmark(
         "sfm-poses",
-        "what poses that nobody knows cost: four simulated scenes, poses found in each way",
+        "what poses that nobody knows cost: five simulated scenes, poses found in each way",
         "bench_found_poses:bench_found_poses",
         "sfm.md",
     ),

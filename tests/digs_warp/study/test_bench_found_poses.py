@@ -7,7 +7,14 @@ import trimesh
 
 from digs_warp.checks import DigsError
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.bench_found_poses import LOSS, SCENES, PosedScene, bench_found_poses
+from digs_warp.study.bench_found_poses import (
+    IN_SCALE,
+    LOSS,
+    LOST,
+    SCENES,
+    PosedScene,
+    bench_found_poses,
+)
 from digs_warp.study.bench_recordings import FIGURES, FINDINGS, POSES
 from reference.optional import open3d_or_skip
 
@@ -31,6 +38,8 @@ def test_every_way_has_a_row_and_its_loss_or_its_error(tmp_path: Path) -> None:
             assert "PSNR [dB]" not in row.values
         else:
             assert row.values[LOSS] == pytest.approx(true - row.values["PSNR [dB]"])
+            wrong = row.values["pose error [px]"] > LOST
+            assert (IN_SCALE in row.values) == (not wrong)
     assert "estimated poses" in failed  # 64 pixels are too few to match images
 
 
