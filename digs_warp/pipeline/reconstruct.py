@@ -229,9 +229,9 @@ def _surface_error(result: Reconstruction, config: ReconstructConfig) -> Surface
 
 def _evaluate(gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path) -> Scores:
     """Render and measure the held-out views, and save both to the folder."""
-    images = render_views(DeviceGaussians.from_numpy(gaussians, device), views)
-    for view, image in zip(views, images, strict=True):
-        write_render(folder, view.name, image)
-    scores = Scores(tuple(score_views(images, views)))
+    renderings = render_views(DeviceGaussians.from_numpy(gaussians, device), views)
+    for view, rendering in zip(views, renderings, strict=True):
+        write_render(folder, view.name, rendering.image)
+    scores = Scores(tuple(score_views(renderings, views)))
     write_scores(folder, scores)
     return scores

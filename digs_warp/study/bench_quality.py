@@ -217,10 +217,9 @@ class _Scene:
         milestones = []
         for step in range(config.stop.iterations + 1):
             if step in measure_at or step == config.stop.iterations:
-                images = render_views(trainer.gaussians, self.test_views)
-                psnr = np.mean(
-                    [score.psnr_object for score in score_views(images, self.test_views)]
-                )
+                renderings = render_views(trainer.gaussians, self.test_views)
+                scores = score_views(renderings, self.test_views)
+                psnr = np.mean([score.psnr_object for score in scores])
                 splats = len(trainer.gaussians)
                 milestones.append(Milestone(step, trainer.seconds, float(psnr), splats))
             if step < config.stop.iterations:

@@ -14,8 +14,7 @@ from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
-from digs_warp.geometry import mask_box
-from digs_warp.measure.color_gain import ColorGain, fit_color_gain
+from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.blur import Blur
@@ -84,11 +83,30 @@ def load_test_views(frames: Sequence[Frame], shutter: ShutterPlan = NO_SHUTTER) 
     return views
 
 
-def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[np.ndarray]:
-    """Render the Gaussians in each view over white; return images clipped to 0..1, (height, width, 3)."""
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """Gaussians as a view shows them over white.
+
+    Attributes:
+        light: sRGB values, not clipped: what is brighter than white keeps its color under a smaller gain;
+            shape (height, width, 3), float32.
+        coverage: share of each pixel that the Gaussians cover, in 0..1, shape (height, width), float32.
+    """
+
+    light: np.ndarray
+    coverage: np.ndarray
+
+    @property
+    def image(self) -> np.ndarray:
+        """What a screen shows: values clipped to 0..1."""
+        return np.clip(self.light, 0.0, 1.0)
+
+
+def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[Rendering]:
+    """Render the Gaussians in each view over white."""
     center = gaussians.means.numpy().mean(axis=0)
     moments = max((view.blur.moments for view in views if view.blur), default=1)
-    images = []
+    renderings = []
     renderer = None
     for view in views:
         k = view.camera.intrinsics
@@ -96,45 +114,49 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
             renderer = BlurRenderer(gaussians, k.width, k.height, moments=moments)
         near = near_plane(view.camera, center)
         renderer.forward(view.camera, near=near, rows=view.rows, blur=view.blur)
-        images.append(np.clip(renderer.image.to_numpy(), 0.0, 1.0))
-    return images
+        behind = renderer.transmittance.to_numpy()[..., 0]
+        renderings.append(Rendering(renderer.image.to_numpy(), 1.0 - behind))
+    return renderings
 
 
-def score_views(images: Sequence[np.ndarray], views: Sequence[TestView]) -> list[ViewScore]:
-    """Compare rendered images with photographs on white; without an object, its metrics are NaN."""
+def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> list[ViewScore]:
+    """Compare renderings with photographs on white; without an object, its metrics are NaN."""
     with ThreadPoolExecutor(default_threads()) as pool:
-        scores = [
-            pool.submit(_score, image, view) for image, view in zip(images, views, strict=True)
-        ]
+        pairs = zip(renderings, views, strict=True)
+        scores = [pool.submit(_score, rendering, view) for rendering, view in pairs]
         return [score.result() for score in scores]
 
 
-def color_aligned(image: np.ndarray, view: TestView) -> np.ndarray:
-    """Return an image rendered over white with the photograph's exposure and white balance, in 0..1."""
-    return with_gain(image, view, photographed_gain(image, view))
+def color_aligned(rendering: Rendering, view: TestView) -> np.ndarray:
+    """Return the image of a rendering with the photograph's exposure and white balance, in 0..1."""
+    return with_gain(rendering, photographed_gain([rendering], [view]))
 
 
-def photographed_gain(image: np.ndarray, view: TestView) -> ColorGain:
-    """Return the gain that turns the object in an image rendered over white into the photographed one."""
-    inside = view.share >= INSIDE / 255.0
-    return fit_color_gain(image[inside], view.target[inside])
+def photographed_gain(renderings: Sequence[Rendering], views: Sequence[TestView]) -> ColorGain:
+    """Return the gain that turns the object in renderings into that in photographs of the same exposure."""
+    inside = [view.share >= INSIDE / 255.0 for view in views]
+    rendered = [one.light[where] for one, where in zip(renderings, inside, strict=True)]
+    photographed = [view.target[where] for view, where in zip(views, inside, strict=True)]
+    return fit_color_gain(np.concatenate(rendered), np.concatenate(photographed))
 
 
-def with_gain(image: np.ndarray, view: TestView, gain: ColorGain) -> np.ndarray:
-    """Return an image rendered over white whose object has a gain, in 0..1."""
-    x0, y0, x1, y1 = mask_box(view.share)
-    box = (slice(y0, y1), slice(x0, x1))  # elsewhere there is nothing to change
-    share, part = view.share[box][..., None], image[box]
-    # Only the object's part of a pixel at its rim has the gain.
-    color = np.clip((part - (1 - share)) / np.maximum(share, 1e-6), 0.0, 1.0)
-    aligned = np.clip(image, 0.0, 1.0)
-    aligned[box] = np.clip(part + share * (gain.applied(color) - color), 0.0, 1.0)
-    return aligned
+def with_gain(rendering: Rendering, gain: ColorGain) -> np.ndarray:
+    """Return the image of a rendering whose Gaussians, but not the white behind them, have a gain, in 0..1.
+
+    The gain of a color c is s (c + o) - o, see `digs_warp.measure.color_gain`. A pixel with coverage a and
+    the sum C of its Gaussians' colors, each times its share, becomes s (C + o a) - o a; the white stays.
+    """
+    covered = rendering.coverage[..., None]
+    factors = np.exp(gain.log_factors).astype(np.float32)
+    own = rendering.light - (1.0 - covered)
+    changed = (factors - 1.0) * (own + np.float32(OFFSET) * covered)
+    return np.clip(rendering.light + changed, 0.0, 1.0)
 
 
-def _score(image: np.ndarray, view: TestView) -> ViewScore:
+def _score(rendering: Rendering, view: TestView) -> ViewScore:
+    image = rendering.image
     target, known = view.target_for(image), view.known
-    aligned, similarity = color_aligned(image, view), ssim_map(image, target)
+    aligned, similarity = color_aligned(rendering, view), ssim_map(image, target)
     return ViewScore(
         name=view.name,
         psnr_object=psnr(image, target, view.object_pixels),

@@ -32,17 +32,19 @@ def psnr_by_neighbors(
         held_out: which are rendered and compared; the result is the mean over them.
     """
     views = load_test_views(training)
-    images = render_views(gaussians, views)
-    gains = [photographed_gain(*pair).log_factors for pair in zip(images, views, strict=True)]
+    pairs = zip(render_views(gaussians, views), views, strict=True)
+    gains = [photographed_gain([rendering], [view]).log_factors for rendering, view in pairs]
     times = np.array([frame.time for frame in training])
     tests = load_test_views(held_out)
     scores = [
         psnr(
-            with_gain(image, view, interpolated(times, np.stack(gains), frame.time)),
-            view.target_for(image),
+            with_gain(rendering, interpolated(times, np.stack(gains), frame.time)),
+            view.target_for(rendering.image),
             view.object_pixels,
         )
-        for frame, image, view in zip(held_out, render_views(gaussians, tests), tests, strict=True)
+        for frame, rendering, view in zip(
+            held_out, render_views(gaussians, tests), tests, strict=True
+        )
     ]
     return float(np.mean(scores))
 

@@ -78,8 +78,8 @@ class CourseRecorder:
         return self._in_words(row.loss)
 
     def _measured(self) -> Score:
-        images = render_views(self._trainer.gaussians, self._test_views)
-        return mean_score(score_views(images, self._test_views))
+        renderings = render_views(self._trainer.gaussians, self._test_views)
+        return mean_score(score_views(renderings, self._test_views))
 
     def _in_words(self, loss: float | None) -> str:
         words = [] if loss is None else [f"loss {loss:.4f}"]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import fmean, median
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.measure.metrics import psnr
 from digs_warp.study.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from digs_warp.train.evaluate import Rendering, TestView
 
 # Settings of the yardstick; the scene is that of the case.
 YARDSTICK: dict[str, Any] = {
@@ -36,21 +39,38 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
 
     Returns:
         ``psnr_object``, ``ssim_object`` [dB, 1], and ``psnr_frame``, ``ssim_frame`` of the whole image;
-        ``flip`` where flip-evaluator is installed; ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
+        ``psnr_object_one_gain`` [dB]: after one brightness and white balance were fitted to all views
+        together, for the yardstick's camera has one exposure; ``flip`` where flip-evaluator is installed;
+        ``depth_mae`` [m] and ``depth_seen`` (see `depth_error`).
     """
     from digs_warp.measure.scores import mean_score
     from digs_warp.splat.device import DeviceGaussians
     from digs_warp.train.evaluate import load_test_views, render_views, score_views
 
     views = load_test_views(frames)
-    images = render_views(DeviceGaussians.from_numpy(gaussians), views)
-    score = mean_score(score_views(images, views)).to_json()
+    renderings = render_views(DeviceGaussians.from_numpy(gaussians), views)
+    score = mean_score(score_views(renderings, views)).to_json()
+    score["psnr_object_one_gain"] = psnr_with_one_gain(renderings, views)
     if find_spec("flip_evaluator"):
         from digs_warp.measure.flip import flip
 
-        pairs = zip(images, views, strict=True)
+        pairs = zip((rendering.image for rendering in renderings), views, strict=True)
         score["flip"] = fmean(flip(image, view.target_for(image)) for image, view in pairs)
     return score | depth_error(gaussians, frames)
+
+
+def psnr_with_one_gain(renderings: "Sequence[Rendering]", views: "Sequence[TestView]") -> float:
+    """Return the mean PSNR on the object [dB] after one gain of all renderings, the one that fits best.
+
+    A gain for each view would hide that views were trained in different exposures.
+    """
+    from digs_warp.train.evaluate import photographed_gain, with_gain
+
+    gain = photographed_gain(renderings, views)
+    return fmean(
+        psnr(with_gain(rendering, gain), view.target, view.object_pixels)
+        for rendering, view in zip(renderings, views, strict=True)
+    )
 
 
 def depth_error(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[str, float | None]:

@@ -62,8 +62,8 @@ class Walk:
             trainer.step()
         trained = trainer.gaussians.to_numpy()
         assert all(np.isfinite(getattr(trained, name)).all() for name in FIELDS)
-        images = evaluate.render_views(trainer.gaussians, self.held_out)
-        psnr = mean_score(evaluate.score_views(images, self.held_out)).psnr_object
+        renderings = evaluate.render_views(trainer.gaussians, self.held_out)
+        psnr = mean_score(evaluate.score_views(renderings, self.held_out)).psnr_object
         assert psnr is not None
         return psnr
 

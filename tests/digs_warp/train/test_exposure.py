@@ -10,9 +10,19 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
+from digs_warp.measure.color_gain import OFFSET
+from digs_warp.measure.scores import mean_score
+from digs_warp.sh import C0
 from digs_warp.splat.device import DeviceGaussians
+from digs_warp.study.engine.scores import psnr_with_one_gain
 from digs_warp.train.config import Rates, Stop, TrainConfig
-from digs_warp.train.evaluate import color_aligned, load_test_views, render_views, score_views
+from digs_warp.train.evaluate import (
+    Rendering,
+    color_aligned,
+    load_test_views,
+    render_views,
+    score_views,
+)
 from digs_warp.train.exposure import ColorSamples, Exposures
 from digs_warp.train.neighbor_exposure import interpolated, psnr_by_neighbors
 from digs_warp.train.trainer import Trainer
@@ -112,15 +122,49 @@ def test_held_out_photographs_are_measured_raw_and_aligned(
     frames: tuple[Frame, ...],
 ) -> None:
     views = load_test_views([exposed(frames[0], np.array([-0.9, -0.5, -0.7]))])
-    true = load_test_views(frames[:1])[0].target
+    true = Rendering(load_test_views(frames[:1])[0].target, views[0].share)
     score = score_views([true], views)[0]
     assert score.psnr_frame_aligned > 38 > 25 > score.psnr_frame
     assert score.psnr_object_aligned > 33 > 20 > score.psnr_object
     off = np.abs(color_aligned(true, views[0]) - views[0].target)
     solid = frames[0].load_mask() == 255
     assert off[solid].max() < 0.02
-    # At the rim the share of the room is taken out, and with it the 8 bits of a dark photograph grow.
     assert off.max() < 0.03
+
+
+def test_a_gain_of_all_colors_leaves_the_aligned_figure_alone(frames: tuple[Frame, ...]) -> None:
+    """Also at the rim, where Gaussians cover less or more of the white than the mask says."""
+    ragged = replace(ball(), log_scales=ball().log_scales + 0.3)
+    views = load_test_views(frames[:3])
+    aligned = {}
+    for stops in (0.0, -1.5, 0.7):
+        factor = 2.0 ** (stops / 2.4)
+        colors = factor * (0.5 + C0 * ragged.sh + OFFSET) - OFFSET
+        changed = replace(ragged, sh=(colors - 0.5) / C0)
+        renderings = render_views(DeviceGaussians.from_numpy(changed, "cpu"), views)
+        aligned[stops] = mean_score(score_views(renderings, views)).psnr_object_aligned
+    assert aligned[0.0] < 26  # there is a rim to speak of
+    assert aligned[-1.5] == pytest.approx(aligned[0.0], abs=0.1)
+    assert aligned[0.7] == pytest.approx(aligned[0.0], abs=0.1)
+
+
+def test_one_gain_of_all_views_does_not_hide_that_they_differ(
+    frames: tuple[Frame, ...], stops: np.ndarray
+) -> None:
+    photographs = [exposed(f, each) for f, each in zip(frames, stops, strict=True)]
+    darker = [exposed(frame, np.full(3, -0.8)) for frame in frames]
+    scene = DeviceGaussians.from_numpy(ball(), "cpu")
+    figures = []
+    for changed in (photographs, darker):
+        views = load_test_views(changed)
+        renderings = render_views(scene, views)
+        score = mean_score(score_views(renderings, views))
+        together = psnr_with_one_gain(renderings, views)
+        figures.append((score.psnr_object, together, score.psnr_object_aligned))
+    (raw, together, each), (raw_of_darker, together_of_darker, each_of_darker) = figures
+    # The gains have a mean of 0, so that one for all of them mends nothing.
+    assert abs(together - raw) < 0.5 and each > together + 3
+    assert together_of_darker > each_of_darker - 0.1 and each_of_darker > raw_of_darker + 3
 
 
 def test_neighbors_in_time_tell_the_exposure_of_a_held_out_photograph(
