@@ -12,7 +12,14 @@ from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import Record, Value, group_by, number
+from digs_warp.study.engine.records import (
+    Record,
+    Value,
+    aligned_psnr,
+    group_by,
+    number,
+    one_gain_psnr,
+)
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
 from digs_warp.study.studies.held_surface import ACCURACY
@@ -137,20 +144,8 @@ class Figure:
     value: Value
 
 
-# A recording with auto exposure leaves brightness and white balance of the scene open: they are fitted, to all
-# views together; in records of earlier versions to each view alone.
-_ONE_GAIN = number("yardstick", "psnr_object_one_gain")
-_GAIN_OF_EACH = number("yardstick", "psnr_object_aligned")
-
-
-def PSNR(record: Record) -> float | None:
-    """Return the PSNR on the object [dB] of a record; None where it was not measured."""
-    found = _ONE_GAIN(record)
-    return _GAIN_OF_EACH(record) if found is None else found
-
-
 FIGURES = (
-    Figure("PSNR [dB]", "PSNR gained [dB]", 2, PSNR),
+    Figure("PSNR [dB]", "PSNR gained [dB]", 2, aligned_psnr),
     Figure("surface to truth [mm]", "distance added [mm]", 2, ACCURACY),
     Figure("CPU [s]", "CPU added [s]", 1, number("cpu_seconds")),
 )
@@ -202,13 +197,24 @@ def _compared(records: Sequence[Record]) -> Section:
         f"and structure from motion. All recordings have {_size()}, which is small: at the usual size of "
         "photographs, blur and shutter move the image farther. The first table has the medians over the "
         "objects. "
-        f"{_worse(pairs)}"
+        f"{_worse(pairs)}{_older(records)}"
     )
     tables = [
         Table("camera_medians", ["source", "recordings", *headings], medians),
         Table("camera_objects", ["object", "source", *headings], every),
     ]
     return Section("Nothing and everything", text, tables, [_chart(pairs)] if pairs else [])
+
+
+def _older(records: Sequence[Record]) -> str:
+    """Say which records have brightness and white balance fitted to each view alone."""
+    sources = {
+        r["labels"]["source"] for r in records if r.get("yardstick") and one_gain_psnr(r) is None
+    }
+    if not sources:
+        return ""
+    named = ", ".join(sorted(sources))
+    return f" These were measured earlier, with brightness and white balance fitted to each view: {named}."
 
 
 def _size() -> str:
@@ -220,7 +226,7 @@ def _chart(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> Chart:
     points: dict[str, list[tuple[float, int]]] = {}
     for (source, name), found in pairs.items():
         row = COMPARED.index(source)
-        points.setdefault(name, []).extend((x, row) for x in _differences(found, PSNR))
+        points.setdefault(name, []).extend((x, row) for x in _differences(found, aligned_psnr))
     curves = [
         Curve(name, [x for x, _ in found], [row for _, row in found], line=False)
         for name, found in points.items()
@@ -252,7 +258,7 @@ def _worse(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> str:
     """Name what the defaults make worse."""
     images, surfaces = [], []
     for (source, name), found in pairs.items():
-        gains = _differences(found, PSNR)
+        gains = _differences(found, aligned_psnr)
         if gains and median(gains) < -NAMED_DB:
             images.append(f"{name}, {source} ({median(gains):+.2f} dB)")
         known = [(ACCURACY(one), ACCURACY(other)) for one, other in found]
@@ -274,7 +280,7 @@ def _left_out(records: Sequence[Record]) -> Section:
         for source in row.matters:
             own = {name: found for (where, name), found in pairs.items() if where == source}
             together = [pair for found in own.values() for pair in found]
-            gains = _differences(together, PSNR)
+            gains = _differences(together, aligned_psnr)
             if not gains:
                 continue
             spread = [f"{v:+.2f}" for v in (median(gains), min(gains), max(gains))]

@@ -75,6 +75,18 @@ def test_the_table_holds_nothing_beside_everything() -> None:
     assert list(compared.charts[0].curves[0].x) == [2.0] * len(camera.COMPARED)
 
 
+def test_sources_that_were_measured_earlier_are_named() -> None:
+    records = measured()
+    assert "measured earlier" not in camera.sections(records)[0].text
+    for record in records:
+        if record["labels"]["source"] == camera.SENSOR:
+            score = record["yardstick"]
+            score["psnr_object_aligned"] = score.pop("psnr_object_one_gain")
+    compared, _ = camera.sections(records)
+    assert f"fitted to each view: {camera.SENSOR}." in compared.text
+    assert all(row[2:4] == ["25.00", "27.00"] for row in compared.tables[0].rows)
+
+
 def test_what_the_defaults_make_worse_is_named() -> None:
     assert f"{camera.SENSOR} (-1.00 dB)" in camera.sections(measured(gain=-1.0))[0].text
     text = camera.sections(measured())[0].text
