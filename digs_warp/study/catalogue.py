@@ -112,7 +112,7 @@ STUDIES = (
         "camera",
         "The camera in the training",
         "what the training knows of exposure, poses, shutter, blur, rims, depth and gloss: nothing, "
-        "everything, and all but one part, for five kinds of recordings",
+        "everything, and all but one part, for six kinds of recordings",
         objects=6,
         iterations=300,
     ),

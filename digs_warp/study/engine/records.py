@@ -72,8 +72,8 @@ def at_iteration(iteration: int, metric: str) -> Value:
 
 # PSNR on the object [dB] in views of a perfect camera: the same views for all recordings of an object.
 final_psnr = number("yardstick", "psnr_object")
-# The same where a recording with automatic exposure leaves brightness and white balance of the scene open: they
-# are fitted, to all views together.
+# The same where a recording with automatic exposure leaves brightness and white balance of the scene open:
+# they are fitted, to all views together.
 one_gain_psnr = number("yardstick", "psnr_object_one_gain")
 _gain_of_each = number("yardstick", "psnr_object_aligned")
 

@@ -12,23 +12,23 @@ from typing import Any
 
 from digs_warp.study.charts import Chart, Curve
 from digs_warp.study.engine.case import Case
-from digs_warp.study.engine.records import (
-    Record,
-    Value,
-    aligned_psnr,
-    group_by,
-    number,
-    one_gain_psnr,
-)
+from digs_warp.study.engine.records import Record, Value, aligned_psnr, group_by, number
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
+from digs_warp.study.studies.camera_findings import (
+    Pair,
+    differences,
+    made_worse,
+    measured_earlier,
+)
 from digs_warp.study.studies.held_surface import ACCURACY
 from digs_warp.study.table import Table
 
 # Small, because there are many cases. With 640x360 and 1,000 steps a case takes five times as long.
 RECORDING: dict[str, Any] = {"frames": 32, "width": 480, "height": 270}
 
-EXACT, SENSOR, EXPOSURE = "exact camera", "default sensor", "auto exposure x4"
+EXACT, SENSOR = "exact camera", "default sensor"
+STEADY, EXPOSURE = "constant exposure", "auto exposure x4"
 SPOILED, ESTIMATED, BLUR = "perturbed poses", "estimated poses", "exposure times x8"
 
 
@@ -44,18 +44,21 @@ class Source:
     effort: float = 1.0
 
 
+# In less light than the exposure is set for: in all of it, an automatic one stays at its limit, darker by the
+# same in nearly every frame.
+DIM: dict[str, Any] = {"effects": "auto-exposure", "look.light_level": -0.6}
+
 SOURCES = {
     EXACT: Source({"tier": "law"}, {}),
     SENSOR: Source({}, {}),
-    # In less light than the exposure is set for: in all of it, the camera would stay at its limit, darker by
-    # the same in nearly every frame.
-    EXPOSURE: Source({"effects": "auto-exposure", "strength": 4.0, "look.light_level": -0.6}, {}),
+    STEADY: Source({**DIM, "strength": 0.0}, {}),
+    EXPOSURE: Source({**DIM, "strength": 4.0}, {}),
     SPOILED: Source({}, {"sfm.poses": "perturbed"}, 2.0),
     ESTIMATED: Source({}, {"sfm.poses": "sfm"}, 2.0),
     BLUR: Source({"effects": "image-blur", "strength": 8.0}, {}),
 }
 # Trained with nothing and with everything; the others serve a part alone.
-COMPARED = (EXACT, SENSOR, EXPOSURE, SPOILED, ESTIMATED)
+COMPARED = (EXACT, SENSOR, STEADY, EXPOSURE, SPOILED, ESTIMATED)
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Part:
 GLOSS = "color by view"
 PARTS = {
     "depth term": Part({"train.depth_weight": 0.0}, (EXACT, SENSOR)),
-    "exposure": Part({"train.fit_exposure": "off"}, (EXPOSURE,)),
+    "exposure": Part({"train.fit_exposure": "off"}, (STEADY, EXPOSURE)),
     "refined poses": Part({"sfm.refine_poses": "off"}, (SPOILED, ESTIMATED)),
     "rolling shutter": Part({"train.rolling_shutter": "off"}, (SENSOR,)),
     "motion blur": Part({"train.motion_blur": "off"}, (BLUR,)),
@@ -149,10 +152,6 @@ FIGURES = (
     Figure("surface to truth [mm]", "distance added [mm]", 2, ACCURACY),
     Figure("CPU [s]", "CPU added [s]", 1, number("cpu_seconds")),
 )
-# Losses below these are not named: another order of the views changes as much.
-NAMED_DB, NAMED_SHARE = 0.1, 1.05
-
-Pair = tuple[Record, Record]
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -197,24 +196,13 @@ def _compared(records: Sequence[Record]) -> Section:
         f"and structure from motion. All recordings have {_size()}, which is small: at the usual size of "
         "photographs, blur and shutter move the image farther. The first table has the medians over the "
         "objects. "
-        f"{_worse(pairs)}{_older(records)}"
+        f"{made_worse(pairs)}{measured_earlier(records)}"
     )
     tables = [
         Table("camera_medians", ["source", "recordings", *headings], medians),
         Table("camera_objects", ["object", "source", *headings], every),
     ]
     return Section("Nothing and everything", text, tables, [_chart(pairs)] if pairs else [])
-
-
-def _older(records: Sequence[Record]) -> str:
-    """Say which records have brightness and white balance fitted to each view alone."""
-    sources = {
-        r["labels"]["source"] for r in records if r.get("yardstick") and one_gain_psnr(r) is None
-    }
-    if not sources:
-        return ""
-    named = ", ".join(sorted(sources))
-    return f" These were measured earlier, with brightness and white balance fitted to each view: {named}."
 
 
 def _size() -> str:
@@ -226,7 +214,7 @@ def _chart(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> Chart:
     points: dict[str, list[tuple[float, int]]] = {}
     for (source, name), found in pairs.items():
         row = COMPARED.index(source)
-        points.setdefault(name, []).extend((x, row) for x in _differences(found, aligned_psnr))
+        points.setdefault(name, []).extend((x, row) for x in differences(found, aligned_psnr))
     curves = [
         Curve(name, [x for x, _ in found], [row for _, row in found], line=False)
         for name, found in points.items()
@@ -248,30 +236,6 @@ def _median(records: Sequence[Record], figure: Figure) -> str:
     return f"{median(values):.{figure.decimals}f}" if values else ""
 
 
-def _differences(pairs: Sequence[Pair], value: Value) -> list[float]:
-    """Return the second of each pair minus the first, where both were measured."""
-    known = [(value(one), value(other)) for one, other in pairs]
-    return [b - a for a, b in known if a is not None and b is not None]
-
-
-def _worse(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> str:
-    """Name what the defaults make worse."""
-    images, surfaces = [], []
-    for (source, name), found in pairs.items():
-        gains = _differences(found, aligned_psnr)
-        if gains and median(gains) < -NAMED_DB:
-            images.append(f"{name}, {source} ({median(gains):+.2f} dB)")
-        known = [(ACCURACY(one), ACCURACY(other)) for one, other in found]
-        shares = [b / a for a, b in known if a and b]
-        if shares and median(shares) > NAMED_SHARE:
-            surfaces.append(f"{name}, {source} ({median(shares):.2f} times as far)")
-    sentences = [
-        f"{what} the defaults make worse: {'; '.join(names) or 'none'}."
-        for what, names in (("Images that", images), ("Surfaces that", surfaces))
-    ]
-    return " ".join(sentences)
-
-
 def _left_out(records: Sequence[Record]) -> Section:
     """Return what the defaults gain by each part."""
     rows, every = [], []
@@ -280,7 +244,7 @@ def _left_out(records: Sequence[Record]) -> Section:
         for source in row.matters:
             own = {name: found for (where, name), found in pairs.items() if where == source}
             together = [pair for found in own.values() for pair in found]
-            gains = _differences(together, aligned_psnr)
+            gains = differences(together, aligned_psnr)
             if not gains:
                 continue
             spread = [f"{v:+.2f}" for v in (median(gains), min(gains), max(gains))]
@@ -303,5 +267,5 @@ def _left_out(records: Sequence[Record]) -> Section:
 
 def _changes(pairs: Sequence[Pair]) -> list[str]:
     """Return the median difference of every figure; empty where it was not measured."""
-    found = [(_differences(pairs, figure.value), figure.decimals) for figure in FIGURES]
+    found = [(differences(pairs, figure.value), figure.decimals) for figure in FIGURES]
     return [f"{median(values):+.{decimals}f}" if values else "" for values, decimals in found]
