@@ -47,7 +47,7 @@ def extract_mesh(
     """Return the surface of Gaussians as seen by the cameras of their capture, or by rings of cameras.
 
     Args:
-        result: Gaussians of one object; their views, if known, have cameras and masks.
+        result: Gaussians of one object, or of all in view; their views, if known, have cameras and masks.
         voxel: finest detail [m]; default: a 160th of the object's size.
         views: the most cameras to use, evenly spread.
 
@@ -60,7 +60,8 @@ def extract_mesh(
     subject = find_subject(result.gaussians)
     scene = Scene(subject.center_world, subject.radius)
     cameras, masks = _look_from(result.frames, scene, views)
-    found = extract_surface(result.gaussians, cameras, scene, voxel, masks)
+    is_object = result.subject == "object"
+    found = extract_surface(result.gaussians, cameras, scene, voxel, masks, is_object=is_object)
     return ExtractedMesh(
         found.mesh,
         found.removed_parts,

@@ -11,7 +11,7 @@ from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import SplatRenderer
-from digs_warp.splat.surface_depth import surface_depth
+from digs_warp.splat.surface_depth import surface_depth, surface_place
 
 # Below this coverage, the color of a pixel is meaningless.
 LEAST_ALPHA = 1e-3
@@ -24,7 +24,7 @@ class DepthView:
     Attributes:
         camera: the viewpoint.
         color: sRGB in 0..1 of the Gaussians alone, without background, (height, width, 3), float32.
-        depth: planar depth of the splats' skins [m], NaN where they cover less than half of the pixel,
+        depth: planar depth of the surface [m], NaN where the splats cover less than half of the pixel,
             (height, width), float32.
     """
 
@@ -34,7 +34,11 @@ class DepthView:
 
 
 def depth_views(
-    gaussians: Gaussians, cameras: Sequence[Camera], center_world: np.ndarray, device: str = "cpu"
+    gaussians: Gaussians,
+    cameras: Sequence[Camera],
+    center_world: np.ndarray,
+    device: str = "cpu",
+    is_object: bool = True,
 ) -> Iterator[DepthView]:
     """Yield the view of each camera; images may differ in size.
 
@@ -43,6 +47,7 @@ def depth_views(
         cameras: where to look from.
         center_world: where the scene is, for the near plane [m].
         device: "cpu" or a CUDA device of Warp.
+        is_object: of one object, trained with masks; False: of all in view, see `surface_place`.
     """
     if not cameras:
         return
@@ -52,7 +57,7 @@ def depth_views(
         DeviceGaussians.from_numpy(gaussians, device),
         width,
         height,
-        options=RasterOptions(outputs="depth", depth_of="skin"),
+        options=RasterOptions(outputs="depth", depth_of=surface_place(is_object)),
     )
     for camera in cameras:
         near = near_plane(camera, center_world)

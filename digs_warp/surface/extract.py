@@ -57,21 +57,25 @@ def extract_surface(
     voxel: float | None = None,
     masks: Sequence[Mask] | None = None,
     device: str = "cpu",
+    is_object: bool = True,
 ) -> Cleaned:
     """Return the surface of the Gaussians as the cameras see it, without floaters.
 
     Args:
-        gaussians: of one object.
+        gaussians: of one object, or of all in view.
         cameras: all around it; parts that fewer than three see are missing.
         scene: where the object is.
         voxel: edge of a voxel [m]; default: the ball's diameter / 160.
         masks: load the object mask of each camera, (height, width), uint8: depth outside is left out.
         device: "cpu" or a CUDA device of Warp; the fusion runs on the CPU.
+        is_object: whether the Gaussians are of one object, trained with masks.
 
     Raises:
         DigsError: the cameras see no surface, or the voxels are too small.
     """
-    views: Iterable[DepthView] = depth_views(gaussians, cameras, scene.center_world, device)
+    views: Iterable[DepthView] = depth_views(
+        gaussians, cameras, scene.center_world, device, is_object
+    )
     if masks is not None:
         views = (within_mask(view, load()) for view, load in zip(views, masks, strict=True))
     mesh = fuse_views(

@@ -1,0 +1,70 @@
+"""Photographs of a textured sphere: exact color, coverage and depth from any pose, no simulator needed."""
+
+from pathlib import Path
+
+import numpy as np
+
+from digs_warp.camera import Camera, Intrinsics, pixel_centers
+from digs_warp.data.capture import Capture
+from digs_warp.data.capture_writer import CaptureWriter, FrameImages
+from digs_warp.data.images import to_uint8
+from digs_warp.geometry import look_at
+
+RADIUS = 0.2  # [m]
+SIZE = 96  # width and height [px]
+SAMPLES = 4  # along each side of a pixel
+
+
+def write_sphere_capture(folder: Path, frames: int = 12) -> Capture:
+    """Write views from three rings around the sphere; its mask is the share of each pixel that it covers."""
+    intrinsics = Intrinsics.from_fov(SIZE, SIZE, 32.0)
+    writer = CaptureWriter(folder, intrinsics)
+    for number in range(frames):
+        angle = 2 * np.pi * number / frames
+        eye = np.array([np.cos(angle), np.sin(angle), (-0.6, 0.0, 0.8)[number % 3]])
+        camera = Camera(intrinsics, look_at(eye, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+        writer.write_frame(number, photograph(camera))
+        writer.add_pose(number, camera.world_from_cam, 0.1 * number)
+    return writer.finish()
+
+
+def photograph(camera: Camera) -> FrameImages:
+    """Image (the sphere's own color), depth in the middle of each pixel, and mask."""
+    k = camera.intrinsics
+    fine = SAMPLES * k.width, SAMPLES * k.height
+    _, hit, color = seen(camera, pixel_centers(*fine) / SAMPLES)
+    shares = _mean(hit[..., None].astype(np.float64))
+    mixed = _mean(np.where(hit[..., None], color, 0.0)) / np.maximum(shares, 1e-9)
+    depth, in_middle, _ = seen(camera, pixel_centers(k.width, k.height))
+    return FrameImages(
+        to_uint8(mixed),
+        np.where(in_middle, depth, np.nan).astype(np.float32),
+        to_uint8(shares[..., 0]),
+    )
+
+
+def seen(camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return planar depth [m], whether the sphere is hit, and its color, of pixels (..., 2)."""
+    eye = camera.center_world
+    rays = camera.unproject(pixels, np.ones(pixels.shape[:-1])) - eye
+    a, b = (rays**2).sum(-1), rays @ eye
+    root = b**2 - a * (eye @ eye - RADIUS**2)
+    depth = (-b - np.sqrt(np.maximum(root, 0.0))) / a
+    points = eye + depth[..., None] * rays
+    return depth, root > 0, texture(points / RADIUS)
+
+
+def texture(directions: np.ndarray) -> np.ndarray:
+    """Color of the sphere along unit vectors (..., 3): waves of a few degrees to a third of its size."""
+    rng = np.random.default_rng(1)
+    value = np.full(directions.shape, 0.5)
+    for frequency in (4.0, 9.0, 16.0, 30.0):
+        waves = frequency * rng.normal(size=(3, 3))
+        value += 0.12 * np.sin(directions @ waves + rng.uniform(0, 2 * np.pi, 3))
+    return value
+
+
+def _mean(fine: np.ndarray) -> np.ndarray:
+    height, width, channels = fine.shape
+    blocks = fine.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, channels)
+    return blocks.mean(axis=(1, 3))
