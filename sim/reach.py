@@ -76,10 +76,11 @@ def check_reach(scene: Scene, rig: StereoRig, walk: WalkSettings) -> None:
     filling = fitting_distance(scene.object_radius, rig.image_intrinsics, shake=0, unsteadiness=0)
     if not is_chosen and distance > LOST_PIXELS * filling:
         k = rig.image_intrinsics
+        limit, other = _limit(scene, rig, walk)
         _log.warning(
-            "nearest depth of this camera is %g m; an object of %s spans %.0f of %d x %d px. Use more pixels "
-            "(--width) or a camera that measures nearer (--profile), or scale the object (--object-size)",
-            *(rig.min_depth, size, k.fx * scene.size.max() / distance, k.width, k.height),
+            "%s; an object of %s spans %.0f of %d x %d px. Use more pixels (--width) or a camera %s "
+            "(--profile), or scale the object (--object-size)",
+            *(limit, size, k.fx * scene.size.max() / distance, k.width, k.height, other),
         )
 
 
@@ -97,9 +98,18 @@ def _usual_distance(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
 
 
 def _fitting(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:
-    """Return the distance [m] from which the object stays in the image."""
-    k = rig.image_intrinsics
-    return fitting_distance(scene.object_radius, k, walk.shake, walk.unsteadiness)
+    """Return the distance [m] from which the object stays in the images."""
+    k, baseline = rig.image_intrinsics, rig.image_baseline
+    return fitting_distance(scene.object_radius, k, walk.shake, walk.unsteadiness, baseline)
+
+
+def _limit(scene: Scene, rig: StereoRig, walk: WalkSettings) -> tuple[str, str]:
+    """Return what keeps the camera away from the object, and which camera would come nearer."""
+    fitting = _fitting(scene, rig, walk)
+    if fitting <= _measurable(scene, rig, walk):
+        return f"nearest depth of this camera is {rig.min_depth:g} m", "that measures nearer"
+    both = f"both eyes of this camera see the object only from {fitting:.3g} m away"
+    return both, "whose eyes are closer together"
 
 
 def _measurable(scene: Scene, rig: StereoRig, walk: WalkSettings) -> float:

@@ -124,6 +124,11 @@ class StereoRig:
         return replace(k, fx=k.fx * self.color_zoom, fy=k.fy * self.color_zoom)
 
     @property
+    def image_baseline(self) -> float:
+        """Distance of the right eye from the camera that takes the images [m]; 0: there is no right image."""
+        return 0.0 if self.has_color_camera else self.baseline
+
+    @property
     def largest_disparity(self) -> float:
         """Disparity of the nearest depth that the sensor can report [px]."""
         nearest = self.focal_baseline / self.min_depth

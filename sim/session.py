@@ -232,7 +232,7 @@ def _walk(config: SimulateConfig, inputs: Inputs) -> Walk:
     scene, rig = inputs.scene, inputs.rig
     stands = config.chosen_ground != "none"
     ground = float(scene.object_vertices[:, 2].min()) if stands else None
-    subject = Subject(scene.object_radius, rig.image_intrinsics, ground)
+    subject = Subject(scene.object_radius, rig.image_intrinsics, ground, rig.image_baseline)
     distance = camera_distance(scene, rig, config.walk)
     return Walk.around(subject, distance, config.walk.for_frames(config.beats), config.seed)
 

@@ -1,4 +1,4 @@
-"""From how far away an object stays in the image of a hand-held camera, and what room the aim has."""
+"""From how far away an object stays in the images of a hand-held camera, and what room the aim has."""
 
 import numpy as np
 
@@ -28,38 +28,58 @@ def half_angles(intrinsics: Intrinsics) -> np.ndarray:
 
 
 def fitting_distance(
-    radius: float, intrinsics: Intrinsics, shake: float = 1.0, unsteadiness: float = 1.0
+    radius: float,
+    intrinsics: Intrinsics,
+    shake: float = 1.0,
+    unsteadiness: float = 1.0,
+    baseline: float = 0.0,
 ) -> float:
-    """Return the distance [m] of a path on which a sphere of ``radius`` [m] stays in the image.
+    """Return the distance [m] of a path on which a sphere of ``radius`` [m] stays in the images.
 
-    The margin grows with the shake and with the wander of the distance; the aim drifts only within what the
-    frame leaves free.
+    The margin grows with the shake, with the wander of the distance, and with the distance [m] of an eye to
+    the right, ``baseline``; the aim drifts only within what the frame leaves free.
     """
     check_positive("object radius", radius)
-    half_angle = FILLED * float(half_angles(intrinsics).min())
+    half = FILLED * half_angles(intrinsics)
+
+    def fits(distance: float) -> bool:
+        needed = _needed(radius, distance, float(half.min()), shake)
+        return bool((needed + _aside(distance, baseline) <= half).all())
+
     # As far as the sphere alone asks for, and as far as twice that: the need falls with the distance.
-    low = radius / np.sin(half_angle)
+    low = radius / np.sin(float(half.min()))
     high = 2.0 * low
-    while _needed(radius, high, half_angle, shake) > half_angle:
+    while not fits(high):
         high *= 2.0
     for _ in range(60):
         middle = 0.5 * (low + high)
-        fits = _needed(radius, middle, half_angle, shake) <= half_angle
-        low, high = (low, middle) if fits else (middle, high)
+        low, high = (low, middle) if fits(middle) else (middle, high)
     nearest, _ = distance_limits(unsteadiness)
     return float(high / nearest)
 
 
-def room(radius: float, distances: np.ndarray, intrinsics: Intrinsics, shake: float) -> np.ndarray:
-    """Return by how much [rad] the aim may drift across and up before the sphere leaves the image, (n, 2).
+def room(
+    radius: float,
+    distances: np.ndarray,
+    intrinsics: Intrinsics,
+    shake: float,
+    baseline: float = 0.0,
+) -> np.ndarray:
+    """Return by how much [rad] the aim may drift across and up before the sphere leaves an image, (n, 2).
 
     Where the object is larger than the image, it is how far the camera may turn before the object no longer
-    fills it.
+    fills it. ``baseline``: how far to the right of the aimed eye another one takes images [m].
     """
     half = half_angles(intrinsics)
     needed = _needed(radius, distances, FILLED * float(half.min()), shake)
-    free = FILLED * half - np.asarray(needed)[:, None]
-    return np.hypot(free, LEAST_ROOM)
+    free = np.abs(FILLED * half - np.asarray(needed)[:, None])
+    return np.hypot(np.maximum(free - _aside(distances, baseline), 0.0), LEAST_ROOM)
+
+
+def _aside(distance: np.ndarray | float, baseline: float) -> np.ndarray:
+    """Return how far [rad] across and up the right eye sees what the left one has in its middle, (..., 2)."""
+    across = np.arctan(baseline / np.asarray(distance))
+    return np.stack([across, np.zeros_like(across)], axis=-1)
 
 
 def _needed(radius: float, distance: np.ndarray | float, half_angle: float, shake: float):

@@ -40,13 +40,15 @@ class Subject:
 
     Attributes:
         radius: of its bounding sphere [m].
-        intrinsics: of the image in which it should stay.
+        intrinsics: of the images in which it should stay.
         ground: height of what it stands on [m]; None: nothing is below.
+        baseline: how far to the right of the aimed eye another one takes images [m]; 0: there is none.
     """
 
     radius: float
     intrinsics: Intrinsics
     ground: float | None = None
+    baseline: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +157,8 @@ def _aim_rms(subject: Subject, eyes: np.ndarray, settings: WalkSettings) -> np.n
     """Return the RMS of the drift about the camera's axes [rad], as far as the frame has room, (n, 3)."""
     pitch, yaw, roll = np.deg2rad(AIM_RMS_DEG)
     distances = np.linalg.norm(eyes, axis=1)
-    across, up = room(subject.radius, distances, subject.intrinsics, settings.shake).T
+    free = room(subject.radius, distances, subject.intrinsics, settings.shake, subject.baseline)
+    across, up = free.T
     most = AIM_LIMIT * max(settings.unsteadiness, 1e-12)
 
     def within(rms: float, limit: np.ndarray) -> np.ndarray:

@@ -38,11 +38,31 @@ def test_an_object_that_the_camera_can_measure_fills_the_image(
 def test_a_small_object_is_seen_from_the_nearest_depth_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    inputs = load_inputs(SimulateConfig(mesh=box(tmp_path, 0.08), frames=1))
-    # 554 px of focal length; at its nearest the center is 0.3 m and 1.2 radii away, on the path 6 % more.
-    spans = 554.3 * 0.08 / (np.exp(0.06) * (0.3 + 1.2 * inputs.scene.radius))
-    expected = "nearest depth of this camera is 0.3 m; an object of 8 cm spans "
-    assert f"{expected}{spans:.0f} of 640 x 360 px" in caplog.text
+    config = SimulateConfig(mesh=box(tmp_path, 0.08), frames=1, profile="oak-d")
+    inputs = load_inputs(config)
+    rig = inputs.rig
+    # At its nearest the center is the nearest depth and 1.2 radii away, on the path 6 % more.
+    away = np.exp(0.06) * (rig.min_depth + 1.2 * inputs.scene.radius)
+    spans = rig.image_intrinsics.fx * 0.08 / away
+    expected = f"nearest depth of this camera is {rig.min_depth:g} m; an object of 8 cm spans "
+    k = rig.image_intrinsics
+    assert f"{expected}{spans:.0f} of {k.width} x {k.height} px" in caplog.text
+    assert "a camera that measures nearer" in caplog.text
+
+
+def test_a_small_object_is_as_far_away_as_both_eyes_ask_for_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = SimulateConfig(mesh=box(tmp_path, 0.08), frames=1)
+    inputs = load_inputs(config)
+    k, baseline = inputs.rig.image_intrinsics, inputs.rig.baseline
+    away = fitting_distance(inputs.scene.radius, k, baseline=baseline)
+    assert away > fitting_distance(inputs.scene.radius, k)
+    assert camera_distance(inputs.scene, inputs.rig, config.walk) == pytest.approx(away)
+    expected = (
+        f"both eyes of this camera see the object only from {away:.3g} m away; an object of 8 cm"
+    )
+    assert f"{expected} spans {k.fx * 0.08 / away:.0f} of 640 x 360 px" in caplog.text
 
 
 def test_an_object_partly_beyond_the_farthest_depth_is_warned_of(

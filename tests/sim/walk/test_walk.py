@@ -53,6 +53,23 @@ def test_the_bounding_sphere_stays_in_the_image(path: PathName, radius: float) -
             assert (clearance(poses(walk, 80), intrinsics) > radius).all()
 
 
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("radius", [0.1, 0.4, 2.0])
+def test_the_bounding_sphere_stays_in_the_image_of_the_right_eye(
+    path: PathName, radius: float
+) -> None:
+    baseline = 0.12
+    for intrinsics in (INTRINSICS, Intrinsics.from_fov(480, 640, 45.0)):
+        distance = fitting_distance(radius, intrinsics, baseline=baseline)
+        subject = Subject(radius, intrinsics, baseline=baseline)
+        for seed in range(3):
+            left = poses(Walk.around(subject, distance, WalkSettings(path=path), seed), 80)
+            right = left.copy()
+            right[:, :3, 3] += baseline * left[:, :3, 0]
+            for eye in (left, right):
+                assert (clearance(eye, intrinsics) > radius).all()
+
+
 def test_the_margin_is_as_large_as_shake_and_wander_ask_for() -> None:
     alone = 0.3 / np.sin(np.arctan(180 / INTRINSICS.fy))
     steady, shaken = (fitting_distance(0.3, INTRINSICS, each, 0.0) / alone for each in (0.0, 1.0))
