@@ -7,6 +7,7 @@ the number of threads.
 import warp as wp
 
 from digs_warp.device.kernel_options import ray_module_options
+from digs_warp.sim.render.encoding import Encoding, srgb_byte
 from digs_warp.sim.render.glass import Bend, bend
 from digs_warp.sim.render.ground_light import (
     has_sharp_shadows,
@@ -56,17 +57,6 @@ HALF_DIAGONAL = wp.constant(0.75)
 
 # A ray that carries less than this share of the light ends.
 FAINT = wp.constant(0.004)
-
-
-@wp.func
-def srgb_byte(linear: float) -> wp.uint8:
-    """Clip and encode a linear value as an sRGB byte."""
-    value = wp.clamp(linear, 0.0, 1.0)
-    if value <= 0.0031308:
-        value = 12.92 * value
-    else:
-        value = 1.055 * wp.pow(value, 1.0 / 2.4) - 0.055
-    return wp.uint8(value * 255.0 + 0.5)
 
 
 @wp.func
@@ -231,6 +221,7 @@ def color_kernel(
     track: Track,
     surface: Surface,
     light: Light,
+    encoding: Encoding,
     surround_level: float,  # pyramid level of the panorama that fits a pixel
     surround_step: float,  # [rad] over which what a pixel shows of the surround is linear
     samples: int,  # per moment
@@ -305,6 +296,6 @@ def color_kernel(
     count = float(samples * track.moments)
     mean = total / count
     for channel in range(3):
-        image[pixel, channel] = srgb_byte(mean[channel])
+        image[pixel, channel] = srgb_byte(encoding, mean[channel])
         unclipped[pixel, channel] = mean[channel]
     mask[pixel] = wp.uint8((255.0 * covered) / count + 0.5)

@@ -10,6 +10,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import DigsError
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.render.encoding import srgb_encoding
 from digs_warp.sim.render.environment_light import prepare_light
 from digs_warp.sim.render.follow import follow
 from digs_warp.sim.render.ground_light import measure_plane
@@ -99,7 +100,8 @@ class RaycastRenderer:
         light = wp.empty((count, 3), dtype=float, device="cpu")
         mask = wp.empty(count, dtype=wp.uint8, device="cpu")
         scalars = [surround_level, surround_step, samples, _int32(seed)]
-        inputs = [view, way, self._surface, self._light.struct, *scalars, encoded, light, mask]
+        scene = [self._surface, self._light.struct, srgb_encoding()]
+        inputs = [view, way, *scene, *scalars, encoded, light, mask]
         launch_parallel(color_kernel, count, inputs, threads=self._threads(count))
         image = encoded.numpy().reshape(k.height, k.width, 3)
         highlights = Highlights.of(image, light.numpy())
