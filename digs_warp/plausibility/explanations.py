@@ -15,6 +15,7 @@ UNITS = {
     1e-3: "the depth is in millimetres (or the poses are in kilometres)",
     1e-2: "the depth is in centimetres",
     2e-1: "the depth is in TUM's units, 5000 per metre, but was read as millimetres",
+    5.0: "the depth is in millimetres, but was read in TUM's units, 5000 per metre",
     1e-1: "the depth is in tenths of its unit, such as 0.1 mm in 16-bit images",
     0.0254: "the depth is in inches",
     0.3048: "the depth is in feet",
@@ -60,7 +61,10 @@ class Explanation:
 def explanations(cameras: Sequence[Camera]) -> Iterator[Explanation]:
     """Yield everything that the checks try; ``cameras`` are those of all frames."""
     for factor, unit in UNITS.items():
-        advice = "Write depth and poses in metres, or 16-bit depth in millimetres."
+        advice = (
+            "Write depth and poses in metres, or 16-bit depth in millimetres (for --from tum in 5000 per "
+            "metre)."
+        )
         yield Explanation("depth unit", unit, advice, _scaled_depth(factor))
     for factor in SCALES:
         yield Explanation(

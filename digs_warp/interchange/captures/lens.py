@@ -27,10 +27,13 @@ class Lens:
     Attributes:
         coefficients: OpenCV's k1, k2, p1, p2, k3, k4, k5, k6 of an ordinary lens; k1 to k4 of a fisheye.
         is_fisheye: which of the two.
+        eighth: of an ordinary lens, with the eighth power of the radius, where k1, k2 and k3 have the second,
+            fourth and sixth: nerfstudio's k4.
     """
 
     coefficients: tuple[float, ...]
     is_fisheye: bool = False
+    eighth: float = 0.0
 
     @staticmethod
     def brown(*coefficients: float) -> "Lens | None":
@@ -66,7 +69,8 @@ class Lens:
             return angle * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
         k1, k2, _, _, k3, k4, k5, k6 = (*self.coefficients, *[0.0] * 8)[:8]
         s = radius**2
-        return radius * (1 + s * (k1 + s * (k2 + s * k3))) / (1 + s * (k4 + s * (k5 + s * k6)))
+        above = 1 + s * (k1 + s * (k2 + s * (k3 + s * self.eighth)))
+        return radius * above / (1 + s * (k4 + s * (k5 + s * k6)))
 
     def _last_radius(self, farthest: float) -> float:
         """Return up to where the image grows with the angle; beyond, the polynomial means nothing."""

@@ -26,13 +26,14 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.sparse_points import read_points
 from digs_warp.geometry import OPENCV_FROM_OPENGL
 from digs_warp.interchange.captures.lens import Lens, undistorted
-from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, is_readable
+from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, is_readable, missing
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json
 
 METRES_PER_UNIT = "metres per unit: 1 for float images, above 0 for 16-bit images, such as 0.001"
-DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3")
+DISTORTION_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4")
+FULL_KEYS = (*DISTORTION_KEYS, "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
 
 
@@ -103,14 +104,20 @@ def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFram
 def _lens(row: Fields) -> Lens | None:
     """Return what bends the light; refuse lenses with more coefficients than we know."""
     lens = read_lens(dict(row.shared or {}), dict(row.values), row.where)
-    keys = FISHEYE_KEYS if lens.is_fisheye else DISTORTION_KEYS
+    is_full = lens.model == "FULL_OPENCV"
+    keys = FISHEYE_KEYS if lens.is_fisheye else FULL_KEYS if is_full else DISTORTION_KEYS
     if more := sorted(lens.coefficients.keys() - set(keys)):
         raise CaptureError(
             f"{row.where}: {lens.model} with {', '.join(more)}, expected only {', '.join(keys)}; "
             "undistort the images first, for example with 'colmap image_undistorter'"
         )
     found = tuple(lens.coefficients.get(key, 0.0) for key in keys)
-    return Lens(found, is_fisheye=True) if lens.is_fisheye else Lens.brown(*found)
+    if lens.is_fisheye:
+        return Lens(found, is_fisheye=True)
+    if is_full:
+        return Lens.brown(*found)
+    # nerfstudio's k4 goes with the eighth power of the radius; OpenCV's is another.
+    return Lens(found[:5], eighth=found[5]) if any(found) else None
 
 
 def _units_per_metre(row: Fields) -> float:
@@ -147,12 +154,12 @@ def _image_path(folder: Path, name: str, where: str) -> Path:
     endings = ("", *IMAGE_SUFFIXES)
     found = next((p for p in (Path(f"{path}{end}") for end in endings) if is_readable(p)), None)
     if found is None:
-        raise CaptureError(f"{where}: '{name}' does not exist")
+        raise CaptureError(f"{where}: {missing(folder, name)}")
     return found
 
 
 def _optional(folder: Path, row: Fields, key: str) -> Path | None:
     name = row.text(key, "")
     if name and not is_readable(folder / name):
-        raise CaptureError(f"{row.where}, {key}: '{name}' does not exist")
+        raise CaptureError(f"{row.where}, {key}: {missing(folder, name)}")
     return folder / name if name else None

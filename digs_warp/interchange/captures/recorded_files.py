@@ -39,6 +39,36 @@ def is_readable(path: Path) -> bool:
         return False
 
 
+def missing(folder: Path, name: str) -> str:
+    """Return what to say of a file that an index names and that is not there, with the likely right name.
+
+    Args:
+        folder: of the recording.
+        name: as the index has it; from another system it may have backslashes, an absolute path, or another
+            case.
+    """
+    parts = [part for part in re.split(r"[/\\]", name) if part not in ("", ".", "..")]
+    tails = ["/".join(parts[n:]) for n in range(len(parts))]
+    found = next((near for tail in tails if (near := _in_any_case(folder, tail))), None)
+    if found is None:
+        return f"'{name}' does not exist in '{folder}'; copy it there, or correct the name"
+    return f"'{name}' does not exist, but '{found}' does; correct the name"
+
+
+def _in_any_case(folder: Path, name: str) -> str | None:
+    """Return the name of the file in the folder that differs in nothing but case, if there is one."""
+    at, found = folder, []
+    for part in name.split("/"):
+        try:
+            near = next((p for p in at.iterdir() if p.name.lower() == part.lower()), None)
+        except OSError:
+            return None
+        if near is None:
+            return None
+        at, found = near, [*found, near.name]
+    return "/".join(found) if is_readable(at) else None
+
+
 def read_numbers(path: Path, shape: tuple[int, ...], what: str) -> np.ndarray:
     """Return the numbers of a text file, separated by blanks or commas, without lines that begin with #.
 

@@ -199,10 +199,18 @@ def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:
 
 
 def _check_size(path: Path, pixels: np.ndarray, k: Intrinsics) -> None:
-    if pixels.shape[:2] != (k.height, k.width):
+    height, width = pixels.shape[:2]
+    if (height, width) != (k.height, k.width):
+        on_its_side = (width, height) == (k.height, k.width)
+        mend = (
+            "; it lies on its side, as photographs do that have their turn in EXIF data: turn the pixels, "
+            "for example with 'mogrify -auto-orient'"
+            if on_its_side
+            else "; give the camera of these images, or images of this size"
+        )
         raise CaptureError(
-            f"'{path}': {pixels.shape[1]}x{pixels.shape[0]} pixels, expected {k.width}x{k.height} as the "
-            "recording's camera says"
+            f"'{path}': {width}x{height} pixels, expected {k.width}x{k.height} as the recording's camera "
+            f"says{mend}"
         )
 
 

@@ -70,6 +70,7 @@ def test_a_rolling_shutter_at_twice_its_time_draws_no_doubt() -> None:
 
 WRONG: dict[str, tuple[Callable[[Capture], Capture], str]] = {
     "x1000": (lambda c: wrong.scaled_depth(c, 1000), "the depth is in millimetres"),
+    "/5": (lambda c: wrong.scaled_depth(c, 0.2), "but was read in TUM's units, 5000 per metre"),
     "/1000": (lambda c: wrong.scaled_depth(c, 1e-3), "the poses are in millimetres"),
     "x100": (lambda c: wrong.scaled_depth(c, 100), "the depth is in centimetres"),
     "x10": (lambda c: wrong.scaled_depth(c, 10), "the depth is in tenths of its unit"),

@@ -111,11 +111,12 @@ def test_a_fisheye_lens_is_taken_out(capture: Capture, tmp_path: Path) -> None:
         ({"camera_model": "OPENCV_FISHEYE", "p1": 0.1}, "OPENCV_FISHEYE with p1, expected only k1"),
         ({"camera_model": "EQUIRECTANGULAR"}, "camera_model is 'EQUIRECTANGULAR', expected one of"),
         ({"k1": 1e9}, "show 0% of the pinhole images"),
-        ({"k1": 0.1, "k4": 0.01}, "OPENCV with k4, expected only k1, k2"),
+        ({"k1": 0.1, "k5": 0.01}, "OPENCV with k5, expected only k1, k2"),
         ({"k1": "much"}, "frame 0 .*k1 is 'much', expected a finite number"),
         ({"depth_unit_scale_factor": -1}, "depth_unit_scale_factor is -1"),
         ({"frames": []}, "lists no frames"),
-        ({"w": 640, "h": 480}, r"21x14 pixels, expected 640x480"),
+        ({"w": 640, "h": 480}, r"21x14 pixels, expected 640x480 .*give the camera of these images"),
+        ({"w": 14, "h": 21}, r"21x14 pixels, expected 14x21 .*on its side.*-auto-orient"),
         ({"fl_x": -3.0}, "expected pixels above 0"),
         ({"fl_x": "wide"}, "frame 0"),
     ],
@@ -131,5 +132,44 @@ def test_nerfstudio_folders_that_cannot_be_used(
 def test_a_missing_image_is_named(capture: Capture, tmp_path: Path) -> None:
     write_nerfstudio(capture, tmp_path / "ns")
     (tmp_path / "ns/images/frame_00002.jpg").unlink()
-    with pytest.raises(CaptureError, match=r"frame 1 .*frame_00002\.jpg' does not exist"):
+    message = r"frame 1 .*frame_00002\.jpg' does not exist in '.*ns'; copy it there"
+    with pytest.raises(CaptureError, match=message):
         read_recording(tmp_path / "ns", "nerfstudio")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "images\\frame_00002.jpg",
+        "/home/me/ns/images/frame_00002.jpg",
+        "C:\\me\\images\\frame_00002.jpg",
+        "Images/FRAME_00002.JPG",
+        "../ns/images/frame_00002.JPG",
+    ],
+)
+def test_the_likely_right_name_of_a_missing_image_is_told(
+    capture: Capture, tmp_path: Path, name: str
+) -> None:
+    index = write_nerfstudio(capture, tmp_path / "ns")
+    index["frames"][1]["file_path"] = name
+    (tmp_path / "ns/transforms.json").write_text(to_json(index))
+    message = r"frame 1 .*but 'images/frame_00002.jpg' does; correct the name"
+    with pytest.raises(CaptureError, match=message):
+        read_recording(tmp_path / "ns", "nerfstudio")
+
+
+def test_a_fourth_radial_coefficient_goes_with_the_eighth_power(
+    capture: Capture, tmp_path: Path
+) -> None:
+    write_nerfstudio(capture, tmp_path / "ns", k1=0.1, k2=-0.02, k3=0.003, k4=0.4)
+    view = read_recording(tmp_path / "ns", "nerfstudio").frames[0].view
+    assert view is not None and view.lens is not None
+    x, y = 0.5, -0.3
+    square = x**2 + y**2
+    factor = 1 + 0.1 * square - 0.02 * square**2 + 0.003 * square**3 + 0.4 * square**4
+    bent = view.lens.distort(np.array([2 * x, 2 * y, 2.0]))
+    np.testing.assert_allclose(bent, [x * factor, y * factor], rtol=1e-12)
+    # The model that is OpenCV's own has it in the denominator.
+    write_nerfstudio(capture, tmp_path / "full", camera_model="FULL_OPENCV", k1=0.1, k4=0.4, k6=0.2)
+    view = read_recording(tmp_path / "full", "nerfstudio").frames[0].view
+    assert view is not None and view.lens == Lens((0.1, 0, 0, 0, 0, 0.4, 0, 0.2))
