@@ -1,5 +1,6 @@
 """`digs-warp report`: a stored reconstruction -> one HTML file."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,8 @@ from digs_warp.checks import DigsError
 from digs_warp.commands.command import Command
 from digs_warp.commands.output import check_output_file
 from digs_warp.record import layout
+from digs_warp.record.lock import sole_writer
+from digs_warp.record.manifest import recorded_files
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,5 +52,11 @@ class Report(Command):
                     f"'{self.source}': its recording is not where it was; name it with --capture"
                 )
             capture = read_capture(result.capture)
-        write_report(capture, result, page)
+        with ExitStack() as stack:
+            if (
+                self.out is None
+            ):  # one of the folder's own files: replaced with the result that it shows
+                stack.enter_context(sole_writer(folder))
+                stack.enter_context(recorded_files(folder, resume=True))
+            write_report(capture, result, page)
         return f"{page}: {page.stat().st_size / 1e6:.1f} MB"
