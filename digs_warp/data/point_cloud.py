@@ -11,7 +11,9 @@ from digs_warp.record.arrays import open_arrays, write_arrays
 
 FIELDS = ("points_world", "colors")
 AXIS_FIELDS = ("axes_world", "axis_deviations")
-OPTIONAL_FIELDS = (*AXIS_FIELDS, "guessed")
+# Which points are special; None: none of them.
+MARKS = ("guessed", "hidden")
+OPTIONAL_FIELDS = (*AXIS_FIELDS, *MARKS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,7 @@ class PointCloud:
             across, shape (n, 3), float32; None: they are round.
         axis_deviations: their standard deviations [m] along these axes, shape (n,), float32; None as well.
         guessed: which points were put where no view measured anything, shape (n,), bool; None: none.
+        hidden: which points no view can see, behind what all of them measured, shape (n,), bool; None: none.
     """
 
     points_world: np.ndarray
@@ -32,6 +35,7 @@ class PointCloud:
     axes_world: np.ndarray | None = None
     axis_deviations: np.ndarray | None = None
     guessed: np.ndarray | None = None
+    hidden: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.points_world)
@@ -49,9 +53,11 @@ class PointCloud:
                 array = np.asarray(value, dtype=np.float32)
                 check_finite(name, check_shape(name, array, shape))
                 object.__setattr__(self, name, array)
-        if self.guessed is not None:
-            guessed = check_shape("guessed", np.asarray(self.guessed, dtype=bool), (count,))
-            object.__setattr__(self, "guessed", guessed)
+        for name in MARKS:
+            value = getattr(self, name)
+            if value is not None:
+                marked = check_shape(name, np.asarray(value, dtype=bool), (count,))
+                object.__setattr__(self, name, marked)
 
     def __len__(self) -> int:
         return len(self.points_world)
@@ -74,14 +80,8 @@ class PointCloud:
             return np.concatenate([getattr(cloud, name) for cloud in clouds])
 
         fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *AXIS_FIELDS)
-        guessed = None
-        if any(cloud.guessed is not None for cloud in clouds):
-            none = [np.zeros(len(cloud), dtype=bool) for cloud in clouds]
-            some = [
-                n if c.guessed is None else c.guessed for c, n in zip(clouds, none, strict=True)
-            ]
-            guessed = np.concatenate(some)
-        return PointCloud(**{name: all_of(name) for name in fields}, guessed=guessed)
+        marks = {name: _joined_marks(name, clouds) for name in MARKS}
+        return PointCloud(**{name: all_of(name) for name in fields}, **marks)
 
     def save(self, path: Path) -> None:
         """Write an ``.npz`` with one array per field; the file appears only when complete."""
@@ -98,3 +98,14 @@ class PointCloud:
         with open_arrays(path, "points", FIELDS) as arrays:
             optional = {name: arrays[name] for name in OPTIONAL_FIELDS if name in arrays}
             return PointCloud(*(arrays[name] for name in FIELDS), **optional)
+
+
+def _joined_marks(name: str, clouds: Sequence[PointCloud]) -> np.ndarray | None:
+    """Return the marks of all points; None if no cloud has any."""
+    marks = [getattr(cloud, name) for cloud in clouds]
+    if all(mark is None for mark in marks):
+        return None
+    none = [np.zeros(len(cloud), dtype=bool) for cloud in clouds]
+    return np.concatenate(
+        [n if mark is None else mark for mark, n in zip(marks, none, strict=True)]
+    )

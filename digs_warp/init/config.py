@@ -72,6 +72,10 @@ class InitConfig:
     visibility_check: bool = True
     """Drop points that more views see through than confirm: floaters around the object."""
 
+    fill_unseen: Literal["auto", "on", "off"] = "auto"
+    """Close the object where no view has seen it, in the colors around: without a back, views from there look
+    into a shell. auto: with at most 6 views to train on, and masks."""
+
     shape: Shape = "round"
     """Shape of the Gaussians at the start. round; flat: along the surface, from the normals of the depth
     maps; ray: stretched along the viewing ray by the uncertainty of the depth."""

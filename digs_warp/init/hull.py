@@ -58,12 +58,27 @@ class _View:
 
 
 @dataclass(frozen=True, eq=False)
-class _Hull:
+class Hull:
     """Cells of a grid with the corner ``low`` [m] and cubes of ``edge`` [m]; ``inside``: which are object."""
 
     low: np.ndarray
     edge: float
     inside: np.ndarray
+
+    def place_of(self, cells: np.ndarray) -> np.ndarray:
+        """Return the centers [m] of cells, indices of shape (n, 3)."""
+        return self.low + self.edge * (cells + 0.5)
+
+    def skin(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the centers [m] of the cells with a neighbor outside, (n, 3), and their outward normals."""
+        from scipy.ndimage import binary_erosion, gaussian_filter
+
+        cells = np.argwhere(self.inside & np.logical_not(binary_erosion(self.inside)))
+        soft = np.asarray(gaussian_filter(self.inside.astype(np.float32), 2.0))
+        slopes = [np.gradient(soft, axis=axis) for axis in range(3)]
+        normals = -np.stack([np.asarray(slope)[tuple(cells.T)] for slope in slopes], axis=1)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        return self.place_of(cells), normals / np.maximum(lengths, 1e-9)
 
 
 def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
@@ -78,9 +93,7 @@ def hull_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
         DigsError: a frame without mask, or cameras that all look in the same direction.
         NoPointsError: no place is inside the masks of the views that show it.
     """
-    hull = _hull(frames, config)
-    skin, normals = _skin(hull.inside)
-    points = hull.low + hull.edge * (skin + 0.5)
+    points, normals = visual_hull(frames, config).skin()
     cloud = PointCloud(points, _colors(points, normals, frames))
     most = config.target_points or config.max_points
     return cloud if most is None or len(cloud) <= most else cloud.select(drawn(len(cloud), most))
@@ -97,7 +110,7 @@ def random_points_in_hull(frames: Sequence[Frame], config: InitConfig, count: in
     Raises:
         DigsError: as of `hull_points`.
     """
-    hull = _hull(frames, config)
+    hull = visual_hull(frames, config)
     rng = np.random.default_rng(SEED)
     cells = np.argwhere(hull.inside)
     cells = cells[rng.integers(len(cells), size=count)]
@@ -105,16 +118,25 @@ def random_points_in_hull(frames: Sequence[Frame], config: InitConfig, count: in
     return PointCloud(points, rng.uniform(0.0, 1.0, (count, 3)))
 
 
-def _hull(frames: Sequence[Frame], config: InitConfig) -> _Hull:
-    """Return the finest grid of cells; see `hull_points`."""
+def visual_hull(frames: Sequence[Frame], config: InitConfig, edge: float | None = None) -> Hull:
+    """Return which cells of a grid lie inside the masks of the views that show them.
+
+    Args:
+        frames: with mask, at least two that look from different directions.
+        config: the edge of a cell, as of `hull_points`.
+        edge: of a cell [m], instead; at least the object's longest side / `FINEST`.
+
+    Raises:
+        DigsError: as of `hull_points`.
+    """
     require_layers(frames, config, (Layer.MASK,))
     views = _load(frames)
     center, half = cube_looked_at([frame.camera for frame in frames])
-    edge = 2 * AROUND * half / COARSE
+    coarse = 2 * AROUND * half / COARSE
     low = center - AROUND * half
-    cells = _cells(low, edge, (COARSE,) * 3)
+    cells = _cells(low, coarse, (COARSE,) * 3)
     # Half a cell of slack: a thin part may lie between the centers of cells.
-    inside = _inside(cells, views, edge / 2).reshape((COARSE,) * 3)
+    inside = _inside(cells, views, coarse / 2).reshape((COARSE,) * 3)
     if not inside.any():
         raise NoPointsError(
             f"initialization: no place lies inside the masks of the {counted(len(frames), 'view')} that show "
@@ -122,15 +144,18 @@ def _hull(frames: Sequence[Frame], config: InitConfig) -> _Hull:
             "poses, or start with --strategy default"
         )
     found = np.argwhere(inside)
-    low, high = low + edge * (found.min(axis=0) - 1), low + edge * (found.max(axis=0) + 2)
-    pixel = np.median([_pixel_at(frame.camera, center) for frame in frames])
-    edge = _edge(config, float(pixel), float((high - low).max()))
+    low, high = low + coarse * (found.min(axis=0) - 1), low + coarse * (found.max(axis=0) + 2)
+    longest = float((high - low).max())
+    if edge is None:
+        pixel = np.median([_pixel_at(frame.camera, center) for frame in frames])
+        edge = _edge(config, float(pixel), longest)
+    edge = max(edge, longest / FINEST)
     shape = tuple(np.ceil((high - low) / edge).astype(int) + 2)
     low = low - edge
     inside = _inside(_cells(low, edge, shape), views, 0.0).reshape(shape)
     if not inside.any():
         raise NoPointsError("initialization: the object is thinner than a cell of its hull")
-    return _Hull(low, edge, inside)
+    return Hull(low, edge, inside)
 
 
 def _edge(config: InitConfig, pixel: float, longest: float) -> float:
@@ -140,7 +165,7 @@ def _edge(config: InitConfig, pixel: float, longest: float) -> float:
         if config.voxel_unit == "sfm":
             raise DigsError("--voxel-unit sfm: a hull has no such unit; choose metre or object")
         wanted = config.voxel_edge * (longest if config.voxel_unit == "object" else 1.0)
-    return max(wanted, longest / FINEST)
+    return wanted
 
 
 def _load(frames: Sequence[Frame]) -> list[_View]:
@@ -201,17 +226,6 @@ def _grown(mask: np.ndarray, radius: float) -> np.ndarray:
     from scipy.ndimage import maximum_filter
 
     return maximum_filter(mask, size=2 * int(np.ceil(radius)) + 1)
-
-
-def _skin(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cells with a neighbor outside, (n, 3), and their outward normals, (n, 3)."""
-    from scipy.ndimage import binary_erosion, gaussian_filter
-
-    cells = np.argwhere(inside & np.logical_not(binary_erosion(inside)))
-    soft = np.asarray(gaussian_filter(inside.astype(np.float32), 2.0))
-    slopes = [np.gradient(soft, axis=axis) for axis in range(3)]
-    normals = -np.stack([np.asarray(slope)[tuple(cells.T)] for slope in slopes], axis=1)
-    return cells, normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
 
 
 def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) -> np.ndarray:

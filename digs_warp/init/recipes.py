@@ -25,6 +25,7 @@ from digs_warp.init.reason import start_reason
 from digs_warp.init.scene_points import scene_points
 from digs_warp.init.shell import shell_points
 from digs_warp.init.start import Initialization, Subject
+from digs_warp.init.unseen import fills_unseen, unseen_points
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
@@ -115,15 +116,17 @@ def _from_depth(
         from_depth, report = scene_points(frames, config, baseline)
     else:
         from_depth, report = depth_points(frames, config, sfm_per_metre, baseline)
-    if config.strategy in ("depth", "highdepth"):
-        return Initialization(from_depth, {"depth": len(from_depth)}, report)
-
-    # Fusion: P_fusion = P_BB united with P*.
-    from_sfm = _unmasked_points_in_box(
-        _needed(sfm, config), frames, config.mask_level, from_depth.bounds
-    )
-    sources = {"depth": len(from_depth), "sfm": len(from_sfm)}
-    return Initialization(_union(from_depth, from_sfm, report.voxel_size), sources, report)
+    points, sources = from_depth, {"depth": len(from_depth)}
+    if config.strategy == "fusion":  # P_fusion = P_BB united with P*
+        from_sfm = _unmasked_points_in_box(
+            _needed(sfm, config), frames, config.mask_level, from_depth.bounds
+        )
+        points, sources["sfm"] = _union(points, from_sfm, report.voxel_size), len(from_sfm)
+    if subject == "object" and fills_unseen(config, frames):
+        unseen = unseen_points(frames, from_depth, report.voxel_size, config)
+        if len(unseen):
+            points, sources["unseen"] = _union(points, unseen, report.voxel_size), len(unseen)
+    return Initialization(points, sources, report)
 
 
 def _unmasked_points_in_box(
@@ -163,13 +166,13 @@ def _unmasked_points_in_box(
     return PointCloud(positions[keep], sfm.points.colors[keep])
 
 
-def _union(from_depth: PointCloud, from_sfm: PointCloud, voxel_size: float) -> PointCloud:
-    """Merge both clouds; sparse points have no axis and stay round."""
+def _union(from_depth: PointCloud, others: PointCloud, voxel_size: float) -> PointCloud:
+    """Merge both clouds; the other points have no axis and stay round."""
     if from_depth.axes_world is not None:
-        axes = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(from_sfm), 1))
-        deviations = np.full(len(from_sfm), voxel_size, dtype=np.float32)
-        from_sfm = replace(from_sfm, axes_world=axes, axis_deviations=deviations)
-    return PointCloud.joined([from_depth, from_sfm])
+        axes = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(others), 1))
+        deviations = np.full(len(others), voxel_size, dtype=np.float32)
+        others = replace(others, axes_world=axes, axis_deviations=deviations)
+    return PointCloud.joined([from_depth, others])
 
 
 def _needed(sfm: SfmModel | None, config: InitConfig) -> SfmModel:

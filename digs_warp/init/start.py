@@ -44,7 +44,7 @@ class Initialization:
     Attributes:
         points: in the world [m].
         sources: number of points by where they came from: "depth", "sfm", "recorded" (with the recording),
-            "hull" (of the masks), "random", "shell".
+            "hull" (of the masks), "random", "shell", "unseen" (where they close the object).
         depth: how many pixels of the depth maps were used; None if the strategy does not use depth.
         because: what they are and why, in words; empty where it is not known.
     """

@@ -45,6 +45,33 @@ def votes(
         voxel_size: of the points' grid [m].
         view: a camera and its depth map [m], as in `not_seen_through`.
     """
+    inside, nearer, tolerance = _before_measured(points_world, voxel_size, view)
+    found = np.zeros(len(points_world), dtype=np.int64)
+    # Comparisons with NaN, where nothing was measured, are False.
+    found[inside] = (np.abs(nearer) <= tolerance).astype(np.int64) - (nearer > tolerance)
+    return found
+
+
+def hidden(
+    points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
+) -> np.ndarray:
+    """Return which points the view cannot see, (n,), bool: behind what it measured, or not in its image.
+
+    Args:
+        points_world: points [m], shape (n, 3).
+        voxel_size: of the points' grid [m].
+        view: a camera and its depth map [m], as in `not_seen_through`.
+    """
+    inside, nearer, tolerance = _before_measured(points_world, voxel_size, view)
+    found = np.ones(len(points_world), dtype=bool)
+    found[inside] = nearer < -tolerance
+    return found
+
+
+def _before_measured(
+    points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return which points the image shows, and for those: how far before the surface, and the tolerance."""
     camera, depth = view
     height, width = depth.shape
     camera = camera.resized(width, height)
@@ -52,9 +79,5 @@ def votes(
     inside = camera.shows(px, z)
     columns, rows = np.floor(px[inside]).astype(np.int64).T
     measured = depth[rows, columns].astype(np.float64)
-    nearer = measured - z[inside]
     tolerance = TOLERANCE_VOXELS * voxel_size + TOLERANCE_SHARE * measured
-    found = np.zeros(len(points_world), dtype=np.int64)
-    # Comparisons with NaN, where nothing was measured, are False.
-    found[inside] = (np.abs(nearer) <= tolerance).astype(np.int64) - (nearer > tolerance)
-    return found
+    return inside, measured - z[inside], tolerance

@@ -199,7 +199,7 @@ def _train(
     seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
     frames = prepared.frames.training
     return train_gaussians(
-        seeds, frames, test_views, config.train, folder, log, resume, shutter, watch
+        seeds, frames, test_views, config.train, folder, log, resume, shutter, watch, points.hidden
     )
 
 

@@ -20,6 +20,9 @@ FINAL_MEANS_SHARE = 0.01
 # The bands above the base color learn this many times slower.
 HIGHER_BANDS_SHARE = 1.0 / 20.0
 
+# A second moment this large makes every step vanish, for more steps than a training has.
+HELD = 1e36
+
 # Values that one thread updates.
 BLOCK = 4096
 
@@ -126,6 +129,18 @@ class Adam:
             self._launches.append(
                 ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)
             )
+
+    def hold(self, rows: np.ndarray) -> None:
+        """Keep the Gaussians at ``rows`` (a bool mask) as they are.
+
+        Adam's steps do not depend on the size of a gradient: what leaks through an opaque surface would move
+        a Gaussian behind it as fast as any other. The moments of a Gaussian go where it goes, through density
+        control and checkpoints, and so does this.
+        """
+        for moments in self.moments_2.arrays:
+            values = moments.numpy()
+            values[rows] = HELD
+            moments.assign(values)
 
     def rates(self) -> list[float]:
         """Return the learning rates of means, scales, quats, opacities and base colors."""

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.record.files import remove
@@ -65,6 +67,7 @@ def train_gaussians(
     resume: bool = False,
     shutter: ShutterPlan = NO_SHUTTER,
     watch: Watch | None = None,
+    held: np.ndarray | None = None,
 ) -> Trained:
     """Train ``seeds`` on ``frames``; also save the Gaussians and the training progress to ``folder``.
 
@@ -78,6 +81,7 @@ def train_gaussians(
         resume: continue from the folder's checkpoint if it has one, bit for bit.
         shutter: how the cameras move while their rows are read.
         watch: looks on; None: nobody does.
+        held: which seeds stay as they are, shape (n,), bool; None: none.
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
@@ -91,7 +95,7 @@ def train_gaussians(
         measured_views = load_measured_views(frames, shutter)
     try:
         with log.stage("prepare kernels"):
-            trainer = Trainer(seeds, views, config)
+            trainer = Trainer(seeds, views, config, held)
         if first_step:
             load_checkpoint(checkpoint, trainer)
         course = CourseRecorder(folder / TRAINING, trainer, test_views, measured_views)

@@ -46,6 +46,7 @@ class Trainer:
         gaussians: the initial Gaussians, at least one.
         views: what to train on; their sizes may differ.
         config: settings.
+        held: which of them stay as they are, shape (n,), bool; None: none.
 
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
@@ -56,7 +57,13 @@ class Trainer:
         seconds: time spent in `step` so far.
     """
 
-    def __init__(self, gaussians: Gaussians, views: ViewStore, config: TrainConfig) -> None:
+    def __init__(
+        self,
+        gaussians: Gaussians,
+        views: ViewStore,
+        config: TrainConfig,
+        held: np.ndarray | None = None,
+    ) -> None:
         if len(gaussians) == 0:
             raise DigsError("no Gaussians to train; the initialization found no points")
         self.views = views
@@ -83,6 +90,8 @@ class Trainer:
         trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
         self.depth_judge = DepthJudge(len(views), trusted) if with_depth else None
         self._build_optimizer(step=0)
+        if held is not None:
+            self.optimizer.hold(held)
 
     def step(self) -> None:
         """Take one step on one view.

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from digs_warp.init.strategies import STRATEGIES, StrategyName
+from digs_warp.init.unseen import FEW_VIEWS
 from digs_warp.study.charts import Chart
 from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
@@ -23,6 +24,12 @@ from digs_warp.study.table import Table
 
 VIEWS = (3, 6, 12, 24)
 NAMES: tuple[StrategyName, ...] = ("highdepth", "default", "random")
+# Start from depth whose back is left open where no view saw the object, to compare.
+OPEN = "highdepth, open"
+STARTS: dict[str, StrategyName] = {
+    **{"highdepth": "highdepth", OPEN: "highdepth"},
+    **{"default": "default", "random": "random"},
+}
 # Depth in the loss -> its weight; None is the default of a recording with depth.
 LOSS: dict[str, float | None] = {"on": None, "off": 0.0}
 # Random points do without structure from motion, which few views often do not give.
@@ -46,11 +53,11 @@ def cases(objects_count: int = 6, seeds: int = 1, iterations: int = 1000) -> lis
     return found
 
 
-def _of_object(name: str, scene: Mapping[str, Any], seed: int, iterations: int) -> list[Case]:
+def _of_object(title: str, scene: Mapping[str, Any], seed: int, iterations: int) -> list[Case]:
     return [
         Case(
             labels={
-                **{"object": name, "views": views, "strategy": strategy, "depth loss": loss},
+                **{"object": title, "views": views, "strategy": name, "depth loss": loss},
                 "seed": seed,
             },
             recording={
@@ -58,23 +65,26 @@ def _of_object(name: str, scene: Mapping[str, Any], seed: int, iterations: int) 
                 **{"frames": HELD_OUT * views, "width": 480, "height": 270, "seed": seed},
             },
             reconstruction={
-                **{"test_every": HELD_OUT, "init.strategy": strategy},
-                **_start(strategy),
-                "train.density.strategy": STRATEGIES[strategy].density,
+                **{"test_every": HELD_OUT, **_start(name)},
                 "train.depth_weight": weight,
                 **{"train.stop.iterations": iterations, "train.seed": seed},
             },
         )
         for views in VIEWS
-        for strategy in NAMES
+        for name in STARTS
         for loss, weight in LOSS.items()
+        if name != OPEN or (weight is None and views <= FEW_VIEWS)
     ]
 
 
-def _start(strategy: StrategyName) -> dict[str, float]:
+def _start(name: str) -> dict[str, Any]:
+    """Return the settings of a start."""
+    strategy = STARTS[name]
+    settings = {"init.strategy": strategy, "train.density.strategy": STRATEGIES[strategy].density}
     if strategy == "random":
-        return {"init.target_points": RANDOM_POINTS}
-    return {"init.voxel_size": VOXEL}
+        return {**settings, "init.target_points": RANDOM_POINTS}
+    fill = "off" if name == OPEN else "auto"
+    return {**settings, "init.voxel_size": VOXEL, "init.fill_unseen": fill}
 
 
 def sections(records: Sequence[Record]) -> list[Section]:
@@ -117,8 +127,9 @@ def _quality(records: Sequence[Record]) -> Section:
         "The training views are spread over the whole walk around the object, so three of them are a third "
         "of a turn apart. The first columns are measured on the same eight views of a perfect camera for "
         "every number of views; the held-out views lie between the training views of the recording. Poses "
-        "are those of the recording for all strategies. Default triangulates what it matches in the images: "
-        "where too few views match, it has no start, and its case is among those that failed."
+        f"are those of the recording for all strategies. Up to {FEW_VIEWS} views, highdepth closes the "
+        f"object where no view saw it; '{OPEN}' leaves it open. Default triangulates what it matches in the "
+        "images: where too few views match, it has no start, and its case is among those that failed."
     )
     table = tabulate("few_views", labels, group_by(records, *labels), columns)
     return Section("Quality by views", text, [table], [chart])

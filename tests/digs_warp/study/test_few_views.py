@@ -33,14 +33,17 @@ def test_a_case_trains_on_as_many_views_as_it_says() -> None:
         assert len(training) == len(held_out) == case.labels["views"]
         weight = config.train.depth_weight_where(recorded=True)
         assert weight == (DEPTH_WEIGHT if case.labels["depth loss"] == "on" else 0.0)
-        is_dense = case.labels["strategy"] == "highdepth"
+        is_dense = config.init.strategy == "highdepth"
+        assert is_dense == case.labels["strategy"].startswith("highdepth")
+        is_open = case.labels["strategy"] == few_views.OPEN
+        assert config.init.fill_unseen == ("off" if is_open else "auto")
         assert config.train.density.strategy == ("fixed" if is_dense else "adaptive")
         assert config.needs_sfm == (case.labels["strategy"] == "default")
 
 
 def test_all_strategies_share_a_recording() -> None:
     cases = few_views.cases(2, 1, 1000)
-    assert len(cases) == 2 * 4 * 3 * 2
+    assert len(cases) == 2 * (4 * 3 * 2 + 2)  # with three and six views, one that stays open
     assert len({case.recording_key for case in cases}) == 2 * 4
 
 
@@ -108,7 +111,7 @@ def orbit(data: Path, monkeypatch: pytest.MonkeyPatch) -> RealRecording:
 
 def test_real_recordings_come_after_the_first_object(orbit: RealRecording) -> None:
     cases = few_views.cases(1, 1, 1000)
-    simulated = 4 * 3 * 2
+    simulated = 4 * 3 * 2 + 2
     assert all(case.real is None for case in cases[:simulated])
     real = cases[simulated:]
     assert [case.real for case in real] == ["orbit"] * 3 * 4

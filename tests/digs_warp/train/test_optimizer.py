@@ -98,3 +98,25 @@ def test_settings_out_of_range_are_refused_by_their_flag(
 ) -> None:
     with pytest.raises(DigsError, match=message):
         settings(**wrong)
+
+
+def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> None:
+    start = random_gaussians(300, seed=0, degree=1)
+    held = np.arange(300) % 3 == 0
+    results = []
+    for rows in (np.zeros(300, bool), held):
+        gaussians = DeviceGaussians.from_numpy(start)
+        gradients = gaussians.zeros_like()
+        adam = Adam(gaussians, gradients, TrainConfig(stop=Stop(iterations=10)), extent=2.0)
+        adam.hold(rows)
+        for array in gradients.arrays:
+            array.fill_(1e3)
+        for _ in range(STEPS):
+            adam.update()
+        results.append(gaussians.to_numpy())
+    free, mixed = results
+    for name in ("means", "log_scales", "quats", "opacity_logits", "sh"):
+        values = getattr(mixed, name)
+        np.testing.assert_array_equal(values[held], getattr(start, name)[held])
+        np.testing.assert_array_equal(values[~held], getattr(free, name)[~held])
+        assert (values[~held] != getattr(start, name)[~held]).any()

@@ -1,0 +1,94 @@
+"""What a few views did not see: a ball, of which cameras on one side measure less than half."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.config import InitConfig
+from digs_warp.init.recipes import initialize
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.unseen import FEW_VIEWS
+from reference.ball_capture import RADIUS, ball_view, ball_views, write_capture
+
+SIZE = 0.02
+OPEN, CLOSED = (InitConfig(voxel_size=SIZE, fill_unseen=each) for each in ("off", "on"))
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
+    """Three views from within a right angle."""
+    views = [ball_view(angle) for angle in (0.0, np.pi / 4, np.pi / 2)]
+    return list(write_capture(tmp_path_factory.mktemp("ball"), views).frames)
+
+
+def largest_gap(points: PointCloud) -> float:
+    """Return the widest angle between a direction and the nearest point as seen from the middle [degrees]."""
+    directions = np.random.default_rng(0).normal(size=(500, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found = points.points_world / np.linalg.norm(points.points_world, axis=1, keepdims=True)
+    return float(np.degrees(np.arccos((directions @ found.T).max(axis=1).min())))
+
+
+def test_points_close_the_ball_and_only_the_back_is_hidden(frames: list[Frame]) -> None:
+    start = initialize(frames, CLOSED)
+    points = start.points
+    assert start.sources["depth"] + start.sources["unseen"] == len(points)
+    assert largest_gap(initialize(frames, OPEN).points) > 60
+    assert largest_gap(points) < 35  # below, where only the extent of the measured points bounds it
+    assert points.hidden is not None
+    hidden = points.points_world[points.hidden]
+    assert len(hidden) > 0.8 * start.sources["unseen"]
+    for frame in frames:  # the way to each camera leads through the ball
+        eye = frame.camera.center_world
+        way = (hidden - eye) / np.linalg.norm(hidden - eye, axis=1, keepdims=True)
+        assert (np.linalg.norm(eye - (way @ eye)[:, None] * way, axis=1) < RADIUS).all()
+
+
+def test_nothing_is_put_before_a_measured_surface_or_far_beyond_it(frames: list[Frame]) -> None:
+    start = initialize(frames, CLOSED)
+    unseen = start.points.points_world[start.sources["depth"] :]
+    for frame in frames:
+        px, z = frame.camera.project(unseen)
+        columns, rows = np.floor(px).astype(int).T
+        assert (z > frame.load_depth()[rows, columns] - 3 * SIZE).all()
+    assert np.linalg.norm(unseen, axis=1).max() < 1.6 * RADIUS
+
+
+def test_unseen_points_have_the_colors_around(frames: list[Frame]) -> None:
+    start = initialize(frames, CLOSED)
+    measured, unseen = np.split(start.points.colors, [start.sources["depth"]])
+    assert (unseen >= measured.min(axis=0)).all() and (unseen <= measured.max(axis=0)).all()
+
+
+def test_hidden_points_start_opaque_and_are_stored(frames: list[Frame], tmp_path: Path) -> None:
+    points = initialize(frames, CLOSED).points
+    assert np.ptp(seed_gaussians(points, opacity=0.8).opacity_logits) == 0
+    points.save(tmp_path / "points.npz")
+    hidden = PointCloud.load(tmp_path / "points.npz").hidden
+    assert hidden is not None and points.hidden is not None
+    np.testing.assert_array_equal(hidden, points.hidden)
+
+
+@pytest.mark.parametrize("strategy", ["depth", "highdepth"])
+@pytest.mark.parametrize("shape", ["round", "flat"])
+def test_few_views_are_filled_and_many_are_not(strategy: str, shape: str, tmp_path: Path) -> None:
+    config = InitConfig(strategy=strategy, shape=shape, voxel_size=SIZE)  # type: ignore[arg-type]
+    for count in (3, FEW_VIEWS + 1):
+        views = ball_views(40)[:count]
+        frames = write_capture(tmp_path / str(count), views).frames
+        assert ("unseen" in initialize(frames, config).sources) == (count == 3)
+
+
+def test_masks_that_enclose_nothing_leave_the_measured_points(frames: list[Frame]) -> None:
+    apart = []
+    for frame, rows in zip(frames, (slice(0, 30), slice(30, 60), slice(0, 30)), strict=True):
+        mask = frame.load_mask().copy()
+        mask[rows] = 0
+        apart.append(frame.with_layer(Layer.MASK, mask))
+    assert initialize(apart, CLOSED).sources.keys() == {"depth"}
+    alike = [frames[0], frames[0]]
+    assert initialize(alike, CLOSED).sources.keys() == {"depth"}
