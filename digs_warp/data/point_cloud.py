@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -80,7 +81,7 @@ class PointCloud:
             return np.concatenate([getattr(cloud, name) for cloud in clouds])
 
         fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *AXIS_FIELDS)
-        marks = {name: _joined_marks(name, clouds) for name in MARKS}
+        marks: dict[str, Any] = {name: _joined_marks(name, clouds) for name in MARKS}
         return PointCloud(**{name: all_of(name) for name in fields}, **marks)
 
     def save(self, path: Path) -> None:

@@ -93,8 +93,8 @@ def test_what_the_other_object_hides_is_not_taken_for_empty(capture: Path, secon
         covered.append(1.0 - renderer.transmittance.to_numpy()[hidden])
     covered = np.concatenate(covered)
     assert len(covered) > 100  # the recording tests it
-    # 77 % if training takes the pixels of the other object for empty space
-    assert np.mean(covered > 0.5) > 0.85
+    # 85 %, and 74 % if training takes the pixels of the other object for empty space
+    assert np.mean(covered > 0.5) > 0.8
 
 
 def test_its_mesh_is_held_against_its_own_surface(
