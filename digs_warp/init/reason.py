@@ -13,10 +13,10 @@ def start_reason(strategy: StrategyName, sources: dict[str, int], has_depth: boo
         sources: number of points by where they came from, as in `Initialization`.
         has_depth: whether a frame has a depth map.
     """
-    if strategy == "fusion":
-        return f"{_FROM_DEPTH}, and sparse points matched in the images"
-    if strategy in ("depth", "highdepth"):
-        return _FROM_DEPTH
+    if strategy in ("depth", "highdepth", "fusion"):
+        sparse = ", and sparse points matched in the images" if strategy == "fusion" else ""
+        closed = "; closed where no view saw the object" if "unseen" in sources else ""
+        return _FROM_DEPTH + sparse + closed
     if strategy == "hull":
         return "the visual hull of the masks" + (
             "" if has_depth else "; the recording has no depth"

@@ -14,6 +14,7 @@ _SOURCES = {
     "hull": "on the hull of the masks",
     "random": "at random",
     "shell": "on a far shell",
+    "unseen": "where no view saw the object",
 }
 
 

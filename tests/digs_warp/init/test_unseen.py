@@ -37,6 +37,7 @@ def test_points_close_the_ball_and_only_the_back_is_hidden(frames: list[Frame]) 
     start = initialize(frames, CLOSED)
     points = start.points
     assert start.sources["depth"] + start.sources["unseen"] == len(points)
+    assert "closed where no view saw the object" in start.because
     assert largest_gap(initialize(frames, OPEN).points) > 60
     assert largest_gap(points) < 35  # below, where only the extent of the measured points bounds it
     assert points.hidden is not None
