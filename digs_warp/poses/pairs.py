@@ -17,6 +17,8 @@ LEAST_SHARED = 0.05
 SAME_DEPTH = 0.1
 # Points looked at in each frame.
 SAMPLES = 1000
+# Every so many of them are looked at to tell which frames are worth all of them: so many for each frame.
+SCREENED_BY, SCREENED = 8, 32
 
 
 def overlapping_pairs(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
@@ -29,11 +31,12 @@ def overlapping_pairs(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndar
     n = len(pictures)
     cameras = [Camera(each.intrinsics, pose) for each, pose in zip(pictures, poses, strict=True)]
     shared = np.zeros((n, n))
+    everything = _Everything(pictures, cameras)
     for i in range(n):
         points, nearness = _samples(pictures[i], cameras[i])
         if not len(points):
             continue
-        for j in set(range(n)) - {i}:
+        for j in everything.worth_a_look(i, points[::SCREENED_BY], nearness[::SCREENED_BY]):
             seen = _seen(points, cameras[i], pictures[j], cameras[j])
             shared[i, j] = float(nearness @ seen) / float(nearness.sum())
     shared += shared.T
@@ -41,6 +44,42 @@ def overlapping_pairs(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndar
     chosen = {(i, int(j)) for i in range(n) for j in nearest[i] if shared[i, j] > LEAST_SHARED}
     both = chosen | {(j, i) for i, j in chosen}
     return np.array(sorted(both), dtype=np.int32).reshape(-1, 2)
+
+
+class _Everything:
+    """All frames at once, to leave out most pairs: their number grows with the square of the frames."""
+
+    def __init__(self, pictures: Sequence[Picture], cameras: Sequence[Camera]) -> None:
+        self._from_world = np.stack([camera.cam_from_world for camera in cameras])
+        self._centers = np.stack([camera.center_world for camera in cameras])
+        form = [
+            (k.fx, k.fy, k.cx, k.cy, k.width, k.height) for k in (p.intrinsics for p in pictures)
+        ]
+        self._form = np.array(form)[..., None]
+        self._depth = np.concatenate([picture.depth.reshape(-1) for picture in pictures])
+        self._starts = np.cumsum([0, *(picture.depth.size for picture in pictures)])[:-1, None]
+
+    def worth_a_look(self, number: int, points: np.ndarray, nearness: np.ndarray) -> list[int]:
+        """Return the `SCREENED` frames that see most of some points of a frame, best first; all if few."""
+        others = [j for j in range(len(self._centers)) if j != number]
+        if len(others) <= SCREENED:
+            return others
+        seen = np.einsum("nij,kj->nik", self._from_world[:, :3, :3], points)
+        x, y, depth = np.moveaxis(seen + self._from_world[:, :3, 3, None], 1, 0)
+        fx, fy, cx, cy, width, height = np.moveaxis(self._form, 1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = x / depth * fx + cx, y / depth * fy + cy
+            inside = (depth > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        column, row = (np.where(inside, each, 0).astype(np.intp) for each in (u, v))
+        measured = self._depth[self._starts + row * width.astype(np.intp) + column]
+        same = inside & (np.abs(measured - depth) < SAME_DEPTH * depth)
+        rays = points - self._centers[:, None]
+        rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
+        cosines = np.einsum("nki,ki->nk", rays, rays[number])
+        angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+        shared = (same * np.clip(1 - angles / WIDEST_ANGLE, 0, 1)) @ nearness
+        shared[number] = -1.0
+        return np.argsort(-shared, kind="stable")[:SCREENED].tolist()
 
 
 def _samples(picture: Picture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
