@@ -40,6 +40,14 @@ def invert_rigid(b_from_a: np.ndarray) -> np.ndarray:
     return rigid(rotation, -rotation @ b_from_a[:3, 3])
 
 
+def laid_over(points: np.ndarray, onto: np.ndarray) -> np.ndarray:
+    """Return the rigid motion, (4, 4), that lays points (n, 3) over others (n, 3): least squares (Kabsch)."""
+    middle, place = points.mean(axis=0), onto.mean(axis=0)
+    u, _, vt = np.linalg.svd((onto - place).T @ (points - middle))
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return rigid(rotation, place - rotation @ middle)
+
+
 def is_rigid(matrix: np.ndarray, tolerance: float = 1e-5) -> bool:
     """Whether a (4, 4) matrix is finite, orthonormal, right-handed, with last row (0, 0, 0, 1)."""
     matrix = np.asarray(matrix, dtype=np.float64)

@@ -61,6 +61,12 @@ class ImagePlanes:
         """Return the `PlaneLayout` of the current image."""
         return packed(PlaneLayout, **{name: getattr(self, name) for name in PlaneLayout.vars})
 
+    def part(self, box: tuple[int, int, int, int]) -> np.ndarray:
+        """Return the pixels in a box (x0, y0, x1, y1), (height, width, channels); on a CPU no copy."""
+        planes = self.data.numpy().reshape(self.channels, -1, self.pitch)
+        x0, y0, x1, y1 = (PADDING + edge for edge in box)
+        return np.moveaxis(planes[:, y0:y1, x0:x1], 0, 2)
+
     def resize(self, width: int, height: int) -> None:
         """Change the image size; the area outside becomes border.
 

@@ -23,6 +23,7 @@ from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.pipeline.refined_poses import with_trained_poses
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.stored_views import write_render, write_scores
 from digs_warp.record.files import remove
@@ -32,6 +33,7 @@ from digs_warp.record.layout import (
     GAUSSIANS,
     INITIAL_POINTS,
     RUN_RECORD,
+    TRAINED_POSES,
     TRAINING,
 )
 from digs_warp.record.lock import sole_writer
@@ -45,7 +47,7 @@ from digs_warp.train.blur_plan import plan_blur
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
-from digs_warp.train.session import Trained, Watch, train_gaussians
+from digs_warp.train.session import Trained, Watch, load_trained_poses, train_gaussians
 from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
 
 logger = logging.getLogger(__name__)
@@ -106,7 +108,12 @@ def _drop_what_follows(lost: Sequence[str], folder: Path) -> None:
     first = {name.split("/")[0] for name in lost}
     if first & {CAMERAS, MASKS, SFM}:
         remove(folder / INITIAL_POINTS)
-    if first & {TRAINING, COURSE}:
+    if first & {TRAINING, COURSE, GAUSSIANS, TRAINED_POSES} and (
+        TRAINED_POSES in first or (folder / TRAINED_POSES).is_file()
+    ):  # cameras.json has the poses of the end, and the training starts from others
+        remove(folder / TRAINED_POSES)
+        remove(folder / INITIAL_POINTS)
+    if first & {TRAINING, COURSE, TRAINED_POSES}:
         remove(folder / GAUSSIANS)
         remove(folder / CHECKPOINT)
 
@@ -134,9 +141,12 @@ def _reconstruct(
             color = view_dependence(prepared.frames.training, prepared.start.points.points_world)
         config = replace(config, train=replace(config.train, sh_degree=color.degree))
     with log.saved(record):
-        trained = _finished_training(folder, before) if before else None
+        trained = (
+            _finished_training(folder, before, len(prepared.frames.by_time)) if before else None
+        )
         if trained is None:
             trained = _train(prepared, shutter, test_views, config, folder, log, resume, watch)
+        prepared, test_views = with_trained_poses(prepared, test_views, trained.poses, folder)
         result = Reconstruction(
             gaussians=trained.gaussians,
             frames=prepared.frames,
@@ -198,18 +208,22 @@ def _train(
     start = (init.seed_opacity, init.seed_width, largest)
     seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
     frames = prepared.frames.training
+    trains_poses = bool(prepared.refinement and prepared.refinement.in_training)
     return train_gaussians(
-        seeds, frames, test_views, config.train, folder, log, resume, shutter, watch, points.hidden
+        *(seeds, frames, test_views, config.train, folder, log, resume, shutter, watch),
+        held=points.hidden,
+        train_poses=trains_poses and config.train.mask_role == "object",
     )
 
 
-def _finished_training(folder: Path, before: RunRecord) -> Trained | None:
+def _finished_training(folder: Path, before: RunRecord, frames: int) -> Trained | None:
     """Return the finished training of an earlier run, if there is one."""
     if not is_kept(folder / GAUSSIANS):
         return None
     known = Results.read(before, folder / RUN_RECORD)
+    poses = load_trained_poses(folder, frames)
     gaussians, course = Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING)
-    return Trained(gaussians, course, known.stopped_by, known.exposure_stops)
+    return Trained(gaussians, course, known.stopped_by, known.exposure_stops, poses)
 
 
 def _surface_error(result: Reconstruction, config: ReconstructConfig) -> SurfaceError | None:

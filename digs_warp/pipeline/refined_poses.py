@@ -1,12 +1,20 @@
 """Refines the poses of a reconstruction's frames, where the settings and the recording call for it."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.pipeline.prepared import Prepared
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.sfm.config import SfmConfig
+from digs_warp.train.evaluate import TestView
 
 logger = logging.getLogger(__name__)
 
@@ -31,8 +39,46 @@ def refined(
     if readout_time is None:
         readout_time = capture.readout_time or 0.0
     every = [*frames.training, *frames.held_out]
-    posed, refinement = refine(every, readout_time, needed=config.refine_poses == "on")
+    with_depth = any(frame.has(Layer.DEPTH) for frame in every)
+    # Without depth the training alone can mend them.
+    posed, refinement = refine(every, readout_time, config.refine_poses == "on" and with_depth)
+    # Estimated poses are never exact; those of a recording may be, and then turning only adds noise.
+    wanted = config.refine_poses == "on" or config.poses in ("sfm", "perturbed")
+    refinement = replace(refinement, in_training=wanted or refinement.refined)
     logger.info("poses: %s", refinement)
     count = len(frames.training)
     new = replace(frames, training=tuple(posed[:count]), held_out=tuple(posed[count:]))
     return new, refinement
+
+
+def with_trained_poses(
+    prepared: Prepared, views: Sequence[TestView], poses: np.ndarray | None, folder: Path
+) -> tuple[Prepared, Sequence[TestView]]:
+    """Return frames and held-out views with the poses that the training found, and write cameras.json.
+
+    Args:
+        prepared: what the training started from.
+        views: of the held-out frames.
+        poses: of the training frames, then the held-out ones, (n, 4, 4); None: they were not trained.
+        folder: of the reconstruction.
+    """
+    if poses is None:
+        return prepared, views
+    frames = prepared.frames
+    count = len(frames.training)
+
+    def posed(some: Sequence[Frame], found: np.ndarray) -> tuple[Frame, ...]:
+        pairs = zip(some, found, strict=True)
+        return tuple(replace(f, camera=replace(f.camera, world_from_cam=p)) for f, p in pairs)
+
+    new = replace(
+        frames,
+        training=posed(frames.training, poses[:count]),
+        held_out=posed(frames.held_out, poses[count:]),
+    )
+    new.save(folder)
+    turned = [
+        replace(view, camera=replace(view.camera, world_from_cam=pose))
+        for view, pose in zip(views, poses[count:], strict=True)
+    ]
+    return replace(prepared, frames=new), turned

@@ -191,6 +191,7 @@ def _refinement(found: Fields) -> PoseRefinement | None:
         because=entry.text("because"),
         moved_mm=entry.number("moved_mm", 0),
         turned_deg=entry.number("turned_deg", 0),
+        in_training=entry.flag("in_training", default=False),
     )
 
 

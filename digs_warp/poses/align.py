@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.geometry import laid_over, matrix_from_rotation_vector, rigid
 from digs_warp.poses.equations import ANY_ERROR, PairComparison, solve
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.views import Picture, view_of
@@ -76,11 +76,7 @@ def in_place(poses: np.ndarray, given: np.ndarray, distance: float) -> np.ndarra
 
     Over each other lie the centers and points ``distance`` [m] away along each camera's axes.
     """
-    found, expected = _marks(poses, distance), _marks(given, distance)
-    middle, place = found.mean(axis=0), expected.mean(axis=0)
-    u, _, vt = np.linalg.svd((expected - place).T @ (found - middle))
-    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return rigid(rotation, place - rotation @ middle) @ poses
+    return laid_over(_marks(poses, distance), _marks(given, distance)) @ poses
 
 
 def _marks(poses: np.ndarray, distance: float) -> np.ndarray:

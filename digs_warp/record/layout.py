@@ -28,6 +28,7 @@ CHECKPOINT = "checkpoint.npz"
 TRAINING = "training.jsonl"
 COURSE = "course"
 GAUSSIANS = "gaussians.npz"
+TRAINED_POSES = "trained_poses.npz"
 EVALUATION = "evaluation.json"
 
 

@@ -64,9 +64,10 @@ class SfmConfig:
     """For perturbed: standard deviation of the camera's position along each axis [m]."""
 
     refine_poses: Literal["off", "auto", "on"] = "auto"
-    """Whether the poses are refined before anything is made from them, by aligning color and depth of
-    overlapping frames, held-out ones included. off: never; auto: if the frames then agree much better, but
-    not for the exact poses of a simulation; on: always."""
+    """Whether the poses are refined: before anything is made from them, by aligning color and depth of
+    overlapping frames, and in the training, where cameras turn until their photographs fit; held-out ones
+    included. off: never; auto: if the frames agree much better aligned, and estimated poses always in the
+    training, but not the exact poses of a simulation; on: always."""
 
     sfm_seed: int = 0
     """Seed of everything random: matching, mapping, and the errors of perturbed."""

@@ -10,6 +10,7 @@ from digs_warp.checks import check_finite
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.parallel import packed
 from digs_warp.device.warp_start import require_device
+from digs_warp.geometry import quat_multiply, quat_xyzw_from_matrix, transform_points
 from digs_warp.splat.records import GaussianArrays
 
 
@@ -73,3 +74,12 @@ class DeviceGaussians:
         return DeviceGaussians(
             *(wp.zeros_like(array, requires_grad=False) for array in self.arrays)
         )
+
+
+def move_gaussians(gaussians: DeviceGaussians, motion: np.ndarray) -> None:
+    """Move centers and axes by a rigid motion of the world, (4, 4); colors by direction stay."""
+    turn = quat_xyzw_from_matrix(motion[:3, :3])
+    means = transform_points(motion, gaussians.means.numpy().astype(np.float64))
+    quats = quat_multiply(turn, gaussians.quats.numpy())
+    gaussians.means.assign(means.astype(np.float32))
+    gaussians.quats.assign(quats.astype(np.float32))

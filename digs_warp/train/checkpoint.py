@@ -16,11 +16,13 @@ from digs_warp.record.fields import Fields, parse_json
 from digs_warp.train.depth_errors import DepthJudge
 from digs_warp.train.exposure import Exposures
 from digs_warp.train.finite import non_finite_rows
+from digs_warp.train.trained_poses import TrainedPoses
 from digs_warp.train.trainer import Trainer
 
 _CONTROL = "control_"
 _EXPOSURE = "exposure_"
 _DEPTH = "depth_"
+_POSES = "poses_"
 
 
 def save_checkpoint(path: Path, trainer: Trainer) -> bool:
@@ -109,9 +111,13 @@ def _control(saved: dict[str, np.ndarray], trainer: Trainer) -> dict[str, np.nda
     }
 
 
-def _fitted(trainer: Trainer) -> dict[str, Exposures | DepthJudge]:
+def _fitted(trainer: Trainer) -> dict[str, Exposures | DepthJudge | TrainedPoses]:
     """Return what a run fits beside the Gaussians, by the prefix of its arrays."""
-    fitted = {_EXPOSURE: trainer.exposures, _DEPTH: trainer.depth_judge}
+    fitted = {
+        _EXPOSURE: trainer.exposures,
+        _DEPTH: trainer.depth_judge,
+        _POSES: trainer.poses,
+    }
     return {prefix: each for prefix, each in fitted.items() if each is not None}
 
 

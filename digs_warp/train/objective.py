@@ -7,6 +7,7 @@ and sum it here. The logged loss is the sum of these terms, and Adam sees their 
 import numpy as np
 import warp as wp
 
+from digs_warp.geometry import PixelBox
 from digs_warp.losses.coverage import CoverageLoss
 from digs_warp.losses.depth import DepthLoss
 from digs_warp.losses.photometric import PhotometricLoss
@@ -115,6 +116,10 @@ class Objective:
             self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)
         if left_out and view.unknown:
             left_out.erase(view.unknown)
+
+    def images(self, box: PixelBox) -> tuple[np.ndarray, np.ndarray]:
+        """Return a part of the last image, and of what it was compared with, (height, width, 3) each."""
+        return self._renderer.image.part(box), self._target.image.part(box)
 
     def pull_back(self) -> None:
         """Backpropagate the pixel gradients to the Gaussians, and add the terms on the parameters."""

@@ -8,11 +8,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from digs_warp.checks import check_finite, check_shape
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.record.arrays import open_arrays, write_arrays
 from digs_warp.record.files import remove
 from digs_warp.record.interruption import deferred_interrupt
-from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
+from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINED_POSES, TRAINING
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
 from digs_warp.splat.device import DeviceGaussians
@@ -23,7 +25,9 @@ from digs_warp.train.course import CourseRow
 from digs_warp.train.evaluate import TestView
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
+from digs_warp.train.trained_poses import TrainedPoses
 from digs_warp.train.trainer import Trainer
+from digs_warp.train.turned_views import turned_views
 from digs_warp.train.view_store import open_views
 
 # A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
@@ -48,6 +52,7 @@ class Trained:
         gaussians: the result.
         course: one row every few iterations; the last one is from the end of the run.
         exposure_stops: root mean square of the photographs' gains [stops]; None if they were not fitted.
+        poses: of the training frames, then of the held-out ones, (n, 4, 4); None if they were not trained.
         stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None if unknown.
     """
 
@@ -55,6 +60,7 @@ class Trained:
     course: tuple[CourseRow, ...]
     stopped_by: str | None
     exposure_stops: float | None = None
+    poses: np.ndarray | None = None
 
 
 def train_gaussians(
@@ -68,6 +74,7 @@ def train_gaussians(
     shutter: ShutterPlan = NO_SHUTTER,
     watch: Watch | None = None,
     held: np.ndarray | None = None,
+    train_poses: bool = False,
 ) -> Trained:
     """Train ``seeds`` on ``frames``; also save the Gaussians and the training progress to ``folder``.
 
@@ -82,6 +89,7 @@ def train_gaussians(
         shutter: how the cameras move while their rows are read.
         watch: looks on; None: nobody does.
         held: which seeds stay as they are, shape (n,), bool; None: none.
+        train_poses: whether the cameras turn until their photographs fit, held-out ones at the end.
 
     Raises:
         DigsError: bad views, a broken checkpoint, or a training that diverged.
@@ -95,7 +103,7 @@ def train_gaussians(
         measured_views = load_measured_views(frames, shutter)
     try:
         with log.stage("prepare kernels"):
-            trainer = Trainer(seeds, views, config, held)
+            trainer = Trainer(seeds, views, config, held, train_poses)
         if first_step:
             load_checkpoint(checkpoint, trainer)
         course = CourseRecorder(folder / TRAINING, trainer, test_views, measured_views)
@@ -108,11 +116,39 @@ def train_gaussians(
     finally:
         views.close()
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
+    poses = None
+    if trainer.poses is not None:
+        with log.stage("turn held-out cameras"):
+            poses = _all_poses(trainer.poses, gaussians, test_views, config.device)
+        # Before the Gaussians, which tell a resumed run that all is there.
+        write_arrays(folder / TRAINED_POSES, {"world_from_cam": poses})
     gaussians.save(folder / GAUSSIANS)
     remove(checkpoint)
     exposures = trainer.exposures
     stops = round(exposures.rms_stops, 4) if exposures is not None else None
-    return Trained(gaussians, tuple(course.rows), stopped, stops)
+    return Trained(gaussians, tuple(course.rows), stopped, stops, poses)
+
+
+def load_trained_poses(folder: Path, count: int) -> np.ndarray | None:
+    """Return `Trained.poses` as `train_gaussians` left them; None: they were not trained.
+
+    Raises:
+        DigsError: the file is broken, or does not hold ``count`` poses.
+    """
+    path = folder / TRAINED_POSES
+    if not path.is_file():
+        return None
+    with open_arrays(path, "trained poses", ("world_from_cam",)) as arrays:
+        poses = arrays["world_from_cam"]
+    return check_finite(f"'{path}'", check_shape(f"'{path}'", poses, (count, 4, 4)))
+
+
+def _all_poses(
+    trained: TrainedPoses, gaussians: Gaussians, test_views: Sequence[TestView], device: str
+) -> np.ndarray:
+    """Return the poses of the training frames, then those of the held-out ones."""
+    views = turned_views(DeviceGaussians.from_numpy(gaussians, device), test_views)
+    return np.stack([*trained.poses, *(view.camera.world_from_cam for view in views)])
 
 
 def _run_steps(

@@ -1,6 +1,7 @@
 """The training loop: render a view, compare, backpropagate, step (paper section 3.4)."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from digs_warp.measure.color_gain import ColorGain
 from digs_warp.sh import degree_from_count
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.config import RasterOptions
-from digs_warp.splat.device import DeviceGaussians
+from digs_warp.splat.device import DeviceGaussians, move_gaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.surface_depth import surface_place
 from digs_warp.train.config import TrainConfig
@@ -30,6 +31,7 @@ from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.half_size import half_size_steps
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
+from digs_warp.train.trained_poses import TrainedPoses
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 from digs_warp.words import counted
@@ -47,6 +49,7 @@ class Trainer:
         views: what to train on; their sizes may differ.
         config: settings.
         held: which of them stay as they are, shape (n,), bool; None: none.
+        train_poses: whether the cameras turn until their photographs fit.
 
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
@@ -54,6 +57,7 @@ class Trainer:
         control: the strategy that changes the number of Gaussians.
         exposures: the gains of the photographs; None where they are not fitted.
         depth_judge: knows the errors of the measured depth; None where that does not count.
+        poses: of the views; None where they are not trained.
         seconds: time spent in `step` so far.
     """
 
@@ -63,6 +67,7 @@ class Trainer:
         views: ViewStore,
         config: TrainConfig,
         held: np.ndarray | None = None,
+        train_poses: bool = False,
     ) -> None:
         if len(gaussians) == 0:
             raise DigsError("no Gaussians to train; the initialization found no points")
@@ -89,6 +94,9 @@ class Trainer:
         self.exposures = Exposures(len(views)) if config.fit_exposure == "on" else None
         trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
         self.depth_judge = DepthJudge(len(views), trusted) if with_depth else None
+        self.poses: TrainedPoses | None = None
+        if train_poses:
+            self.poses = TrainedPoses(views.cameras, gaussians.means, config.stop.iterations)
         self._build_optimizer(step=0)
         if held is not None:
             self.optimizer.hold(held)
@@ -113,6 +121,8 @@ class Trainer:
         )
         self.objective.compare(view, background, self._gain(view), self._depth_errors(view))
         self.objective.pull_back()
+        if self.poses is not None:
+            self._turn_camera(self.poses, view)
         means_rate = self.optimizer.means_rate()
         self.optimizer.update()
         self._require_finite(view)
@@ -189,7 +199,20 @@ class Trainer:
     def _view(self) -> View:
         view = self.views.view(self.optimizer.step)
         small = self.optimizer.step < self._half_size_steps
-        return view.half if small and view.half is not None else view
+        view = view.half if small and view.half is not None else view
+        if self.poses is None:
+            return view
+        index = self.views.index(self.optimizer.step)
+        return replace(view, camera=self.poses.camera(index, view.camera))
+
+    def _turn_camera(self, poses: TrainedPoses, view: View) -> None:
+        """Turn the camera of the last image; after every epoch, put all back where they were on average."""
+        step = self.optimizer.step
+        images = self.objective.images(view.box)
+        poses.compare(step, self.views.index(step), view.camera, *images, view.box)
+        if (step + 1) % len(self.views) == 0:
+            # Bands of the color stay: such a motion turns by hundredths of a degree.
+            move_gaussians(self.gaussians, poses.moved_back())
 
     def _gain(self, view: View) -> ColorGain | None:
         """Return the gain of the photograph that the last image is compared with."""
