@@ -11,8 +11,9 @@ partner (Birchfield and Tomasi 1998), of the slopes plus a quarter of that of th
 
 import warp as wp
 
-# Rows and columns of a tile. Vectors have 64 columns; the rest are the margin of the largest window.
-TILE_ROWS = 16
+# Rows and columns of a tile. Vectors have 64 columns; the rest are the margin of the largest window. With
+# more rows fewer are made twice, but their costs no longer stay in the cache until they are summed.
+TILE_ROWS = 8
 TILE_COLUMNS = 58
 LARGEST_WINDOW = 7
 
