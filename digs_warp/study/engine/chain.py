@@ -16,7 +16,6 @@ import numpy as np
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
-from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.record.digest import digest
@@ -26,7 +25,13 @@ from digs_warp.record.run_log import RunLog, RunRecord, versions
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.study.engine.case import Case, with_settings
-from digs_warp.study.engine.scores import YARDSTICK, score_finishes, score_on_yardstick
+from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
+from digs_warp.study.engine.scores import (
+    YARDSTICK,
+    psnr_in_place,
+    score_finishes,
+    score_on_yardstick,
+)
 from digs_warp.study.machine import processor
 from digs_warp.study.real_recordings import few_frames
 from digs_warp.study.timing import Stopwatch
@@ -197,11 +202,14 @@ def _against_truth(
 ) -> dict[str, Any]:
     assert result.frames is not None and result.start is not None
     yardstick = _yardstick(case, folder)
+    score = score_on_yardstick(result.gaussians, yardstick)
+    to_truth = motion_to_truth(result.frames.training, capture.frames, result.gaussians)
+    score["psnr_object_in_place"] = psnr_in_place(result.gaussians, yardstick, to_truth)
     return {
-        "yardstick": score_on_yardstick(result.gaussians, yardstick),
+        "yardstick": score,
         "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
         "scale_error": _scale_error(capture, config, result.frames),
-        "surface": _surface_scores(capture, config, result.start.points, result.gaussians),
+        "surface": _surface_scores(capture, config, result, to_truth),
     }
 
 
@@ -237,17 +245,23 @@ def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFram
 
 
 def _surface_scores(
-    capture: Capture, config: "ReconstructConfig", points: PointCloud, gaussians: Gaussians
+    capture: Capture, config: "ReconstructConfig", result: "Reconstruction", to_truth: np.ndarray
 ) -> dict[str, Any]:
+    """Return how far points and centers are from the true surface, and the rendered surface in its place."""
     from digs_warp.measure.surface_metrics import surface_score
+    from digs_warp.surface.rendered import surface_error
     from digs_warp.surface.true_surface import read_true_surface
 
     surface = read_true_surface(capture.folder, config.segment.instance)
-    if surface is None:
+    if surface is None or result.frames is None or result.start is None:
         return {}
+    points, gaussians = result.start.points, result.gaussians
+    frames = (*result.frames.training, *result.frames.held_out)
+    rendered = surface_error(gaussians, frames, mesh_in_place(surface, to_truth))
     return {
         "points": surface_score(points.points_world, surface, SURFACE_THRESHOLD).to_json(),
         "gaussians": surface_score(gaussians.means, surface, SURFACE_THRESHOLD).to_json(),
+        "accuracy_in_place": None if rendered is None else rendered.accuracy,
     }
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.measure.metrics import psnr
+from digs_warp.study.engine.placement import seen_in_place
 from digs_warp.study.timing import Stopwatch
 
 if TYPE_CHECKING:
@@ -57,6 +58,21 @@ def score_on_yardstick(gaussians: Gaussians, frames: Sequence[Frame]) -> dict[st
         pairs = zip((rendering.image for rendering in renderings), views, strict=True)
         score["flip"] = fmean(flip(image, view.target_for(image)) for image, view in pairs)
     return score | depth_error(gaussians, frames)
+
+
+def psnr_in_place(gaussians: Gaussians, frames: Sequence[Frame], to_truth: np.ndarray) -> float:
+    """Return the PSNR on the object [dB] after one gain and one rigid motion of the whole result.
+
+    Args:
+        gaussians: the result.
+        frames: the yardstick's.
+        to_truth: see `placement.motion_to_truth`.
+    """
+    from digs_warp.splat.device import DeviceGaussians
+    from digs_warp.train.evaluate import load_test_views, render_views
+
+    views = load_test_views(seen_in_place(frames, to_truth))
+    return psnr_with_one_gain(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
 
 
 def psnr_with_one_gain(renderings: "Sequence[Rendering]", views: "Sequence[TestView]") -> float:

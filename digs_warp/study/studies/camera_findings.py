@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from statistics import median
 
-from digs_warp.study.engine.records import Record, Value, aligned_psnr, one_gain_psnr
+from digs_warp.study.engine.records import Record, Value, aligned_psnr, number, placed_psnr
 from digs_warp.study.studies.held_surface import ACCURACY
 
 # Two records of the same recording: without and with something.
@@ -11,6 +11,15 @@ Pair = tuple[Record, Record]
 
 # Losses below these are not named: another order of the views changes as much.
 NAMED_DB, NAMED_SHARE = 0.1, 1.05
+
+
+_in_place = number("surface", "accuracy_in_place", factor=1e3)
+
+
+def placed_accuracy(record: Record) -> float | None:
+    """Return the distance of the surface in its place to the true one [mm]; of earlier records as it lies."""
+    found = _in_place(record)
+    return ACCURACY(record) if found is None else found
 
 
 def differences(pairs: Sequence[Pair], value: Value) -> list[float]:
@@ -26,7 +35,7 @@ def made_worse(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> str:
         gains = differences(found, aligned_psnr)
         if gains and median(gains) < -NAMED_DB:
             images.append(f"{name}, {source} ({median(gains):+.2f} dB)")
-        known = [(ACCURACY(one), ACCURACY(other)) for one, other in found]
+        known = [(placed_accuracy(one), placed_accuracy(other)) for one, other in found]
         shares = [b / a for a, b in known if a and b]
         if shares and median(shares) > NAMED_SHARE:
             surfaces.append(f"{name}, {source} ({median(shares):.2f} times as far)")
@@ -38,11 +47,11 @@ def made_worse(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> str:
 
 
 def measured_earlier(records: Sequence[Record]) -> str:
-    """Say which records have brightness and white balance fitted to each view alone."""
+    """Say which records are of an earlier version."""
     sources = {
-        r["labels"]["source"] for r in records if r.get("yardstick") and one_gain_psnr(r) is None
+        r["labels"]["source"] for r in records if r.get("yardstick") and placed_psnr(r) is None
     }
     if not sources:
         return ""
     named = ", ".join(sorted(sources))
-    return f" These were measured earlier, with brightness and white balance fitted to each view: {named}."
+    return f" These were measured earlier, as they lie and with brightness fitted to each view: {named}."
