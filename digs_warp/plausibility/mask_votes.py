@@ -75,8 +75,9 @@ def _round(frames: Sequence[SmallDepth], voters: Sequence[int]) -> list[MaskVote
 
 def contradicted(votes: Sequence[MaskVotes]) -> list[int]:
     """Return the numbers of the masks that the others contradict; none where the votes cannot be trusted."""
-    agreements = [each.agreement for each in votes]
-    if not agreements or np.quantile(agreements, BEST) < TRUSTED:
+    agreements = [each.agreement for each in votes if (each.known & each.is_object).any()]
+    # Where the votes find no object in most frames, most masks are empty: they tell nothing of the others.
+    if 2 * len(agreements) <= len(votes) or np.quantile(agreements, BEST) < TRUSTED:
         return []
     return [number for number, each in enumerate(votes) if each.without_glass < AGREES]
 
