@@ -168,7 +168,7 @@ class Results:
             if "held_out" in found
             else None,
             adherence=found.number("adherence", 0, default=None, what="metres"),
-            surface=_dataclass(SurfaceError, found, "surface"),
+            surface=_surface(found),
         )
 
 
@@ -217,6 +217,17 @@ def _blur(found: Fields) -> BlurPlan:
         blur.number("blur_px", 0, default=None),
         blur.whole("frames"),
         blur.whole("moments", 1),
+    )
+
+
+def _surface(found: Fields) -> SurfaceError | None:
+    if "surface" not in found:
+        return None
+    distances = found.section("surface")
+    return SurfaceError(
+        distances.number("accuracy", 0),
+        distances.number("completeness", 0),
+        distances.number("seen_completeness", 0, default=None),
     )
 
 

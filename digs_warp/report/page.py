@@ -22,6 +22,7 @@ from digs_warp.report.start_section import start_section
 from digs_warp.report.style import CSS
 from digs_warp.report.view3d.section import start_view, view_section
 from digs_warp.report.views_section import views_section
+from digs_warp.surface.error import SurfaceError
 from digs_warp.words import counted
 
 # The page needs nothing from elsewhere, and browsers refuse it should text from a file ask for it.
@@ -108,14 +109,22 @@ def _surface_cards(result: Reconstruction) -> list[str]:
     """Return the distances of the surface that are known."""
     cards = []
     if result.surface is not None:
-        figures = (1e3 * result.surface.accuracy, 1e3 * result.surface.completeness)
-        notes = ("from the surface to the true one", "from the true surface to it")
-        for name, figure, note in zip(("Accuracy", "Completeness"), figures, notes, strict=True):
-            cards.append(card(name, number(figure, 2, "mm"), note))
+        accuracy = number(1e3 * result.surface.accuracy, 2, "mm")
+        cards.append(card("Accuracy", accuracy, "from the surface to the true one"))
+        cards.append(_completeness_card(result.surface))
     if result.adherence is not None:
         value = number(1e3 * result.adherence, 2, "mm")
         cards.append(card("Adherence", value, "from the surface to the measured depth, median"))
     return cards
+
+
+def _completeness_card(surface: SurfaceError) -> str:
+    whole = number(1e3 * surface.completeness, 2, "mm")
+    if surface.seen_completeness is None:
+        return card("Completeness", whole, "from the true surface to it")
+    seen = number(1e3 * surface.seen_completeness, 2, "mm")
+    note = f"from what the cameras see of the true surface to it; from all of it {whole}"
+    return card("Completeness", seen, note)
 
 
 def _object_cards(mean: Score) -> list[str]:

@@ -10,7 +10,9 @@ class SurfaceError:
     Attributes:
         accuracy: mean distance of the rendered surface to the true one.
         completeness: mean distance of the true surface to the rendered one; what no camera saw counts.
+        seen_completeness: the same of what cameras saw alone; None where that is not known.
     """
 
     accuracy: float
     completeness: float
+    seen_completeness: float | None = None

@@ -9,7 +9,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.layers import Layer
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.measure.surface_metrics import surface_score
+from digs_warp.measure.surface_metrics import DEFAULT_SAMPLES, sample_surface, surface_score
+from digs_warp.measure.visible_places import visible_places
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.error import SurfaceError
 from digs_warp.surface.extract import within_mask
@@ -42,8 +43,25 @@ def surface_error(
     points = np.concatenate([_points(v, f) for v, f in zip(views, chosen, strict=True)])
     if not len(points) or not len(truth):
         return None
-    score = surface_score(points[:: -(-len(points) // POINTS)], truth, _NEAR)
-    return SurfaceError(score.accuracy, score.completeness)
+    points = points[:: -(-len(points) // POINTS)]
+    score = surface_score(points, truth, _NEAR)
+    return SurfaceError(
+        score.accuracy, score.completeness, _seen_completeness(points, chosen, truth)
+    )
+
+
+def _seen_completeness(
+    points: np.ndarray, frames: Sequence[Frame], truth: TriangleMesh
+) -> float | None:
+    """Return the mean distance [m] to the nearest point from what frames see of the true surface."""
+    from scipy.spatial import KDTree
+
+    places = sample_surface(truth, DEFAULT_SAMPLES)
+    seen = visible_places(places, truth, [frame.camera for frame in frames])
+    if not seen.any():
+        return None
+    distances, _ = KDTree(points).query(places[seen], workers=-1)
+    return float(distances.mean())
 
 
 def _points(view: DepthView, frame: Frame) -> np.ndarray:

@@ -68,7 +68,10 @@ def surface_words(result: Reconstruction) -> list[str]:
     words = []
     if result.surface:
         accuracy, completeness = 1e3 * result.surface.accuracy, 1e3 * result.surface.completeness
-        words.append(f"accuracy {accuracy:.2f} mm, completeness {completeness:.2f} mm")
+        found = f"accuracy {accuracy:.2f} mm, completeness {completeness:.2f} mm"
+        if result.surface.seen_completeness is not None:
+            found += f" ({1e3 * result.surface.seen_completeness:.2f} mm of what cameras see)"
+        words.append(found)
     if result.adherence is not None:
         words.append(f"adherence to the measured depth {1e3 * result.adherence:.2f} mm")
     return words

@@ -44,6 +44,7 @@ def test_key_numbers_times_and_settings_are_there(run: tuple[Capture, Path, Path
             "0.9000",
             "1.25 mm",
             "3.75 mm",
+            "1.55 mm",
             "2.50 mm",
             "20.25 dB",
             "0.8125",

@@ -34,6 +34,21 @@ def test_finds_a_true_surface_that_is_larger(capture: Capture) -> None:
     assert larger.completeness > exact.completeness + 0.05
 
 
+def test_what_no_camera_saw_is_missing_from_the_whole_alone(capture: Capture) -> None:
+    skin = sphere(RADIUS + REACH * 0.012)
+    # A second sphere inside the first: nobody can see it.
+    inner = sphere(0.5 * RADIUS)
+    corners = np.concatenate([skin.points_world, inner.points_world])
+    faces = np.concatenate([skin.triangles, inner.triangles + len(skin.points_world)])
+    both = TriangleMesh(corners, faces, np.ones_like(corners))
+    alone = surface_error(ball(), capture.frames, skin)
+    nested = surface_error(ball(), capture.frames, both)
+    assert alone is not None and nested is not None
+    assert alone.seen_completeness is not None and nested.seen_completeness is not None
+    assert nested.completeness > alone.completeness + 0.05 * RADIUS
+    assert nested.seen_completeness == pytest.approx(alone.seen_completeness, rel=0.1)
+
+
 def test_a_surface_that_no_view_shows_has_no_figures(capture: Capture) -> None:
     faint = ball(50)
     faint = Gaussians(
