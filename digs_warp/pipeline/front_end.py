@@ -7,12 +7,15 @@ masks; the depth maps inside them give the scale; from then on everything is met
 import logging
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from digs_warp.data.capture import Capture
+from digs_warp.data.point_cloud import PointCloud
 from digs_warp.data.posed_frames import CAMERAS, PosedFrames
 from digs_warp.init.mono_depth import guessed_depth
 from digs_warp.init.recipes import initialize
 from digs_warp.init.recorded_points import recorded_points
+from digs_warp.init.start import Initialization, Subject
 from digs_warp.pipeline.found_poses import chosen_way, depth_doubt
 from digs_warp.pipeline.frame_masks import MASKS, MENDED, masked, without_masks
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
@@ -28,6 +31,10 @@ from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.manifest import is_kept
 from digs_warp.record.run_log import RunLog
 from digs_warp.segment.agreed import agreed_masks
+from digs_warp.sfm.config import SfmConfig
+
+if TYPE_CHECKING:
+    from digs_warp.sfm.estimate import SfmResult
 
 logger = logging.getLogger(__name__)
 
@@ -48,26 +55,14 @@ def front_end(
     if resume and is_kept(folder / INITIAL_POINTS) and is_kept(folder / CAMERAS):
         return Prepared.load(capture, folder)
     check_front_end(capture, config)
-    tracking: Tracking | None = None
-    if config.sfm.poses == "rgbd":
-        with log.stage("track"):
-            capture, tracking = tracked(capture, config.sfm)
-    frames = PosedFrames.split(capture, config.test_every)
-    if config.sfm.poses == "auto":
-        with log.stage("find poses"):
-            way = chosen_way(capture, frames, config.sfm, config.init, folder / SFM)
-        config, capture, tracking = replace(config, sfm=way[0]), *way[1:]
-        frames = PosedFrames.split(capture, config.test_every)
+    capture, sfm_config, tracking = _with_poses(capture, config, folder, log)
+    config = replace(config, sfm=sfm_config)
     subject = subject_of(capture, config.subject, config.segment)
     say_subject(capture, config.subject, subject)
     with log.stage("check"):
         doubts = _doubts(capture, config)
-    sparse, own = None, None
-    if config.takes_recorded_points:
-        own = recorded_points(capture, [frame.camera for frame in frames.training])
-    if config.needs_sfm and own is None:
-        with log.stage("structure from motion"):
-            sparse = match_images(capture, config.sfm, folder / SFM)
+    frames = PosedFrames.split(capture, config.test_every)
+    recorded, sparse = _sparse_points(capture, frames, config, folder, log)
     if config.segment.source != "capture":
         with log.stage("masks"):
             frames = masked(frames, config.segment, folder / MASKS)
@@ -78,42 +73,20 @@ def front_end(
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
-        if config.sfm.poses == "sfm" and capture.has_depth:
-            with log.stage("compare with depth"):
-                doubt = depth_doubt(capture, frames, config.sfm)
-            if doubt:
-                logger.warning("%s: %s; --poses rgbd uses the depth", capture, doubt)
-                doubts = (*doubts, doubt)
+        doubts += _contradicted_by_depth(capture, frames, config.sfm, log)
     if subject == "object" and config.segment.mends_masks:
         with log.stage("mask agreement"):
             training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)
         frames = replace(frames, training=tuple(training))
-        doubts = (*doubts, doubt) if doubt else doubts
+        doubts += (doubt,) if doubt else ()
     if config.scale_from is not None:
-        frames, model, own = in_true_size(frames, model, own, config.scale_from)
-    scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
-    if not scale.known:
-        logger.warning("%s: the scale is %s", capture, scale)
+        frames, model, recorded = in_true_size(frames, model, recorded, config.scale_from)
+    metric_scale = metric_scale_of(capture, config.sfm.poses == "sfm", config.scale_from)
+    if not metric_scale.known:
+        logger.warning("%s: the scale is %s", capture, metric_scale)
     with log.stage("refine poses"):
         frames, refinement = refined(frames, capture, config.sfm)
-    start_from = frames.training
-    if config.mono.mono_depth is not None:
-        with log.stage("depth by a network"):
-            sfm = model.sfm if model else None
-            start_from = guessed_depth(frames.training, config.mono, sfm, own)
-    with log.stage("initialize"):
-        start = initialize(
-            start_from,
-            config.init,
-            sfm=model.sfm if model else None,
-            sfm_per_metre=model.sfm_per_metre if model else None,
-            baseline=capture.right_offset,
-            subject=subject,
-            recorded=own,
-        )
-    if config.mono.mono_depth is not None and start.depth is not None:
-        because = f"{start.because}, guessed by {config.mono.mono_depth.name}"
-        start = replace(start, because=because)
+    start = _start(capture, frames, subject, model, recorded, config, log)
     logger.info("%s: starting from %s", capture, start.because)
     prepared = Prepared(
         frames,
@@ -122,12 +95,86 @@ def front_end(
         scale=model.estimate if model else None,
         doubts=doubts,
         subject=subject,
-        metric_scale=scale,
+        metric_scale=metric_scale,
         refinement=refinement,
         tracking=tracking,
     )
     prepared.save(capture, folder, log)
     return prepared
+
+
+def _with_poses(
+    capture: Capture, config: FrontEndConfig, folder: Path, log: RunLog
+) -> tuple[Capture, SfmConfig, Tracking | None]:
+    """Return the recording with poses where color and depth find them, and how poses are found."""
+    if config.sfm.poses == "rgbd":
+        with log.stage("track"):
+            found, tracking = tracked(capture, config.sfm)
+        return found, config.sfm, tracking
+    if config.sfm.poses == "auto":
+        split = PosedFrames.split(capture, config.test_every)
+        with log.stage("find poses"):
+            way = chosen_way(capture, split, config.sfm, config.init, folder / SFM)
+        sfm_config, found, tracking = way
+        return found, sfm_config, tracking
+    return capture, config.sfm, None
+
+
+def _sparse_points(
+    capture: Capture, frames: PosedFrames, config: FrontEndConfig, folder: Path, log: RunLog
+) -> "tuple[PointCloud | None, SfmResult | None]":
+    """Return the points that came with the recording or, without such, what matching images finds."""
+    recorded: PointCloud | None = None
+    if config.takes_recorded_points:
+        recorded = recorded_points(capture, [frame.camera for frame in frames.training])
+    if not config.needs_sfm or recorded is not None:
+        return recorded, None
+    with log.stage("structure from motion"):
+        return None, match_images(capture, config.sfm, folder / SFM)
+
+
+def _contradicted_by_depth(
+    capture: Capture, frames: PosedFrames, config: SfmConfig, log: RunLog
+) -> tuple[str, ...]:
+    """Warn where depth contradicts poses that were estimated from images; return the doubts."""
+    if config.poses != "sfm" or not capture.has_depth:
+        return ()
+    with log.stage("compare with depth"):
+        doubt = depth_doubt(capture, frames, config)
+    if not doubt:
+        return ()
+    logger.warning("%s: %s; --poses rgbd uses the depth", capture, doubt)
+    return (doubt,)
+
+
+def _start(
+    capture: Capture,
+    frames: PosedFrames,
+    subject: Subject,
+    model: MetricModel | None,
+    recorded: PointCloud | None,
+    config: FrontEndConfig,
+    log: RunLog,
+) -> Initialization:
+    """Return the points to start from; a network guesses the depth where the settings name one."""
+    sfm = model.sfm if model else None
+    training, network = frames.training, config.mono.mono_depth
+    if network is not None:
+        with log.stage("depth by a network"):
+            training = guessed_depth(training, config.mono, sfm, recorded)
+    with log.stage("initialize"):
+        start = initialize(
+            training,
+            config.init,
+            sfm=sfm,
+            sfm_per_metre=model.sfm_per_metre if model else None,
+            baseline=capture.right_offset,
+            subject=subject,
+            recorded=recorded,
+        )
+    if network is None or start.depth is None:
+        return start
+    return replace(start, because=f"{start.because}, guessed by {network.name}")
 
 
 def _doubts(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
