@@ -3,8 +3,8 @@
 Usage: python scripts/release.py   (`make release`)
 
 From the last commit, into dist/: the source package, the wheel that is built from it, notes-VERSION.md (its
-section of CHANGELOG.md) and SHA256SUMS. In between, the wheel is installed with all its dependencies into an
-environment of its own, which makes a small recording into a USD scene and validates it.
+section of CHANGELOG.md) and SHA256SUMS. In between, the wheel is installed with all its dependencies into a
+fresh environment, which makes a small recording into a USD scene and validates it.
 """
 
 import hashlib

@@ -30,8 +30,8 @@ logger = logging.getLogger(__name__)
 # Points below which a view's depth cannot be scaled.
 FEWEST = 20
 
-# The line through points of inverse depth: pairs that are tried, and how near to it [share of the spread] a
-# point is one of its own.
+# RANSAC for the line through points of inverse depth: pairs tried, and the largest distance of an inlier from
+# the line [share of the spread].
 TRIALS, NEAR = 500, 0.02
 
 

@@ -1,7 +1,7 @@
 """Things that move: a frame sees through what another one saw standing there.
 
 Wrong depth looks the same: glass, mirrors, plain surfaces. But there the other frame explains the color: it
-shows what is really behind, and the pixel has its color. Something that moved has a color of its own.
+shows what is really behind, and the pixel has its color. Something that moved has another color.
 """
 
 from collections.abc import Mapping, Sequence

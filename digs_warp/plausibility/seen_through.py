@@ -17,7 +17,7 @@ PLACES = 64
 FIRST = 0.5
 # The last of them, as a share of the pixel's depth: nearer to it is what was measured.
 LAST = 0.95
-# A place is in the hull if at least so many views have it in their image, and this share of them in the mask.
+# A place is in the hull if at least FEWEST_VIEWS views have it in their image, IN_MASKS of them in the mask.
 FEWEST_VIEWS, IN_MASKS = 3, 0.8
 
 

@@ -17,7 +17,8 @@ LEAST_SHARED = 0.05
 SAME_DEPTH = 0.1
 # Points looked at in each frame.
 SAMPLES = 1000
-# Every so many of them are looked at to tell which frames are worth all of them: so many for each frame.
+# A first look takes one of SCREENED_BY of these points, and keeps for each frame the SCREENED most promising
+# others for a look at all of them.
 SCREENED_BY, SCREENED = 8, 32
 
 

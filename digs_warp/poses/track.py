@@ -28,7 +28,7 @@ CONTRADICTION = 1.0
 UNCERTAIN = 0.5
 # Loops for each frame, at most.
 LOOPS_PER_FRAME = 4
-# Loops over at most so many frames hold what is near in time together; the others close circles.
+# Loops that span at most this many frames hold neighbors in time together; longer ones close circles.
 NEAR = 3
 # Motions that contradict the others by more than this are dropped by the pose graph (0 to 1).
 PRUNE = 0.25

@@ -39,7 +39,7 @@ def course_section(result: Reconstruction) -> str:
 
 
 def _shown(metrics: dict[str, str], subject: Subject) -> dict[str, str]:
-    """Return the metrics that differ: where no object was cut out, it has none of its own."""
+    """Return the metrics to show: without an object, only those of the whole frame."""
     return {k: v for k, v in metrics.items() if subject == "object" or k.endswith("_frame")}
 
 

@@ -3,8 +3,8 @@
 Every scene is reconstructed with its true poses, and with poses from images, from color and depth, and from
 what `--poses auto` chooses. A way that fails is a row without figures, and its error is among the findings.
 
-Found poses have the scale of the depth, which a stereo camera measures with an error of its own. What that
-costs is no error of the poses: so the true poses are reconstructed in the found scale as well.
+Found poses have the scale of the depth, and a stereo camera measures that with an error. What this costs is
+no error of the poses, so the true poses are reconstructed in the found scale as well.
 """
 
 import tempfile

@@ -27,7 +27,7 @@ from digs_warp.train.turns import turn_between
 
 # Share of a run after which cameras begin to turn: before, the drawings tell little.
 START = 0.15
-# How often a view is compared in blocks of so many pixels across, before single pixels count.
+# (width of a block of pixels, visits of a view): its first comparisons use blocks, later ones single pixels.
 COARSE_VISITS = ((4, 2), (2, 2))
 
 

@@ -35,7 +35,7 @@ def turn_between(
         photograph: the same of the photograph.
         k: of the whole image.
         box: where in the whole image both lie [px].
-        pool: so many pixels across are averaged first: from farther off, but coarser.
+        pool: width of the blocks of pixels that are averaged first; wider ones converge from farther.
     """
     height, width = image.shape[0] // pool, image.shape[1] // pool
     if min(height, width) < 2 or height * width < LEAST_PIXELS:

@@ -167,7 +167,7 @@ def mirrored_light(
 
 @wp.func
 def clear_coat_look(look: Look) -> Look:
-    """The clear coat as a surface of its own, without the normal map of what is below."""
+    """The clear coat as a separate surface, without the normal map of what is below."""
     coated = Look()
     coated.roughness = look.clear_coat_roughness
     coated.reflectance = DIELECTRIC

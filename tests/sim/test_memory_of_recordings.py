@@ -14,7 +14,7 @@ FRAMES = 4
 # What a recording has in hand for a frame of this size is five megabytes: kept, it would be sixty.
 LIMIT = 25e6
 
-# In a process of its own: the peak of this one may be that of another test.
+# In a new process: the peak of this one may come from another test.
 SCRIPT = """
 import resource, sys
 from dataclasses import replace

@@ -108,7 +108,7 @@ for (int block = 0; block < 128; ++block) {
                 line[last_lane + i] = line[last_lane];
             column -= __builtin_convertvector(single[m][r], Shorts);
         }
-        // In a loop of its own: a vector that was just written in pieces cannot be read at once.
+        // A separate loop: a vector that was just written in pieces cannot be read at once.
         for (int r = 0; r < TILE_ROWS; ++r) {
             Shorts sum = 0;
             for (int i = 0; i < side; ++i)
