@@ -135,7 +135,7 @@ def _check_color_space(prim: "Usd.Prim") -> Iterator[Finding]:
     line = list(_with_ancestors(prim))
     authored = [value for each in line if (value := _value(each.GetAttribute("colorSpace:name")))]
     if not authored:
-        message = "no colour space is authored; sRGB and linear colours cannot be told apart"
+        message = "no color space is authored; sRGB and linear colors cannot be told apart"
         yield Finding("color-space", "warning", message)
         return
     defined = [
@@ -144,7 +144,7 @@ def _check_color_space(prim: "Usd.Prim") -> Iterator[Finding]:
         for instance in _definitions(each)
     ]
     if authored[0] not in defined and not Gf.ColorSpace.IsValid(authored[0]):
-        message = f"colour space '{authored[0]}' is neither OpenUSD's nor defined in the scene"
+        message = f"color space '{authored[0]}' is neither OpenUSD's nor defined in the scene"
         yield Finding("color-space", "error", message)
 
 
@@ -175,7 +175,7 @@ def _check_transform(prim: "Usd.Prim") -> Iterator[Finding]:
         return
     if np.abs(similarity.rotation - np.eye(3)).max() > 1e-6:
         message = (
-            "the field is rotated by a transform; renderers differ on whether colours turn along"
+            "the field is rotated by a transform; renderers differ on whether colors turn along"
         )
         yield Finding("transform", "warning", message)
 

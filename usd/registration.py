@@ -36,7 +36,7 @@ def register() -> None:
         UsdValidation.ValidatorMetadata(
             name=FIELD_CHECKER,
             keywords=["digs_warp", "GaussianSplats"],
-            doc="Values, metadata, colour space and extent of Gaussian splats.",
+            doc="Values, metadata, color space and extent of Gaussian splats.",
             isTimeDependent=True,
         ),
         _validate_prim,

@@ -96,7 +96,7 @@ def _check_harmonics(values: FieldValues, count: int) -> Iterator[Finding]:
         yield Finding("sh-degree", "error", f"degree {degree}, expected 0 to {MAX_DEGREE}")
         return
     if values.sh is None:
-        yield Finding("sh-count", "error", "no coefficients: every splat is grey")
+        yield Finding("sh-count", "error", "no coefficients: every splat is gray")
         return
     per_splat = (degree + 1) ** 2
     if len(values.sh) != count * per_splat:
@@ -175,7 +175,7 @@ def _check_extent(values: FieldValues, extent: np.ndarray) -> Iterator[Finding]:
             "extent",
             "error",
             f"'extent' cuts off splats by up to {missing:.3g}: it has to hold every 3-sigma ellipsoid, "
-            "not only the centres",
+            "not only the centers",
         )
     if float(np.linalg.norm(extent[1] - extent[0])) > (1 + MAX_SLACK) * diagonal:
         yield Finding("extent", "warning", "'extent' is much larger than the splats")

@@ -55,7 +55,7 @@ class Frame(LabelLoaders):
 
     def load_infrared(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the left and the right infrared image, each (height, width), uint8."""
-        return self._load_grey(Layer.INFRARED_LEFT), self._load_grey(Layer.INFRARED_RIGHT)
+        return self._load_gray(Layer.INFRARED_LEFT), self._load_gray(Layer.INFRARED_RIGHT)
 
     def load_depth(self) -> np.ndarray:
         """Return the sensed planar depth [m], shape (height, width), float32, NaN where unknown."""
@@ -67,25 +67,25 @@ class Frame(LabelLoaders):
 
     def load_mask(self) -> np.ndarray:
         """Return the object mask, 0..255, shape (height, width), uint8."""
-        return self._load_grey(Layer.MASK)
+        return self._load_gray(Layer.MASK)
 
     def load_cause(self) -> np.ndarray:
         """Return why each depth pixel is missing or wrong, shape (height, width), uint8; 0 if it is fine.
 
         `About.cause_labels` of the capture names the values.
         """
-        return self._load_grey(Layer.CAUSE)
+        return self._load_gray(Layer.CAUSE)
 
     def load_confidence(self) -> np.ndarray:
         """Return the sensor's confidence in its depth, 0 to 1, shape (height, width), float32."""
-        return self._load_grey(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
+        return self._load_gray(Layer.CONFIDENCE).astype(np.float32) / np.float32(255)
 
     def load_instances(self) -> np.ndarray:
         """Return the number of the object at each pixel center, (height, width), uint8; 0: no object.
 
         `About.objects` of the capture names them, starting with number 1.
         """
-        return self._load_grey(Layer.INSTANCES)
+        return self._load_gray(Layer.INSTANCES)
 
     def load_unknown(self) -> np.ndarray | None:
         """Return where the mask tells nothing, because another object may hide this one.
@@ -148,7 +148,7 @@ class Frame(LabelLoaders):
             )
         return np.ascontiguousarray(pixels[..., :3])
 
-    def _load_grey(self, layer: Layer) -> np.ndarray:
+    def _load_gray(self, layer: Layer) -> np.ndarray:
         pixels = self._load(layer)
         if pixels.dtype != np.uint8:
             raise CaptureError(f"{self._where(layer)}: expected 8 bits per pixel")

@@ -13,7 +13,7 @@ class HasLayers(Protocol):
 
     def _load(self, layer: Layer) -> np.ndarray: ...
 
-    def _load_grey(self, layer: Layer) -> np.ndarray: ...
+    def _load_gray(self, layer: Layer) -> np.ndarray: ...
 
     def _load_depth(self, layer: Layer) -> np.ndarray: ...
 
@@ -37,7 +37,7 @@ class LabelLoaders:
 
     def load_mask_right(self: HasLayers) -> np.ndarray:
         """Return the object mask of the right image, 0..255, uint8."""
-        return self._load_grey(Layer.MASK_RIGHT)
+        return self._load_gray(Layer.MASK_RIGHT)
 
     def load_disparity(self: HasLayers) -> np.ndarray:
         """Return columns to the left at which the right image shows the point [px], float32, NaN: unknown."""
@@ -52,11 +52,11 @@ class LabelLoaders:
 
         uint8, values of `digs_warp.data.occlusion.Occlusion`.
         """
-        return self._load_grey(Layer.OCCLUSION)
+        return self._load_gray(Layer.OCCLUSION)
 
     def load_occlusion_right(self: HasLayers) -> np.ndarray:
         """Return whether the left image shows the points of the right one, as `load_occlusion`."""
-        return self._load_grey(Layer.OCCLUSION_RIGHT)
+        return self._load_gray(Layer.OCCLUSION_RIGHT)
 
     def load_flow(self: HasLayers) -> np.ndarray:
         """Return how far each point moves to the right and down until the next frame [px].
@@ -75,7 +75,7 @@ class LabelLoaders:
 
     def load_flow_occlusion(self: HasLayers) -> np.ndarray:
         """Return whether the next image shows the points of this one, as `load_occlusion`."""
-        return self._load_grey(Layer.FLOW_OCCLUSION)
+        return self._load_gray(Layer.FLOW_OCCLUSION)
 
 
 def _numbers(frame: HasLayers, layer: Layer) -> np.ndarray:

@@ -7,7 +7,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.strategies import REFERENCE_OPACITY, REFERENCE_WIDTH
 from digs_warp.sh import coefficient_count, sh_from_rgb
 
-NEIGHBOURS = 3
+NEIGHBORS = 3
 
 # Limits of the scale, relative to the median over all points. Otherwise a stray point far from the surface
 # would become a blob that hides the object, and a near-duplicate would be too small for any pixel to see.
@@ -50,7 +50,7 @@ def seed_gaussians(
         raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
     sh = np.zeros((count, coefficient_count(sh_degree), 3))
     sh[:, 0] = sh_from_rgb(points.colors)
-    apart = neighbour_scales(points.points_world, largest)
+    apart = neighbor_scales(points.points_world, largest)
     scales = np.repeat(width * apart[:, None], 3, axis=1)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
     if points.axes_world is not None and points.axis_deviations is not None:
@@ -82,7 +82,7 @@ def quats_from_z_to(axes: np.ndarray) -> np.ndarray:
     return np.where(opposite, [1.0, 0.0, 0.0, 0.0], quats / np.where(opposite, 1.0, lengths))
 
 
-def neighbour_scales(points_world: np.ndarray, largest: float = MAX_SCALE_RATIO) -> np.ndarray:
+def neighbor_scales(points_world: np.ndarray, largest: float = MAX_SCALE_RATIO) -> np.ndarray:
     """Return the root mean squared distance [m] to the three nearest neighbors, shape (n,), clamped.
 
     With fewer than four points, all others are neighbors.
@@ -90,11 +90,11 @@ def neighbour_scales(points_world: np.ndarray, largest: float = MAX_SCALE_RATIO)
     from scipy.spatial import KDTree
 
     count = len(points_world)
-    neighbours = min(NEIGHBOURS, count - 1)
-    if neighbours < 1:
+    neighbors = min(NEIGHBORS, count - 1)
+    if neighbors < 1:
         return np.full(count, LONELY_SCALE)
     # The nearest hit of each query is the point itself (or a duplicate, also at distance 0).
-    distances, _ = KDTree(points_world).query(points_world, k=neighbours + 1, workers=-1)
+    distances, _ = KDTree(points_world).query(points_world, k=neighbors + 1, workers=-1)
     scales = np.sqrt(np.mean(np.square(distances[:, 1:]), axis=1))
     typical = np.median(scales[scales > 0]) if np.any(scales > 0) else LONELY_SCALE
     return np.clip(scales, MIN_SCALE_RATIO * typical, largest * typical)

@@ -13,7 +13,7 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.words import counted
 
 # Number of neighbors that measures the density of points at a place on the surface.
-NEIGHBOURS = 8
+NEIGHBORS = 8
 
 # Samples of the true surface for the distance from surface to points. The standard error of a mean over them
 # is below 1 % of the spread.
@@ -87,7 +87,7 @@ def surface_score(
     to_surface = distances_to_surface(points, surface)
     places = sample_surface(surface, samples, seed)
     nearest, _ = cKDTree(points).query(
-        places, k=range(1, min(NEIGHBOURS, len(points)) + 1), workers=-1
+        places, k=range(1, min(NEIGHBORS, len(points)) + 1), workers=-1
     )
     to_points = nearest[:, 0]
     dense, sparse = np.percentile(nearest[:, -1], (25, 75))

@@ -99,14 +99,14 @@ def _scale_words(frames: Sequence[Frame]) -> str:
     """Say which pixels the color scales of depths and their errors fit."""
     if any(frame.has(Layer.MASK) for frame in frames):
         return (
-            "Depths share one colour scale that is fitted to the object; what lies farther has its darkest "
-            "colour. Errors are shown on the object."
+            "Depths share one color scale that is fitted to the object; what lies farther has its darkest "
+            "color. Errors are shown on the object."
         )
-    return "Depths share one colour scale that is fitted to everything in view."
+    return "Depths share one color scale that is fitted to everything in view."
 
 
 def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
-    def grey(frame: Frame) -> np.ndarray:
+    def gray(frame: Frame) -> np.ndarray:
         return np.repeat(frame.load_mask()[..., None], 3, axis=2)
 
     def infrared(frame: Frame) -> np.ndarray:
@@ -127,26 +127,26 @@ def _columns(depths: ColorScale, errors: ColorScale) -> list[_Column]:
         ),
         _Column(
             "Depth, true",
-            "true depth in colours",
+            "true depth in colors",
             (_TRUE,),
             lambda frame: depths.paint(frame.load_depth_true()),
         ),
         _Column(
             "Depth, sensed",
-            "sensed depth in colours",
+            "sensed depth in colors",
             (_SENSED,),
             lambda frame: depths.paint(frame.load_depth()),
         ),
-        _Column("Depth error", "sensed minus true depth in colours", (_TRUE, _SENSED), error),
+        _Column("Depth error", "sensed minus true depth in colors", (_TRUE, _SENSED), error),
         _Column(
             "Cause of errors",
-            "cause of missing and wrong depth in colours and patterns",
+            "cause of missing and wrong depth in colors and patterns",
             (Layer.CAUSE,),
             lambda frame: paint_causes(
                 causes := frame.load_cause(), shrink_factor(causes.shape[1], THUMBNAIL_WIDTH)
             ),
         ),
-        _Column("Mask", "object mask, white on the object", (Layer.MASK,), grey),
+        _Column("Mask", "object mask, white on the object", (Layer.MASK,), gray),
     ]
 
 

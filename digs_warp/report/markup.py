@@ -71,11 +71,11 @@ def legend(scale: ColorScale, missing: bool = False) -> str:
     gradient = ", ".join(scale.gradient())
     decimals = 2 if scale.high - scale.low < 10 else 0
     ticks = "".join(f"<span>{tick:.{decimals}f}</span>" for tick in scale.ticks())
-    grey = "<i class=missing></i><span>no value</span>" if missing else ""
+    gray = "<i class=missing></i><span>no value</span>" if missing else ""
     return (
         f"<div class=legend><span>{escape(scale.label)}</span><div>"
         f'<div class=ramp style="background:linear-gradient(to right, {gradient})"></div>'
-        f"<div class=ticks>{ticks}</div></div>{grey}</div>"
+        f"<div class=ticks>{ticks}</div></div>{gray}</div>"
     )
 
 

@@ -128,7 +128,7 @@ def _cells(capture: Capture, result: Reconstruction, name: str) -> list[str]:
     images = {
         "true image": truth,
         "rendered image": rendered,
-        "absolute difference in colours": DIFFERENCE.paint(difference),
+        "absolute difference in colors": DIFFERENCE.paint(difference),
     }
     cells = []
     for what, image in images.items():

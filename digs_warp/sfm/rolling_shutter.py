@@ -116,20 +116,20 @@ def walking_spins(views: RollingViews, model: RollingModel) -> np.ndarray:
     """Return how the neighboring poses say that each camera turns [rad per read-out], shape (n, 3)."""
     from scipy.spatial.transform import Rotation
 
-    before, after, share = _neighbours(views)
+    before, after, share = _neighbors(views)
     turns = model.rotations[after] @ model.rotations[before].transpose(0, 2, 1)
     return Rotation.from_matrix(turns).as_rotvec() * share[:, None]
 
 
 def _travel(views: RollingViews, model: RollingModel) -> np.ndarray:
     """Return how the world shifts in each camera's axes during a read-out, (n, 3)."""
-    before, after, share = _neighbours(views)
+    before, after, share = _neighbors(views)
     centers = -np.einsum("nji,nj->ni", model.rotations, model.translations)
     shift = (centers[after] - centers[before]) * share[:, None]
     return -np.einsum("nij,nj->ni", model.rotations, shift)
 
 
-def _neighbours(views: RollingViews) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _neighbors(views: RollingViews) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the image before and after each, and the share of a read-out in the time between them."""
     index = np.arange(len(views.times))
     before, after = np.maximum(index - 1, 0), np.minimum(index + 1, len(index) - 1)

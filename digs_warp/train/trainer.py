@@ -154,7 +154,7 @@ class Trainer:
         """Return what a checkpoint and the run that resumes from it must have in common."""
         return {
             "gaussians at the start": self._start_count,
-            "colour coefficients": self.gaussians.sh.shape[1],
+            "color coefficients": self.gaussians.sh.shape[1],
             "density control": self.config.density.strategy,
             "views": self.views.names,
         }

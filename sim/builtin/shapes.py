@@ -87,8 +87,8 @@ def _mended(normals: np.ndarray, along: np.ndarray, vertices: np.ndarray) -> np.
     length = np.linalg.norm(normals, axis=2)
     size = np.ptp(vertices.reshape(count, around, 3), axis=1).max(axis=1)
     for row in np.flatnonzero(size < 1e-9):
-        neighbour = normals[row + 1 if row == 0 else row - 1, :-1].mean(axis=0)
-        normals[row], length[row] = neighbour, np.linalg.norm(neighbour)
+        neighbor = normals[row + 1 if row == 0 else row - 1, :-1].mean(axis=0)
+        normals[row], length[row] = neighbor, np.linalg.norm(neighbor)
     return (normals / length[..., None]).reshape(-1, 3)
 
 

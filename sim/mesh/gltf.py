@@ -200,7 +200,7 @@ def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
             yield f"{error}; drawn without it"
 
 
-def unmodelled_features(header: dict[str, Any]) -> Iterator[str]:
+def unmodeled_features(header: dict[str, Any]) -> Iterator[str]:
     """Yield a sentence for every material that will look different from what its author intended."""
     for index, material in enumerate(header.get("materials", [])):
         label = f"material '{material.get('name', index)}'"

@@ -30,8 +30,8 @@ def rgb_pixels(image: Any, name: str) -> np.ndarray:
     TEXTURE.check(f"texture of material '{name}'", image.width * image.height)
     try:
         if image.mode.startswith("I"):  # 16-bit gray: PIL's own conversion clips at 255
-            grey = (np.asarray(image).astype(np.float64) / 257.0).clip(0, 255)
-            return np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, axis=2)
+            gray = (np.asarray(image).astype(np.float64) / 257.0).clip(0, 255)
+            return np.repeat(np.rint(gray).astype(np.uint8)[..., None], 3, axis=2)
         return np.ascontiguousarray(np.asarray(image.convert("RGB"), np.uint8))
     except (OSError, ValueError, SyntaxError) as error:
         raise ValueError(f"the texture of material '{name}' cannot be decoded ({error})") from error

@@ -11,7 +11,7 @@ from digs_warp.sim.mesh.gltf import (
     check_textures,
     read_gltf_header,
     undecodable_images,
-    unmodelled_features,
+    unmodeled_features,
 )
 from digs_warp.sim.mesh.gltf_extras import read_extras
 from digs_warp.sim.mesh.materials import materials_of_parts
@@ -38,7 +38,7 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
     check_gltf(path, header)
     check_promises(path, header)
-    for sentence in unmodelled_features(header):
+    for sentence in unmodeled_features(header):
         logger.warning("mesh '%s': %s", path.name, sentence)
     if suffix == ".ply" and len(names := ply_textures(path)) > 1:
         logger.warning(

@@ -154,14 +154,14 @@ def layered_sample(
     sample.passing = wp.vec3(1.0)
     start = view.center
     heading = direction
-    travelled = wp.float32(0.0)  # from the camera to the start
+    traveled = wp.float32(0.0)  # from the camera to the start
     absorption = wp.vec3(0.0)  # of what surrounds the ray
     was_bent = wp.bool(False)
     for _layer in range(MAX_LAYERS):
         hit = wp.mesh_query_ray(surface.mesh, start, heading, FAR)
         if not hit.result:
             break
-        distance = travelled + hit.t
+        distance = traveled + hit.t
         point = start + hit.t * heading
         width = distance * view.pixel_cone
         opacity = wp.float32(1.0)
@@ -205,7 +205,7 @@ def layered_sample(
             break
         heading = behind.direction
         start = point + surface.step * heading + aside
-        travelled = distance + surface.step
+        traveled = distance + surface.step
     if was_bent and wp.max(sample.passing) > 0.0:
         sample.color = sample.color + seen_surround(
             view, surface, light, start, heading, surround_level, sample.passing

@@ -11,7 +11,7 @@ ROUNDING = 5e-7
 
 
 def within_range(sensed: Sensed, rig: StereoRig) -> Sensed:
-    """Return the frame with holes where the sensed depth is out of range, labelled too near or too far.
+    """Return the frame with holes where the sensed depth is out of range, labeled too near or too far.
 
     Disparities of 0 and below, which noise makes of small ones, are too far.
     """

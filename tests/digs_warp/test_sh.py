@@ -98,13 +98,13 @@ def test_other_counts_are_refused(count: int):
         degree_from_count(count)
 
 
-def test_dc_shows_its_colour_from_every_side():
+def test_dc_shows_its_color_from_every_side():
     colors = np.random.default_rng(0).uniform(size=(50, 3))
     sh = sh_from_rgb(colors)[:, None, :]
     assert_allclose(rgb_from_sh(sh, random_directions(50)), colors, atol=1e-12)
 
 
-def test_colours_are_clipped_at_0_only():
+def test_colors_are_clipped_at_0_only():
     sh = np.array([[[-1.0, 0.0, 1.0]]]) / C0
     assert_allclose(rgb_from_sh(sh, np.array([[0, 0, 1.0]])), [[0.0, 0.5, 1.5]])
 

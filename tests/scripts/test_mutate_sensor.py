@@ -48,7 +48,7 @@ def test_a_place_that_is_gone_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("name", "test"),
     [
-        ("noise-1.3", f"{COLOR}::test_both_noises_make_what_the_rig_states_at_middle_grey"),
+        ("noise-1.3", f"{COLOR}::test_both_noises_make_what_the_rig_states_at_middle_gray"),
         ("not-smooth", f"{GUIDED}/test_guided_search.py::test_disparity_and_costs_equal_the_twin_to_the_bit"),
         ("confidence-label", f"{REALISM}::test_confidence_is_no_label"),
     ],

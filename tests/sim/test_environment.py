@@ -103,8 +103,8 @@ def test_the_room_is_large_bright_and_always_the_same(room: Environment) -> None
 
 def test_the_room_has_detail_in_every_direction(room: Environment) -> None:
     """Every patch of about 8 degrees, but those inside a lamp, varies by more than 5 %."""
-    grey = room.radiance.mean(axis=2)[128:896]  # near the poles a patch is a sliver of the sphere
-    patches = grey.reshape(16, 48, 32, 64)
+    gray = room.radiance.mean(axis=2)[128:896]  # near the poles a patch is a sliver of the sphere
+    patches = gray.reshape(16, 48, 32, 64)
     contrast = patches.std(axis=(1, 3)) / patches.mean(axis=(1, 3))
     lamps = patches.min(axis=(1, 3)) > 4.0
     assert (contrast[~lamps] > 0.05).all()

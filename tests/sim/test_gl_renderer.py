@@ -146,8 +146,8 @@ def test_glass_shows_what_lies_behind() -> None:
 
 def test_a_camera_that_nearly_touches_the_object() -> None:
     """The near plane cuts nothing off that is farther than 2 mm, and depth stays exact."""
-    grey = Material("wall", np.full(3, 0.5, np.float32))
-    wall = plate((0, 0, 0), (0, 0.3, 0), (0, 0.1, 0.3), grey)
+    gray = Material("wall", np.full(3, 0.5, np.float32))
+    wall = plate((0, 0, 0), (0, 0.3, 0), (0, 0.1, 0.3), gray)
     rays = RaycastRenderer(wall, SKY)
     camera = Camera(INTRINSICS, look_at(np.array([0.004, 0, 0]), np.array([-1.0, 0, 0]), UP))
     assert rays.render_geometry(camera)[0].max() < 0.01

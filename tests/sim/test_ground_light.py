@@ -36,12 +36,12 @@ def ball(radius: float = RADIUS) -> Scene:
         normals=(mesh.vertices / radius).astype(np.float32),
         uvs=np.zeros((count, 2), np.float32),
         vertex_colors=np.ones((count, 3), np.float32),
-        materials=(Material("grey", np.full(3, 0.5, np.float32)),),
+        materials=(Material("gray", np.full(3, 0.5, np.float32)),),
     )
 
 
 def sun(direction: np.ndarray, degrees: float, power: float = 1.0) -> Environment:
-    """A grey sky with a bright disk; ``power``: its irradiance over that of the sky."""
+    """A gray sky with a bright disk; ``power``: its irradiance over that of the sky."""
     directions = panorama_directions(512, 256)
     inside = directions @ direction > np.cos(np.radians(degrees))
     strength = power / (1 - np.cos(np.radians(degrees)) ** 2)

@@ -17,7 +17,7 @@ from digs_warp.sim.scene import Material, Scene
 from reference.plates import plate
 
 SKY = Environment(np.ones((16, 32, 3), np.float32))
-GREY = Material("grey", np.full(3, 0.5, np.float32))
+GREY = Material("gray", np.full(3, 0.5, np.float32))
 # Looks along -x at the plane x = 0 from 1 m: 100 px per metre, the origin in the middle.
 CAMERA = Camera(
     Intrinsics(80, 60, 100.0, 100.0, 40.0, 30.0),

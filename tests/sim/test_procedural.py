@@ -80,7 +80,7 @@ def test_it_holds_what_reconstruction_finds_hard(scene: Scene) -> None:
     assert 0.003 < np.ptp(wire[:, 1]) < 0.006
 
 
-def test_the_cloth_has_folds_and_a_fine_many_coloured_weave(scene: Scene) -> None:
+def test_the_cloth_has_folds_and_a_fine_many_colored_weave(scene: Scene) -> None:
     index = [m.name for m in scene.materials].index("kilim")
     cloth = scene.vertices[np.unique(scene.faces[scene.face_materials == index])]
     gathered = cloth[np.abs(cloth[:, 2] - 0.01) < 0.003]  # a finger's breadth below the cord
@@ -88,10 +88,10 @@ def test_the_cloth_has_folds_and_a_fine_many_coloured_weave(scene: Scene) -> Non
 
     texture = scene.materials[index].texture
     assert texture is not None
-    grey = texture.astype(np.float64).mean(axis=2)
+    gray = texture.astype(np.float64).mean(axis=2)
     # Contrast on every scale that a camera may see: threads, motifs, bands.
     for size in (1, 8, 32):
-        blocks = grey.reshape(grey.shape[0] // size, size, -1, size).mean(axis=(1, 3))
+        blocks = gray.reshape(gray.shape[0] // size, size, -1, size).mean(axis=(1, 3))
         assert blocks.std() > 15
 
 

@@ -19,7 +19,7 @@ from reference.plates import plate
 UP = np.array([0.0, 0.0, 1.0])
 INTRINSICS = Intrinsics.from_fov(161, 91, 60.0)
 CAMERA = Camera(INTRINSICS, look_at(np.array([1.1, -0.5, 0.4]), np.zeros(3), UP))
-GREY = Material("grey", np.full(3, 0.5, np.float32))
+GREY = Material("gray", np.full(3, 0.5, np.float32))
 
 
 def sky(seed: int = 0, radius: float = DEFAULT_RADIUS) -> Environment:
@@ -27,7 +27,7 @@ def sky(seed: int = 0, radius: float = DEFAULT_RADIUS) -> Environment:
     return Environment(noise, radius)
 
 
-def grey_sky() -> Environment:
+def gray_sky() -> Environment:
     return Environment(np.ones((16, 32, 3), np.float32))
 
 
@@ -108,7 +108,7 @@ def test_rays_along_the_sides_of_boxes_meet_what_is_there() -> None:
     scene = join_scenes(*(quad(np.array([0.0, y, z]), 0.05 * right, 0.05 * up) for y, z in places))
     k = Intrinsics.from_fov(9, 9, 8.0)
     camera = Camera(k, look_at(np.array([1.0, 0.0, 0.0]), np.zeros(3), UP))
-    renderer = RaycastRenderer(scene, grey_sky())
+    renderer = RaycastRenderer(scene, gray_sky())
     directions = camera.world_from_cam[:3, :3] @ np.array([0.0, 0.0, 1.0])
     assert np.array_equal(directions, forward)
     np.testing.assert_allclose(renderer.render_geometry(camera).depth, 1.0, atol=1e-6)
@@ -236,10 +236,10 @@ def test_threads_and_earlier_frames_do_not_change_a_bit() -> None:
     assert not np.array_equal(first.image, serial.render(CAMERA, seed=8).image)
 
 
-def test_white_furnace_returns_the_colour_of_a_matte_surface() -> None:
+def test_white_furnace_returns_the_color_of_a_matte_surface() -> None:
     """Light from everywhere: a matte convex object shows its own color, plus the coat's few percent."""
     scene = replace(sphere(0.3), materials=(replace(GREY, base_color=np.array([0.8, 0.4, 0.1])),))
-    renderer = RaycastRenderer(scene, grey_sky())
+    renderer = RaycastRenderer(scene, gray_sky())
     image, mask = renderer.render_image(CAMERA, samples_per_pixel=16)
     normals = renderer.render_geometry(CAMERA).normals_world
     rays = rays_world(CAMERA)
@@ -252,7 +252,7 @@ def test_white_furnace_returns_the_colour_of_a_matte_surface() -> None:
 
 def test_a_perfect_mirror_in_a_white_furnace_disappears() -> None:
     mirror = Material("mirror", np.ones(3, np.float32), roughness=0.0, metallic=1.0)
-    image, _ = RaycastRenderer(replace(sphere(0.3), materials=(mirror,)), grey_sky()).render_image(
+    image, _ = RaycastRenderer(replace(sphere(0.3), materials=(mirror,)), gray_sky()).render_image(
         CAMERA, samples_per_pixel=4
     )
     assert np.ptp(image.astype(int)) <= 4
@@ -260,7 +260,7 @@ def test_a_perfect_mirror_in_a_white_furnace_disappears() -> None:
 
 def test_both_sides_of_a_sheet_are_lit_alike() -> None:
     scene = quad(np.zeros(3), np.array([0, 0.3, 0]), np.array([0, 0, 0.3]))
-    renderer = RaycastRenderer(scene, grey_sky())
+    renderer = RaycastRenderer(scene, gray_sky())
     images, normals = [], []
     for x in (1.0, -1.0):
         camera = Camera(INTRINSICS, look_at(np.array([x, 0, 0]), np.zeros(3), UP))
@@ -293,7 +293,7 @@ def test_a_corner_is_darker_than_an_open_surface() -> None:
     )
     camera = Camera(INTRINSICS, look_at(np.array([0.4, 0, 0.8]), np.zeros(3), UP))
     alone, beside = (
-        RaycastRenderer(s, grey_sky()).render_image(camera)[0] for s in (floor, corner)
+        RaycastRenderer(s, gray_sky()).render_image(camera)[0] for s in (floor, corner)
     )
     (u, v), _ = camera.project(np.array([-0.25, 0.0, 0.0]))
     assert beside[int(v), int(u), 0] < 0.9 * alone[int(v), int(u), 0]
@@ -301,10 +301,10 @@ def test_a_corner_is_darker_than_an_open_surface() -> None:
 
 def test_the_middle_of_a_large_face_is_bright_between_dark_corners() -> None:
     """The floor of a tray is two triangles; their corners alone say nothing about the middle."""
-    grey = Material("grey", np.full(3, 0.5))
-    floor = plate((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), grey)
+    gray = Material("gray", np.full(3, 0.5))
+    floor = plate((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0), gray)
     rims = [
-        plate(center, along, (0, 0, 0.1), grey)
+        plate(center, along, (0, 0, 0.1), gray)
         for center, along in (
             ((-0.3, 0, 0.1), (0, 0.3, 0)),
             ((0.3, 0, 0.1), (0, 0.3, 0)),
@@ -314,7 +314,7 @@ def test_the_middle_of_a_large_face_is_bright_between_dark_corners() -> None:
     ]
     camera = Camera(INTRINSICS, look_at(np.array([0.05, 0, 0.9]), np.zeros(3), UP))
     bare, tray = (
-        RaycastRenderer(s, grey_sky()).render_image(camera)[0][45, 80, 0]
+        RaycastRenderer(s, gray_sky()).render_image(camera)[0][45, 80, 0]
         for s in (floor, join_scenes(floor, *rims))
     )
     assert 0.85 * bare < tray < bare
@@ -343,7 +343,7 @@ def checkered_wall(square: int) -> Scene:
 
 def test_texture_finer_than_a_pixel_does_not_shimmer() -> None:
     """Squares of a fifth of a pixel are an even gray, also when the camera moves."""
-    renderer = RaycastRenderer(checkered_wall(square=4), grey_sky())
+    renderer = RaycastRenderer(checkered_wall(square=4), gray_sky())
     for shift in (0.0, 0.004):
         camera = Camera(INTRINSICS, look_at(np.array([2.0, shift, 0]), np.array([0, shift, 0]), UP))
         image, mask = renderer.render_image(camera)
@@ -356,14 +356,14 @@ def test_texture_finer_than_a_pixel_does_not_shimmer() -> None:
 
 
 def test_texture_near_by_is_sharp() -> None:
-    renderer = RaycastRenderer(checkered_wall(square=16), grey_sky())
+    renderer = RaycastRenderer(checkered_wall(square=16), gray_sky())
     camera = Camera(INTRINSICS, look_at(np.array([0.08, 0, 0]), np.zeros(3), UP))
     image, _ = renderer.render_image(camera, samples_per_pixel=16)
     # Squares of 22 pixels: nearly every pixel is black or white.
-    grey = image[..., 0].astype(int)
-    dark, bright = grey.min(), grey.max()
+    gray = image[..., 0].astype(int)
+    dark, bright = gray.min(), gray.max()
     assert bright > dark + 100
-    between = (grey > dark + 0.2 * (bright - dark)) & (grey < bright - 0.2 * (bright - dark))
+    between = (gray > dark + 0.2 * (bright - dark)) & (gray < bright - 0.2 * (bright - dark))
     assert between.mean() < 0.15
 
 
@@ -374,7 +374,7 @@ def test_texture_lies_upright_and_unmirrored() -> None:
         np.zeros(3), np.array([0, 0.3, 0]), np.array([0, 0, 0.3]), replace(GREY, texture=texture)
     )
     camera = Camera(INTRINSICS, look_at(np.array([1.0, 0, 0]), np.zeros(3), UP))
-    image, _ = RaycastRenderer(scene, grey_sky()).render_image(camera)
+    image, _ = RaycastRenderer(scene, gray_sky()).render_image(camera)
     (left, top), (right, bottom) = (60, 25), (100, 65)
     assert image[top, left].argmax() == 0 and image[top, right].argmax() == 1
     assert image[bottom, left].argmax() == 2 and np.ptp(image[bottom, right].astype(int)) < 8

@@ -28,8 +28,8 @@ READOUT, EXPOSURE = 0.04, 0.03  # [s]
 @pytest.fixture(scope="module")
 def renderer() -> Renderer:
     """A tall gray plate, narrower than the view, in a gray room."""
-    grey = Material("grey", np.full(3, 0.2, np.float32))
-    scene = plate((0, 0, 0), (0.3, 0, 0), (0, 0, 3.0), grey)
+    gray = Material("gray", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 0), (0.3, 0, 0), (0, 0, 3.0), gray)
     return RaycastRenderer(scene, Environment(np.ones((16, 32, 3), np.float32), 20.0))
 
 
@@ -121,8 +121,8 @@ def test_a_moving_camera_sees_the_mean_of_many_views(see_through: bool) -> None:
 
 def test_rays_that_are_spared_would_have_met_nothing() -> None:
     """With a sphere around the scene that holds the camera, too, every ray is cast."""
-    grey = Material("grey", np.full(3, 0.2, np.float32))
-    scene = plate((0, 0, 0), (0.3, 0, 0.1), (0, 0, 0.4), grey)
+    gray = Material("gray", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 0), (0.3, 0, 0.1), (0, 0, 0.4), gray)
     sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
     renderer = RaycastRenderer(scene, Environment(sky, 20.0))
     track = eye(renderer, Shutter(3, 4, READOUT, EXPOSURE)).track
@@ -140,8 +140,8 @@ def test_rays_that_are_spared_would_have_met_nothing() -> None:
 @pytest.mark.parametrize("texels", [32, 1024])
 def test_the_surround_of_an_exposure_is_the_mean_of_its_moments(texels: int) -> None:
     """On a way shorter than a texel one look-up stands for all; on a longer one each moment has its own."""
-    grey = Material("grey", np.full(3, 0.2, np.float32))
-    scene = plate((0, 0, 50), (0.01, 0, 0), (0, 0, 0.01), grey)  # out of view
+    gray = Material("gray", np.full(3, 0.2, np.float32))
+    scene = plate((0, 0, 50), (0.01, 0, 0), (0, 0, 0.01), gray)  # out of view
     # Nothing brighter than white: views that are clipped one by one have another mean.
     sky = np.random.default_rng(2).uniform(0.3, 0.8, (texels // 2, texels, 3)).astype(np.float32)
     renderer = RaycastRenderer(scene, Environment(sky, 90.0))

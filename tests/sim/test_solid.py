@@ -89,7 +89,7 @@ def test_the_largest_opacity_counts() -> None:
 
 
 def test_rays_find_the_same_with_and_without_the_faces_that_they_pass() -> None:
-    """Panes before a labelled one, a small wall among them, and a wall behind."""
+    """Panes before a labeled one, a small wall among them, and a wall behind."""
     panes = [plate((0.3 - 0.05 * i, 0, 0), (0, 0.3, 0), (0, 0, 0.2), CLEAR) for i in range(4)]
     label = plate((0.35, 0.05, 0.02), (0, 0.15, 0.02), (0, 0, 0.1), half_clear())
     wall = Material("wall", WHITE)

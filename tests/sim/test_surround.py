@@ -25,7 +25,7 @@ INTRINSICS = Intrinsics.from_fov(161, 121, 75.0)
 # Sees floor and walls.
 CAMERA = Camera(INTRINSICS, look_at(np.array([0.9, -0.4, 0.5]), np.array([0.0, 0.1, 0.2]), UP))
 # A speck behind the camera: nothing but the surround is in view.
-GREY = Material("grey", np.full(3, 0.5, np.float32))
+GREY = Material("gray", np.full(3, 0.5, np.float32))
 SPECK = plate((2.5, -1.3, 1.0), (1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), GREY)
 DIRECTIONS = (panorama_directions(512, 256) + 1).astype(np.float32) / 2
 SHAPES = {

@@ -39,7 +39,7 @@ def test_bottom_row_is_where_v_is_small():
     )
 
 
-def test_factor_texture_and_vertex_colour_multiply_for_each_material():
+def test_factor_texture_and_vertex_color_multiply_for_each_material():
     texture = np.full((1, 1, 3), 128, dtype=np.uint8)
     materials = (
         Material("textured", np.array([1.0, 0.5, 0.25]), texture),
@@ -56,8 +56,8 @@ def test_factor_texture_and_vertex_colour_multiply_for_each_material():
         vertex_colors=vertex_colors,
         materials=materials,
     )
-    grey = linear_from_srgb(np.array(128 / 255))
-    linear = np.array([[1.0, 0.5, 0.25]]) * grey
+    gray = linear_from_srgb(np.array(128 / 255))
+    linear = np.array([[1.0, 0.5, 0.25]]) * gray
     expected = np.vstack([0.5 * linear, linear, linear, [[0.1, 0.2, 0.3]] * 3])
     found = srgb_vertex_colors(scene)
     assert found.dtype == np.float32
@@ -66,7 +66,7 @@ def test_factor_texture_and_vertex_colour_multiply_for_each_material():
 
 
 @pytest.mark.parametrize("scene", [procedural_scene()], ids=["built in"])
-def test_the_built_in_object_has_more_than_one_colour(scene: Scene):
+def test_the_built_in_object_has_more_than_one_color(scene: Scene):
     colors = srgb_vertex_colors(scene)
     assert colors.shape == scene.vertices.shape
     assert (colors >= 0).all()

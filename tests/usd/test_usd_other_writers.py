@@ -277,7 +277,7 @@ def test_deforming_transforms_are_read_on_request(tmp_path: Path):
     assert_allclose(covariances(read.quats, read.scales) / size, expected / size, atol=1e-5)
 
 
-def test_a_mirrored_scene_is_exact_in_colours_too(tmp_path: Path):
+def test_a_mirrored_scene_is_exact_in_colors_too(tmp_path: Path):
     from pxr import UsdGeom
 
     gaussians = splats(40)

@@ -89,7 +89,7 @@ def not_a_number(arrays: dict[str, np.ndarray]) -> None:
     arrays["positions"][3, 1] = np.nan
 
 
-def infinite_colour(arrays: dict[str, np.ndarray]) -> None:
+def infinite_color(arrays: dict[str, np.ndarray]) -> None:
     arrays["radiance:sphericalHarmonicsCoefficients"][7] = np.inf
 
 
@@ -117,7 +117,7 @@ def no_thickness(arrays: dict[str, np.ndarray]) -> None:
     arrays["scales"][:, 2] = 0
 
 
-def colours_to_255(arrays: dict[str, np.ndarray]) -> None:
+def colors_to_255(arrays: dict[str, np.ndarray]) -> None:
     arrays["radiance:sphericalHarmonicsCoefficients"] += 100
 
 
@@ -136,14 +136,14 @@ MISTAKES: list[tuple[Edit, str, str]] = [
     (logits, "opacity-range", "are these logits"),
     (too_few, "splat-count", "49 values in 'orientations', expected 50"),
     (not_a_number, "finite", "1 NaN or infinite values in 'positions'"),
-    (infinite_colour, "finite", "3 NaN or infinite values in 'radiance"),
+    (infinite_color, "finite", "3 NaN or infinite values in 'radiance"),
     (centres_only, "extent", "cuts off splats"),
     (huge_extent, "extent", "much larger"),
     (no_extent, "extent", "not authored"),
     (long_quaternions, "quaternion-length", "50 quaternions"),
     (zero_quaternion, "quaternion-length", "1 quaternions"),
     (no_thickness, "scale-range", "50 splats with a scale of 0"),
-    (colours_to_255, "color-range", "brightness"),
+    (colors_to_255, "color-range", "brightness"),
     (half_a_degree, "sh-count", "400 coefficients, expected 50 x 16"),
     (giants, "scale-range", "wider"),
 ]

@@ -112,7 +112,7 @@ def test_positions_and_covariances_turn_with_the_world(tmp_path: Path, random_ga
     assert_allclose(in_asset / scale, (Y_UP @ in_world @ Y_UP.T) / scale, atol=2e-6)
 
 
-def test_every_splat_shows_the_same_colour_to_the_same_camera(tmp_path: Path, random_gaussians):
+def test_every_splat_shows_the_same_color_to_the_same_camera(tmp_path: Path, random_gaussians):
     gaussians = random_gaussians(200)
     path = tmp_path / "scene.usdc"
     write_gaussians(path, gaussians)
@@ -179,7 +179,7 @@ def test_extent_of_no_splats_is_the_empty_box_of_usd(tmp_path: Path, random_gaus
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_colour_spaces_resolve_to_srgb_and_linear(tmp_path: Path, random_gaussians, suffix: str):
+def test_color_spaces_resolve_to_srgb_and_linear(tmp_path: Path, random_gaussians, suffix: str):
     from pxr import Gf, Usd
 
     path = tmp_path / f"scene{suffix}"

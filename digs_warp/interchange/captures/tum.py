@@ -107,7 +107,7 @@ def _intrinsics(folder: Path, size: tuple[int, int]) -> Intrinsics:
         if not known:
             raise CaptureError(
                 f"recording '{folder}': TUM RGB-D has no place for the camera; write 'fx fy cx cy' into its "
-                "calibration.txt (first pixel centre at 0, 0)"
+                "calibration.txt (first pixel center at 0, 0)"
             )
         values = np.array(known[0])
     fx, fy, cx, cy = values
@@ -141,7 +141,7 @@ def write_tum(capture: Capture, folder: Path) -> None:
     header = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
     _write_lines(folder / "groundtruth.txt", header + poses)
     calibration = [
-        "# fx fy cx cy; the centre of the first pixel is (0, 0)",
+        "# fx fy cx cy; the center of the first pixel is (0, 0)",
         f"{k.fx} {k.fy} {k.cx} {k.cy}",
     ]
     _write_lines(folder / CALIBRATION, calibration)

@@ -74,7 +74,7 @@ def write_dot_splat(path: Path, gaussians: Gaussians) -> None:
         raise DigsError(f"{what}: the format cannot hold 0 Gaussians; write PLY or SPZ instead")
     if gaussians.sh_degree:
         logger.warning(
-            "%s: the format has no view-dependent colour; degrees above 0 are left out", what
+            "%s: the format has no view-dependent color; degrees above 0 are left out", what
         )
     with np.errstate(over="ignore"):
         scales = gaussians.scales

@@ -142,7 +142,7 @@ def _read_sh(table: np.ndarray, what: str) -> np.ndarray:
         )
     degree = _DEGREE_OF_REST[count]
     if degree > MAX_DEGREE:
-        logger.warning("%s: colours of degree %d are read up to %d", what, degree, MAX_DEGREE)
+        logger.warning("%s: colors of degree %d are read up to %d", what, degree, MAX_DEGREE)
     used = coefficient_count(min(degree, MAX_DEGREE)) - 1
     sh = np.empty((len(table), 1 + used, 3), dtype=np.float32)
     sh[:, 0] = _columns(table, COLOR, what)

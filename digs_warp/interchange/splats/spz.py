@@ -49,7 +49,7 @@ def read_spz(path: Path) -> Gaussians:
     packed = read_spz_container(path)
     if packed.degree > MAX_DEGREE:
         logger.warning(
-            "SPZ '%s': colours of degree %d are read up to %d", path, packed.degree, MAX_DEGREE
+            "SPZ '%s': colors of degree %d are read up to %d", path, packed.degree, MAX_DEGREE
         )
     count, degree = packed.count, min(packed.degree, MAX_DEGREE)
     read = Gaussians(
@@ -147,6 +147,6 @@ def _warn_of_cuts(gaussians: Gaussians, what: str) -> None:
     )
     warn_of_loss(int(large.sum()), total, what, "are larger than 380 m: cut")
     colors = (np.abs(gaussians.sh[:, 0]) > 0.5 / codes.COLOR_SCALE).any(axis=1)
-    warn_of_loss(int(colors.sum()), total, what, "have colours far beyond 0..1: cut")
+    warn_of_loss(int(colors.sum()), total, what, "have colors far beyond 0..1: cut")
     rest = (np.abs(gaussians.sh[:, 1:]) > 1.0).any(axis=(1, 2))
     warn_of_loss(int(rest.sum()), total, what, "have SH coefficients beyond 1: cut")

@@ -109,7 +109,7 @@ def _check_header(version: int, count: int, degree: int, bits: int, what: str) -
         raise DigsError(f"{what}: version {version}, expected one of {VERSIONS}")
     GAUSSIANS.check(what, count)
     if degree > MAX_DEGREE:
-        raise DigsError(f"{what}: colours of degree {degree}, expected 0 to {MAX_DEGREE}; damaged")
+        raise DigsError(f"{what}: colors of degree {degree}, expected 0 to {MAX_DEGREE}; damaged")
     if bits > 23:
         raise DigsError(f"{what}: {bits} fractional bits of 24-bit positions, expected 0 to 23")
 

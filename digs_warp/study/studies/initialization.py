@@ -206,7 +206,7 @@ def _geometry(records: Sequence[Record]) -> Section:
         Column("points", 0, number("results", "initial_points"), deviation=False),
         Column("Gaussians", 0, number("results", "gaussians"), deviation=False),
     ]
-    for heading, key in (("points", "points"), ("centres", "gaussians")):
+    for heading, key in (("points", "points"), ("centers", "gaussians")):
         of = partial(number, "surface", key)
         columns += [
             Column(f"{heading}: Chamfer [mm]", 1, of("chamfer", factor=1e3)),
@@ -215,7 +215,7 @@ def _geometry(records: Sequence[Record]) -> Section:
             Column(f"{heading}: spacing ratio", 2, of("spacing_ratio")),
         ]
     text = (
-        "The paper's figure 7 in numbers: the distance of points and of centres of Gaussians from the true "
+        "The paper's figure 7 in numbers: the distance of points and of centers of Gaussians from the true "
         "surface, the share of the surface that has one within 5 mm, and how evenly they are spread. Spacing "
         "ratio: upper over lower quartile of the distance to the eighth nearest point, over the surface; "
         "1.28 is random and even, more is clustered. Parts that no camera saw count as missing."

@@ -65,7 +65,7 @@ BUYS = {
     "density control": "Adding and removing Gaussians during training; a dense start hardly needs it.",
     "sensor tier": "How depth is simulated: from no error to a real matcher. It buys realism, not quality.",
     "samples per pixel": "Rays of the simulated photograph: less grain in the images, more time to record.",
-    "SH degree": "View-dependent colour: glossy surfaces need it; more numbers per Gaussian.",
+    "SH degree": "View-dependent color: glossy surfaces need it; more numbers per Gaussian.",
     held_surface.KNOB: "How strongly the measured depth holds the surface while the images are fitted.",
     "poses": "Estimated instead of recorded poses, which a real recording needs.",
     "features per image": "In structure from motion: more points and matches, more time.",

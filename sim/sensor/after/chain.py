@@ -79,7 +79,7 @@ class AfterMatching:
             else:
                 shots = zip(values, frames[-len(values) :], strict=True)
                 values = [_FILTERS[name](*value, shot.gray) for value, shot in shots]
-        return _labelled(kept[-1], *values[-1])
+        return _labeled(kept[-1], *values[-1])
 
     def _trusted(self, sensed: Sensed) -> Sensed:
         if self.threshold == 0:
@@ -88,7 +88,7 @@ class AfterMatching:
         return sensed.own().with_holes(weak, Cause.LOW_CONFIDENCE)
 
 
-def _labelled(sensed: Sensed, disparity: np.ndarray, confidence: np.ndarray) -> Sensed:
+def _labeled(sensed: Sensed, disparity: np.ndarray, confidence: np.ndarray) -> Sensed:
     """Return the frame with new values, and labels where they differ much."""
     cause = sensed.cause.copy()
     cause[~sensed.known & ~np.isnan(disparity)] = Cause.FILLED

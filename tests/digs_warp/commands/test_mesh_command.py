@@ -49,13 +49,13 @@ def built_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert surface is not None
     k = Intrinsics.from_fov(160, 160, 40.0)
     writer = CaptureWriter(folder / "capture", k)
-    grey = np.full((160, 160, 3), 128, np.uint8)
+    gray = np.full((160, 160, 3), 128, np.uint8)
     nothing = np.full((160, 160), np.nan, np.float32)
     everything = np.full((160, 160), 255, np.uint8)
     subject = Subject(np.zeros(3), 0.28)
     rings = [camera for elevation in (-40, 0, 40, 75) for camera in orbit(subject, k, 8, elevation)]
     for number, camera in enumerate(rings):
-        writer.write_frame(number, FrameImages(grey, nothing, everything))
+        writer.write_frame(number, FrameImages(gray, nothing, everything))
         writer.add_pose(number, camera.world_from_cam, 0.1 * number)
     writer.finish()
     shutil.copy(folder / "recording/run.json", folder / "capture/run.json")

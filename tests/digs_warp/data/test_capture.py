@@ -72,10 +72,10 @@ LABELS = (
 )
 def test_arrays_and_files_give_the_same_pixels(tmp_path: Path, layer: Layer) -> None:
     rng = np.random.default_rng(5)
-    grey = rng.integers(0, 256, (9, 12), dtype=np.uint8)
+    gray = rng.integers(0, 256, (9, 12), dtype=np.uint8)
     normals = rng.normal(size=(9, 12, 3)).astype(np.float32)
-    images = replace(frame_images(0), cause=grey, confidence=grey, normals=normals)
-    images = images.with_layers({layer: grey for layer in LABELS if layer.pattern.endswith("png")})
+    images = replace(frame_images(0), cause=gray, confidence=gray, normals=normals)
+    images = images.with_layers({layer: gray for layer in LABELS if layer.pattern.endswith("png")})
     numbers = [layer for layer in LABELS if layer.pattern.endswith("exr")]
     images = images.with_layers(dict.fromkeys(numbers, normals[..., 0]))
     images = images.with_layers({Layer.FLOW: normals})

@@ -116,7 +116,7 @@ def test_a_wrong_shape_is_named(name: str) -> None:
 
 
 @pytest.mark.parametrize("shape", [(5, 5, 3), (5, 0, 3), (5, 25, 3), (5, 3), (5,)])
-def test_a_wrong_number_of_colour_coefficients_raises_our_error(shape: tuple[int, ...]) -> None:
+def test_a_wrong_number_of_color_coefficients_raises_our_error(shape: tuple[int, ...]) -> None:
     arrays = {field: getattr(random_gaussians(5), field) for field in FIELDS}
     with pytest.raises(DigsError):
         Gaussians(**(arrays | {"sh": np.zeros(shape)}))

@@ -68,7 +68,7 @@ def test_16_bit_files_carry_no_gamma(tmp_path: Path) -> None:
     assert b"IHDR" in data and b"gAMA" not in data and b"sRGB" not in data
 
 
-def test_colour_of_transparent_pixels_survives(tmp_path: Path) -> None:
+def test_color_of_transparent_pixels_survives(tmp_path: Path) -> None:
     pixels = random_pixels("uint8", (6, 8, 4))
     write_image(tmp_path / "rgba.png", pixels)
     np.testing.assert_array_equal(read_image(tmp_path / "rgba.png"), pixels)

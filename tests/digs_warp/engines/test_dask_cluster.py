@@ -79,7 +79,7 @@ def test_a_worker_that_is_killed_changes_nothing(
     assert (hopeless["failure"], hopeless["attempts"]) == ("worker lost", 2)
     news = [each for each in caplog.records if each.name.startswith("distributed")]
     assert [each.message for each in news if each.levelno < logging.ERROR] == []
-    # Its neighbour on the other worker is none the worse.
+    # Its neighbor on the other worker is none the worse.
     assert calls(tmp_path) == [0, 1, 2, 3, 3, 4, 4, 5]
     (tmp_path / "hopeless").unlink()
     run_cases(CASES, tmp_path, measure=measure, engine=EngineConfig(case_threads=1))

@@ -25,7 +25,7 @@ def without(frame: Frame, key: Layer) -> Frame:
     return replace(frame, layers={k: path for k, path in frame.layers.items() if k != key})
 
 
-def test_points_lie_on_the_ball_with_its_colours_and_cover_its_sides(
+def test_points_lie_on_the_ball_with_its_colors_and_cover_its_sides(
     tmp_path: Path, views: list[View]
 ) -> None:
     capture = write_capture(tmp_path, views)

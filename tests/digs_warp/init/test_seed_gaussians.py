@@ -12,7 +12,7 @@ from digs_warp.init.seed_gaussians import (
     LONELY_SCALE,
     MAX_SCALE_RATIO,
     MIN_SCALE_RATIO,
-    neighbour_scales,
+    neighbor_scales,
     seed_gaussians,
 )
 from digs_warp.sh import rgb_from_sh
@@ -24,24 +24,24 @@ def grid(side: int, spacing: float) -> np.ndarray:
 
 def test_on_a_grid_the_scale_is_the_spacing() -> None:
     # Even a corner of a cubic grid has three neighbors at one spacing.
-    np.testing.assert_allclose(neighbour_scales(grid(4, 0.02)), 0.02, rtol=1e-12)
+    np.testing.assert_allclose(neighbor_scales(grid(4, 0.02)), 0.02, rtol=1e-12)
 
 
 def test_scale_is_the_root_mean_square_of_three_distances() -> None:
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype=float)
     squared = np.array([[1, 4, 9], [1, 5, 10], [4, 5, 13], [9, 10, 13]])
-    np.testing.assert_allclose(neighbour_scales(points), np.sqrt(squared.mean(axis=1)))
+    np.testing.assert_allclose(neighbor_scales(points), np.sqrt(squared.mean(axis=1)))
 
 
 def test_brute_force_distances_agree() -> None:
     points = np.random.default_rng(0).uniform(0, 1, (200, 3))
     squared = np.sort(((points[:, None] - points[None]) ** 2).sum(axis=-1), axis=1)[:, 1:4]
-    np.testing.assert_allclose(neighbour_scales(points), np.sqrt(squared.mean(axis=1)))
+    np.testing.assert_allclose(neighbor_scales(points), np.sqrt(squared.mean(axis=1)))
 
 
 def test_a_stray_point_and_a_duplicate_stay_within_the_limits() -> None:
     points = np.concatenate([grid(5, 0.01), [[50.0, 0, 0]], np.full((4, 3), 0.005)])
-    scales = neighbour_scales(points)
+    scales = neighbor_scales(points)
     typical = np.median(scales)
     assert scales[125] == pytest.approx(MAX_SCALE_RATIO * typical)
     np.testing.assert_allclose(scales[126:], MIN_SCALE_RATIO * typical)
@@ -64,10 +64,10 @@ def test_few_points_and_duplicates_give_finite_gaussians(
 
 
 def test_two_points_see_each_other() -> None:
-    np.testing.assert_allclose(neighbour_scales(np.array([[0, 0, 0], [0, 3.0, 4.0]])), 5.0)
+    np.testing.assert_allclose(neighbor_scales(np.array([[0, 0, 0], [0, 3.0, 4.0]])), 5.0)
 
 
-def test_gaussians_show_the_colours_of_the_points_from_every_side() -> None:
+def test_gaussians_show_the_colors_of_the_points_from_every_side() -> None:
     rng = np.random.default_rng(0)
     points = PointCloud(rng.normal(size=(50, 3)), rng.uniform(0, 1, (50, 3)))
     gaussians = seed_gaussians(points, sh_degree=2, opacity=0.25)

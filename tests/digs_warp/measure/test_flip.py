@@ -24,8 +24,8 @@ def test_black_and_white_differ_almost_fully() -> None:
 
 def test_more_noise_is_a_larger_error() -> None:
     noise = image(1) - 0.5
-    grey = np.full((40, 50, 3), 0.5)
-    errors = [flip(grey + strength * noise, grey) for strength in (0.05, 0.1, 0.4)]
+    gray = np.full((40, 50, 3), 0.5)
+    errors = [flip(gray + strength * noise, gray) for strength in (0.05, 0.1, 0.4)]
     assert 0 < errors[0] < errors[1] < errors[2] < 1
 
 

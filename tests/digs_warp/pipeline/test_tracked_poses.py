@@ -86,8 +86,8 @@ def test_a_failed_match_of_images_names_the_other_way(
     capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.ERROR)
-    grey = np.full((135, 240, 3), 200, np.uint8)
-    frames = [frame.with_layer(Layer.IMAGE, grey) for frame in capture.frames[:4]]
+    gray = np.full((135, 240, 3), 200, np.uint8)
+    frames = [frame.with_layer(Layer.IMAGE, gray) for frame in capture.frames[:4]]
     plain = replace(unknown(capture), frames=tuple(frames))
     with pytest.raises(DigsError, match="use the depth of a film, too: --poses rgbd"):
         front_end(plain, FrontEndConfig(sfm=SfmConfig()), tmp_path, RunLog("test", {}))

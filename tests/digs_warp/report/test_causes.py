@@ -9,8 +9,8 @@ from digs_warp.report.pictures import shrink
 def darker_places(code: int, step: int = 1) -> np.ndarray:
     """Where the picture of one cause is darker than its brightest place."""
     picture = shrink(paint_causes(np.full((4 * TILE * step,) * 2, code, np.uint8), step), 4 * TILE)
-    grey = picture.astype(int).sum(axis=2)
-    return grey < grey.max()
+    gray = picture.astype(int).sum(axis=2)
+    return gray < gray.max()
 
 
 def test_neighboring_causes_differ_in_their_patterns_and_right_depth_has_none() -> None:

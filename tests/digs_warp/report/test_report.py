@@ -171,7 +171,7 @@ def test_columns_that_the_capture_lacks_are_left_out(tmp_path: Path) -> None:
     assert "simulation" not in page.text
 
 
-def test_a_colour_only_capture_without_masks_is_fine(tmp_path: Path) -> None:
+def test_a_color_only_capture_without_masks_is_fine(tmp_path: Path) -> None:
     capture = write_capture(tmp_path / "capture")
     write_reconstruction(tmp_path / "reconstruction", capture)
     index = json.loads((capture.folder / "transforms.json").read_text())
@@ -211,7 +211,7 @@ def test_a_difference_is_where_the_render_is_wrong(
     pixels[4:12, 30:40] ^= 0x80
     write_image(path, pixels)
     page = write_and_parse(run)
-    alt = "View 0000: absolute difference in colours"
+    alt = "View 0000: absolute difference in colors"
     (image,) = [image for image in page.images if image["alt"] == alt]
     bright = decoded(image, tmp_path).min(axis=2) > 100
     assert bright[5:11, 31:39].all()

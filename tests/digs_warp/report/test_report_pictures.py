@@ -6,7 +6,7 @@ import pytest
 from digs_warp.report.pictures import ColorScale, depth_scale, error_scale, over_white, shrink
 
 
-def test_missing_values_are_grey_and_the_ends_of_a_scale_saturate() -> None:
+def test_missing_values_are_gray_and_the_ends_of_a_scale_saturate() -> None:
     scale = ColorScale("x", 1.0, 2.0, "viridis")
     colors = scale.paint(np.array([[np.nan, 0.0, 1.0, 2.0, 99.0]]))[0]
     assert colors[0].tolist() == [128, 128, 128]

@@ -44,7 +44,7 @@ def test_the_ball_is_found(surround: np.ndarray) -> None:
     assert intersection_over_union(mask, truth) > 0.97
 
 
-def test_colours_correct_borders_that_depth_has_wrong() -> None:
+def test_colors_correct_borders_that_depth_has_wrong() -> None:
     fattened = WALL.copy().astype(np.float32)
     fattened[np.hypot(U - 75, V - 58) < 34] = 0.9
     truth = np.where(NEAR_DISK, 255, 0).astype(np.uint8)

@@ -135,7 +135,7 @@ SOFT = np.linspace(0, 255, HEIGHT * WIDTH).astype(np.uint8).reshape(HEIGHT, WIDT
         np.dstack([SOFT[::-1], SOFT[::-1], SOFT[::-1], SOFT]),
         SOFT.astype(np.uint16) * 257,
     ],
-    ids=["grey", "RGB", "cut-out", "16 bits"],
+    ids=["gray", "RGB", "cut-out", "16 bits"],
 )
 def test_masks_of_a_folder_come_in_many_forms(
     frames: list[Frame], tmp_path: Path, pixels: np.ndarray
@@ -182,8 +182,8 @@ def test_the_network_gets_and_gives_what_rembg_would(tmp_path: Path) -> None:
     expected = np.floor((pooled - pooled.min()) / np.ptp(pooled) * 255)
     from PIL import Image
 
-    grey = Image.fromarray(expected.astype(np.uint8))
-    enlarged = np.asarray(grey.resize((1024, 1024), Image.Resampling.LANCZOS))
+    gray = Image.fromarray(expected.astype(np.uint8))
+    enlarged = np.asarray(gray.resize((1024, 1024), Image.Resampling.LANCZOS))
     difference = np.abs(network.mask(image).astype(int) - enlarged)
     assert difference.max() <= 1  # float32 inside, and a floor
 

@@ -12,7 +12,7 @@ def test_all_pairs_are_there_once() -> None:
     assert all(i < j for i, j in pairs)
 
 
-def test_sequential_pairs_reach_neighbours_and_powers_of_two() -> None:
+def test_sequential_pairs_reach_neighbors_and_powers_of_two() -> None:
     pairs = sequential_pairs(100, overlap=5)
     assert {j for i, j in pairs if i == 0} == {1, 2, 3, 4, 5, 8, 16, 32}
     assert {j for i, j in pairs if i == 98} == {99}
@@ -35,7 +35,7 @@ def test_a_walk_that_comes_back_gets_its_loop() -> None:
     assert pairs == [(i, i + 12) for i in range(12)]
 
 
-def test_neighbours_and_images_without_features_get_no_partner() -> None:
+def test_neighbors_and_images_without_features_get_no_partner() -> None:
     descriptors = places([0, 1, 2, 3, 4, 0])
     descriptors[4] = np.zeros((0, 128), np.uint8)
     pairs = loop_pairs(descriptors, per_image=5, min_gap=3)

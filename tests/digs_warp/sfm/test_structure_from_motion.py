@@ -78,7 +78,7 @@ def test_observations_project_where_they_were_measured(estimated: SfmResult) -> 
     np.testing.assert_allclose(means, model.reprojection_errors, atol=2e-3)
 
 
-def test_points_have_the_colours_of_the_photographs(
+def test_points_have_the_colors_of_the_photographs(
     estimated: SfmResult, views: list[Frame]
 ) -> None:
     model, seen = estimated.model, estimated.model.observations

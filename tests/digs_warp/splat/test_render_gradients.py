@@ -44,7 +44,7 @@ def test_adjoints_of_all_outputs_give_the_gradients_of_the_twin() -> None:
     check_same(again, found, 0.0)
 
 
-def test_an_image_behind_gives_the_gradients_of_a_colour_behind() -> None:
+def test_an_image_behind_gives_the_gradients_of_a_color_behind() -> None:
     """The image shows through the Gaussians, so their opacity is told about it."""
     rng = np.random.default_rng(1)
     adjoint = rng.normal(size=(27, 33, 3))

@@ -25,9 +25,9 @@ wp.load_module({kernel}.module, device="cpu")
 HOT_LOOP = "for i in range(BLOCK):"
 
 KERNELS = {
-    "colour, forward": "rasterize.forward_kernel(RasterOptions())",
+    "color, forward": "rasterize.forward_kernel(RasterOptions())",
     "depth and normals, forward": "rasterize.forward_kernel(RasterOptions(outputs='normals'))",
-    "colour, backward": "rasterize_adjoint.backward_kernel(RasterOptions(), False)",
+    "color, backward": "rasterize_adjoint.backward_kernel(RasterOptions(), False)",
     "all outputs and absolute gradients, backward": (
         "rasterize_adjoint.backward_kernel(RasterOptions(outputs='normals'), True)"
     ),
@@ -54,7 +54,7 @@ def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path
 
 
 def test_which_blocks_are_touched_is_found_for_several_splats_at_once(tmp_path: Path) -> None:
-    code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS["colour, forward"])
+    code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS["color, forward"])
     assert_vectorized(code, "for member in range(GROUP):", tmp_path)
 
 

@@ -121,7 +121,7 @@ def test_an_image_lies_behind_the_gaussians(backend: RasterBackend) -> None:
     np.testing.assert_allclose(renderer.image.to_numpy(), alone + through * behind, atol=1e-6)
 
 
-def test_a_constant_background_image_is_a_background_colour() -> None:
+def test_a_constant_background_image_is_a_background_color() -> None:
     """In gradients, too: a splat that hides the background takes its light away."""
     planes = ImagePlanes(*SIZE, 3)
     planes.assign(np.broadcast_to(BACKGROUND, (SIZE[1], SIZE[0], 3)))

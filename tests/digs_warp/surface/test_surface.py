@@ -98,7 +98,7 @@ def test_noise_averages_out_over_the_views() -> None:
     assert np.sqrt(np.mean(off**2)) < 0.35 * VOXEL
 
 
-def test_gaussians_give_their_surface_and_colours(mesh: TriangleMesh) -> None:
+def test_gaussians_give_their_surface_and_colors(mesh: TriangleMesh) -> None:
     radii = np.linalg.norm(mesh.points_world, axis=1)
     # The skins of the discs lie in front of their centers, most at grazing angles.
     assert np.percentile(np.abs(radii - RADIUS), 95) < 1.25 * VOXEL
@@ -168,7 +168,7 @@ def test_masks_cut_the_mesh() -> None:
     assert result.mesh.points_world[:, 2].min() > whole.mesh.points_world[:, 2].min() + RADIUS / 4
 
 
-def test_views_show_colour_without_background() -> None:
+def test_views_show_color_without_background() -> None:
     camera = cameras()[8]
     view = next(depth_views(ball(), [camera], ORIGIN))
     seen = np.isfinite(view.depth)
@@ -210,7 +210,7 @@ def read_glb(path: Path) -> tuple[dict, dict[str, np.ndarray]]:
     return document, arrays
 
 
-def test_a_glb_is_y_up_with_linear_colours(tmp_path: Path) -> None:
+def test_a_glb_is_y_up_with_linear_colors(tmp_path: Path) -> None:
     mesh = TriangleMesh(np.eye(3), np.array([[0, 1, 2]]), np.array([[0.1, 0.5, 0.9]] * 3))
     write_mesh(tmp_path / "a.glb", mesh)
     document, arrays = read_glb(tmp_path / "a.glb")

@@ -49,7 +49,7 @@ def exposed(frame: Frame, stops: np.ndarray) -> Frame:
     return frame.with_layer(Layer.IMAGE, to_uint8(srgb_from_linear(light)))
 
 
-def grey_ball() -> Gaussians:
+def gray_ball() -> Gaussians:
     truth = ball()
     return replace(truth, sh=np.zeros_like(truth.sh))
 
@@ -67,7 +67,7 @@ def trained(
         half_size_until=0,
         fit_exposure=fit_exposure,
     )
-    trainer = Trainer(start or grey_ball(), open_views(frames, config), config)
+    trainer = Trainer(start or gray_ball(), open_views(frames, config), config)
     for _ in range(STEPS):
         trainer.step()
     return trainer

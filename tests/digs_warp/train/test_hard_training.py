@@ -61,7 +61,7 @@ def assert_finite(gaussians: Gaussians) -> None:
 
 @pytest.mark.parametrize("color", [0, 127, 255])
 @pytest.mark.parametrize("background", ["random", "white", "black"])
-def test_images_of_one_colour(color: int, background: str) -> None:
+def test_images_of_one_color(color: int, background: str) -> None:
     """SSIM of constants: no variance, and for black no mean either."""
     config = TrainConfig(stop=Stop(iterations=25), background=background)  # pyright: ignore[reportArgumentType]
     trainer = train([painted(n, color=color) for n in range(3)], config)

@@ -119,7 +119,7 @@ def test_a_state_that_is_not_finite_does_not_replace_a_good_one(
     ("other", "what"),
     [
         ({"density": Density(strategy="mcmc")}, "density control"),
-        ({"sh_degree": 1}, "colour coefficients"),
+        ({"sh_degree": 1}, "color coefficients"),
     ],
 )
 def test_a_checkpoint_of_other_settings_is_refused(

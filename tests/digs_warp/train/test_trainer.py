@@ -22,13 +22,13 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
     return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8)
 
 
-def grey_start() -> Gaussians:
+def gray_start() -> Gaussians:
     truth = ball()
     return replace(truth, sh=np.zeros_like(truth.sh))
 
 
 def trained(capture: Capture, config: TrainConfig, steps: int) -> Trainer:
-    trainer = Trainer(grey_start(), open_views(capture.frames, config), config)
+    trainer = Trainer(gray_start(), open_views(capture.frames, config), config)
     for _ in range(steps):
         trainer.step()
     return trainer

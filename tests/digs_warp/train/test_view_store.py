@@ -110,7 +110,7 @@ def test_a_broken_image_is_found_before_the_training(capture: Capture, tmp_path:
         open_views(read_capture(tmp_path / "capture").frames, TrainConfig())
 
 
-def test_halving_means_blocks_and_weighs_colours_by_the_mask() -> None:
+def test_halving_means_blocks_and_weighs_colors_by_the_mask() -> None:
     image = np.zeros((5, 4, 3), np.uint8)
     mask = np.zeros((5, 4), np.uint8)
     image[0, 0], mask[0, 0] = 200, 255

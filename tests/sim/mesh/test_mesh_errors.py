@@ -169,7 +169,7 @@ def test_a_gltf_reads_the_files_beside_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scene.materials[0].texture, np.asarray(checker()))
 
 
-def test_textures_may_lie_in_a_neighbouring_folder(tmp_path: Path) -> None:
+def test_textures_may_lie_in_a_neighboring_folder(tmp_path: Path) -> None:
     for folder in ("mesh", "textures"):
         (tmp_path / folder).mkdir()
     (tmp_path / "mesh/s.obj").write_text(OBJ)

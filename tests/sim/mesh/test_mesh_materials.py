@@ -110,7 +110,7 @@ def test_colors_of_faces_do_not_run_into_each_other(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_a_mesh_without_any_color_is_plain_grey(tmp_path: Path) -> None:
+def test_a_mesh_without_any_color_is_plain_gray(tmp_path: Path) -> None:
     scene = load_scene(save(tmp_path / "ball.stl", trimesh.creation.icosphere(subdivisions=1)))
     (material,) = scene.materials
     assert material.texture is None

@@ -58,13 +58,13 @@ def test_encoding_is_srgb_up_to_half_a_step() -> None:
     np.testing.assert_allclose(encode(linear), exact, atol=0.55)
 
 
-def test_the_slope_of_srgb_at_middle_grey() -> None:
+def test_the_slope_of_srgb_at_middle_gray() -> None:
     low, high = 255 * srgb_from_linear(np.array([GREY - 1e-5, GREY + 1e-5]))
     assert (high - low) / 2e-5 == pytest.approx(STEPS_PER_LINEAR, rel=1e-6)
 
 
 @pytest.mark.parametrize("noise", [1.0, 2.0, 4.0])
-def test_both_noises_make_what_the_rig_states_at_middle_grey(noise: float) -> None:
+def test_both_noises_make_what_the_rig_states_at_middle_gray(noise: float) -> None:
     rig = replace(RIG, image_noise=noise)
     noisy = ReadNoise().apply(ShotNoise().apply(eyes(GREY), rig, rng(1)), rig, rng(2))
     for image in (noisy.left, noisy.right):

@@ -61,11 +61,11 @@ def test_noise_of_the_images_becomes_noise_of_disparity() -> None:
 
 def test_luma_has_the_noise_that_textures_are_compared_with() -> None:
     rig = make_rig(image_noise=4.0)
-    grey = make_frame(20.0, rig, flat((240, 320), 118))  # middle gray, for which rigs state noise
-    left, right = recorded_images(grey, (ShotNoise(), ReadNoise()), seed=3)
+    gray = make_frame(20.0, rig, flat((240, 320), 118))  # middle gray, for which rigs state noise
+    left, right = recorded_images(gray, (ShotNoise(), ReadNoise()), seed=3)
     for image in (left, right):
         assert gray_of(image).std() == pytest.approx(noise_of(4.0), rel=0.03)
-    assert recorded_images(grey, ()) == (grey.image, grey.right)
+    assert recorded_images(gray, ()) == (gray.image, gray.right)
 
 
 def test_depth_out_of_range_is_not_reported() -> None:
@@ -98,7 +98,7 @@ def test_bad_search_settings_are_refused(disparities: int, window: int) -> None:
         match(image, image, disparities, window)
 
 
-def test_occlusion_is_left_of_near_things_and_labelled() -> None:
+def test_occlusion_is_left_of_near_things_and_labeled() -> None:
     """A textured box before a textured wall: the matcher loses or mistakes what the box hides."""
     truth, (rows, columns) = box_frame(38.0, 8.0)
     left = truth.image

@@ -59,7 +59,7 @@ def test_zero_scales_and_zero_quaternions_are_readable(tmp_path: Path) -> None:
     assert read.opacities[0] < 1 / 255
 
 
-def test_lost_colour_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_lost_color_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     write_dot_splat(tmp_path / "a.splat", random_gaussians(2, 1))
     assert "view-dependent" in caplog.text
 

@@ -114,7 +114,7 @@ def test_what_the_format_cannot_hold_is_said(
     g.log_scales[0, 0], g.log_scales[1, 1] = -12, 8
     g.sh[2, 0, 0], g.sh[3, 2, 1] = 5, 1.5
     write_spz(tmp_path / "a.spz", g)
-    for loss in ("thickened", "larger than 380 m", "colours far", "SH coefficients beyond 1"):
+    for loss in ("thickened", "larger than 380 m", "colors far", "SH coefficients beyond 1"):
         assert loss in caplog.text
     assert caplog.text.count("1 of 4 Gaussians") == 4
 

@@ -33,7 +33,7 @@ def write_scannet(capture: Capture, folder: Path) -> None:
     np.savetxt(folder / "intrinsic/intrinsic_depth.txt", matrix)
 
 
-def test_scannet_depth_lands_on_the_colour_pixels(
+def test_scannet_depth_lands_on_the_color_pixels(
     capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     write_scannet(capture, tmp_path / "scannet")
