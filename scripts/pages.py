@@ -1,13 +1,13 @@
 """Run benchmarks and write their tables and pictures into the documentation, between its marks.
 
-Usage: python scripts/pages.py [BENCHMARK ...]
-
-Without names all benchmarks run, which takes an hour and a half on a quiet machine.
+Without names all benchmarks run, which takes an hour and a half on a quiet machine. A long one can be
+measured in parts (`digs-warp bench NAME --only CASE --json FILE`), and then be published with --results.
 """
 
+import argparse
 import platform
-import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from page_marks import DOCS, fill, marks
 
@@ -17,13 +17,31 @@ from digs_warp.record.run_log import versions
 from digs_warp.study.benchmarks import BENCHMARKS, Benchmark, find_benchmark
 from digs_warp.study.charts import side_by_side
 from digs_warp.study.machine import processor
-from digs_warp.study.results import Result, tables
+from digs_warp.study.results import Result, read_json_lines, tables
 
 
-def main(names: Sequence[str]) -> None:
-    """Measure the named benchmarks and publish them."""
+def main() -> None:
+    """Measure the named benchmarks and publish them, or publish what was measured before."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", metavar="BENCHMARK")
+    parser.add_argument(
+        "--results",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="publish these results of one benchmark, measured on this machine, instead of running it",
+    )
+    given = parser.parse_args()
+    chosen = [find_benchmark(name) for name in given.names] or list(BENCHMARKS)
+    if given.results:
+        if len(chosen) != 1:
+            parser.error("--results belongs to one benchmark; name it")
+        publish(chosen[0], [each for path in given.results for each in read_json_lines(path)])
+        return
     show_progress()
-    for benchmark in [find_benchmark(name) for name in names] or BENCHMARKS:
+    for benchmark in chosen:
         publish(benchmark, benchmark.run())
 
 
@@ -46,4 +64,4 @@ def publish(benchmark: Benchmark, results: Sequence[Result]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

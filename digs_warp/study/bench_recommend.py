@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.device.warp_start import compile_seconds
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
@@ -16,6 +17,7 @@ from digs_warp.study.recommend.choose import Choice, Recommendation, Studies, re
 from digs_warp.study.recommend.published import read_studies
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import with_meshes
+from digs_warp.words import did_you_mean
 
 # The first two are those of the trade-off study, at another size; the others were kept aside.
 MESHES = ("ycb_mustard_bottle", "avocado")
@@ -38,8 +40,8 @@ class Run:
 
 
 def bench_recommend(
+    meshes: Sequence[str] = (),
     data: Path | None = None,
-    meshes: Sequence[str] = (*MESHES, *KEPT_ASIDE),
     recording: SimulateConfig | None = None,
     budgets: Sequence[float] = BUDGETS,
     studies: Studies | None = None,
@@ -50,14 +52,22 @@ def bench_recommend(
     on held-out views among those that took no longer than the time, or than the recommended one did.
 
     Args:
+        meshes: some of `MESHES` and `KEPT_ASIDE`; none: all that are there.
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
-        meshes: names of sample meshes.
         recording: its frames and image size; None: those of the published table.
         budgets: times [s]; where nothing fits, there is no result.
         studies: what the recommendation is made from; None: what `digs-warp recommend` takes.
+
+    Raises:
+        DigsError: an unknown mesh, or none is there.
     """
+    known = (*MESHES, *KEPT_ASIDE)
+    if unknown := [mesh for mesh in meshes if mesh not in known]:
+        raise DigsError(
+            f"bench recommend: no object '{unknown[0]}'{did_you_mean(unknown[0], known)}"
+        )
     recording = recording or SimulateConfig(frames=FRAMES, width=WIDTH)
-    scenes = with_meshes(recording, meshes, data, "recommend")
+    scenes = with_meshes(recording, meshes or known, data, "recommend")
     studies = studies or read_studies()
     results = []
     with progress(len(scenes), "Comparing", "object") as bar:
@@ -92,6 +102,7 @@ def compared(
         best = max(rivals, key=lambda run: run.psnr)
         labels = {
             "object": mesh,
+            "kept aside": "no" if mesh in MESHES else "yes",
             "time [s]": f"{budget:g}",
             "recommended": own.choice.setting.name,
             "best": best.choice.setting.name,

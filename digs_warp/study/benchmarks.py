@@ -164,6 +164,10 @@ BENCHMARKS = (
         "what is recommended for a recording and a time, against the best of the front at that time",
         "bench_recommend:bench_recommend",
         "studies.md",
+        cases=(
+            *("ycb_mustard_bottle", "avocado"),
+            *("ycb_cracker_box", "flight_helmet", "tea_set", "armchair"),
+        ),
     ),
     Benchmark(
         "size",

@@ -10,7 +10,15 @@ from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.pipeline.reconstruct import ReconstructConfig
 from digs_warp.sim.config import SimulateConfig
-from digs_warp.study.bench_recommend import ANY_TIME, Run, bench_recommend, compared
+from digs_warp.study.bench_recommend import (
+    ANY_TIME,
+    KEPT_ASIDE,
+    MESHES,
+    Run,
+    bench_recommend,
+    compared,
+)
+from digs_warp.study.benchmarks import find_benchmark
 from digs_warp.study.recommend.choose import Studies, recommend
 from digs_warp.study.recommend.published import read_studies
 from reference.recorded import small_capture
@@ -43,16 +51,26 @@ def test_every_setting_of_the_front_is_run(tmp_path: Path) -> None:
     trimesh.creation.box(extents=(0.2, 0.25, 0.1)).export(folder / "avocado.glb")
     small = SimulateConfig(frames=9, width=64, samples_per_pixel=1, tier="law")
     (result,) = bench_recommend(
-        tmp_path, recording=small, budgets=(ANY_TIME,), studies=_of_few_steps(read_studies())
+        ["avocado"],
+        tmp_path,
+        recording=small,
+        budgets=(ANY_TIME,),
+        studies=_of_few_steps(read_studies()),
     )
-    assert result.labels["object"] == "avocado"
+    assert result.labels["object"] == "avocado" and result.labels["kept aside"] == "no"
     assert result.values["took [s]"] > 0 and result.values["PSNR, object [dB]"] > 5
     assert result.values["ratio"] <= 1
 
 
 def test_without_sample_meshes_it_says_what_is_missing(tmp_path: Path) -> None:
     with pytest.raises(DigsError, match=r"no sample meshes.*DIGS_WARP_SAMPLE_DATA"):
-        bench_recommend(tmp_path)
+        bench_recommend(data=tmp_path)
+
+
+def test_objects_are_known_by_name() -> None:
+    assert set(find_benchmark("recommend").cases) == {*MESHES, *KEPT_ASIDE}
+    with pytest.raises(DigsError, match=r"no object 'avocdo'; did you mean 'avocado'"):
+        bench_recommend(["avocdo"])
 
 
 def _of_few_steps(studies: Studies) -> Studies:
