@@ -81,22 +81,29 @@ def _effects(effects: Any, effect: str | None) -> str:
 
 
 def _walk(settings: dict[str, Any]) -> "SimulatedWalk":
+    from digs_warp.record.digest import plain
+    from digs_warp.record.settings import settings_from_json
     from digs_warp.sim.config import SimulateConfig
+    from digs_warp.sim.inputs import rig_of
     from digs_warp.sim.sensor_plan import check_effects
     from digs_warp.sim.testing.sources import SimulatedWalk
 
-    values = {**DEFAULT_SETTINGS, **settings}
-    for name in ("mesh", "environment"):
-        if values.get(name) is not None:
-            values[name] = Path(values[name])
-    config = SimulateConfig(**values)
+    config = settings_from_json(SimulateConfig, plain({**DEFAULT_SETTINGS, **settings}))
     check_effects(config)
+    rig_of(config)  # refuses a wrong profile
+    for path in config.input_files:
+        if path and not path.exists():
+            raise DigsError(
+                f"'{path}': no such file; a relative path starts where pytest runs, here '{Path.cwd()}'"
+            )
     return SimulatedWalk(config)
 
 
 def _recording(settings: dict[str, Any]) -> "WorseRecording":
+    from digs_warp.record.digest import plain
+    from digs_warp.record.settings import settings_from_json
     from digs_warp.sim.testing.recording import OwnRecording, RecordingConfig
     from digs_warp.sim.testing.sources import WorseRecording
 
-    values = {**settings, "capture": Path(settings["capture"])}
-    return WorseRecording(OwnRecording.of(RecordingConfig(**values)))
+    config = settings_from_json(RecordingConfig, plain(settings))
+    return WorseRecording(OwnRecording.of(config))

@@ -98,6 +98,14 @@ def test_the_marker_is_described(tmp_path: Path) -> None:
         ("frames=0", "--frames: 0, expected 1 to 100,000"),
         ("strengths=(2, 1)", "expected rising numbers"),
         ("strengths='auto'", "expected finite numbers"),
+        ("width='wide'", "settings.width: 'wide', expected int"),
+        ("tier='perfect'", "settings.tier: 'perfect', expected truth, law"),
+        ("profile='d434'", "profile 'd434': not known; did you mean 'd435'?"),
+        (
+            "mesh='nowhere.glb'",
+            "'nowhere.glb': no such file; a relative path starts where pytest runs",
+        ),
+        ("scene=('a.glb', 'b.glb')", "'a.glb': no such file"),
     ],
 )
 def test_a_wrong_marker_stops_the_collection_in_one_line(arguments: str, reason: str) -> None:
