@@ -11,6 +11,7 @@ from digs_warp.study.bench_found_poses import (
     IN_SCALE,
     LOSS,
     LOST,
+    POSES_AND_TIME,
     SCENES,
     PosedScene,
     bench_found_poses,
@@ -27,18 +28,21 @@ def test_every_way_has_a_row_and_its_loss_or_its_error(tmp_path: Path) -> None:
     scene = PosedScene("box, white room", "avocado", "white", "arc", True)
     small = SimulateConfig(frames=6, width=64, samples_per_pixel=1, tier="law")
     results = bench_found_poses(tmp_path, [scene], small, iterations=2)
-    figures = [row for row in results if row.table == FIGURES]
+    figures, poses = (
+        [row for row in results if row.table == table] for table in (FIGURES, POSES_AND_TIME)
+    )
+    assert [row.labels for row in poses] == [row.labels for row in figures]
     assert [row.labels["poses"] for row in figures] == list(POSES.values())
     assert all(row.labels["kept aside"] == "yes" for row in figures)
     true = figures[0].values["PSNR [dB]"]
     assert LOSS not in figures[0].values
     failed = {row.labels["stage"] for row in results if row.table == FINDINGS}
-    for row in figures[1:]:
+    for row, beside in zip(figures[1:], poses[1:], strict=True):
         if f"{row.labels['poses']} poses" in failed:
             assert "PSNR [dB]" not in row.values
         else:
             assert row.values[LOSS] == pytest.approx(true - row.values["PSNR [dB]"])
-            wrong = row.values["pose error [px]"] > LOST
+            wrong = beside.values["pose error [px]"] > LOST
             assert (IN_SCALE in row.values) == (not wrong)
     assert "estimated poses" in failed  # 64 pixels are too few to match images
 
