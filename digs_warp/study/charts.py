@@ -7,6 +7,20 @@ from typing import Any
 
 # Color-blind safe (Okabe and Ito).
 COLORS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#7f7f7f", "#000000")
+# Curves differ in more than their color, and one that lies over another shows it between its dashes.
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+DASHES = ("-", "--")
+
+# Of a logarithmic axis with this many values at most, the values are the ticks.
+MOST_TICKS = 6
+
+# Where a note stands. In rows to the right of its point; else to the upper left, which is free at points that
+# nothing beats, and slanted, so that neighbors do not overlap.
+_BESIDE = {"xytext": (6, -2), "textcoords": "offset points", "ha": "left"}
+_ABOVE = {
+    **{"xytext": (0, 4), "textcoords": "offset points", "ha": "right"},
+    **{"rotation": -40, "rotation_mode": "anchor"},
+}
 
 
 @dataclass(frozen=True)
@@ -19,7 +33,7 @@ class Curve:
         spread: half width of a band around it; empty: none.
         line, marker: draw the line, the points; at least one of them.
         notes: a word at each point; empty: none.
-        color: its number in COLORS; None: the next one.
+        color: its number in COLORS, MARKERS and DASHES; None: the next one.
     """
 
     label: str
@@ -63,20 +77,22 @@ class Chart:
     def draw(self, axes: Any) -> None:
         """Draw into the axes of a figure."""
         for number, curve in enumerate(self.curves):
-            color = COLORS[(number if curve.color is None else curve.color) % len(COLORS)]
-            style = "-" * curve.line + "o" * curve.marker
-            axes.plot(curve.x, curve.y, style, label=curve.label, color=color, markersize=4)
+            which = number if curve.color is None else curve.color
+            color = COLORS[which % len(COLORS)]
+            style = {
+                "linestyle": DASHES[which % len(DASHES)] if curve.line else "none",
+                "marker": MARKERS[which % len(MARKERS)] if curve.marker else "none",
+                "zorder": 2 + which % len(DASHES),  # dashes lie on top
+            }
+            axes.plot(curve.x, curve.y, label=curve.label, color=color, markersize=5, **style)
             if curve.spread:
                 low = [y - s for y, s in zip(curve.y, curve.spread, strict=True)]
                 high = [y + s for y, s in zip(curve.y, curve.spread, strict=True)]
                 axes.fill_between(curve.x, low, high, color=color, alpha=0.15, linewidth=0)
             for x, y, note in zip(curve.x, curve.y, curve.notes, strict=False):
-                # In rows to the right; else to the upper left, which is free at points that nothing beats.
-                place = ((6, -2), "left") if self.rows else ((-6, 3), "right")
-                offset = {"xytext": place[0], "textcoords": "offset points", "ha": place[1]}
-                axes.annotate(note, (x, y), fontsize=7, **offset)
+                axes.annotate(note, (x, y), fontsize=7, **(_BESIDE if self.rows else _ABOVE))
         if any(curve.notes for curve in self.curves):
-            axes.margins(x=0.18)
+            axes.margins(x=0.18, y=0.05 if self.rows else 0.25)
             if self.rows:  # room for the notes to the right of the points
                 ends = [x for curve in self.curves for x in curve.x]
                 axes.set_xlim(0.0, 3.8 * max(ends))
@@ -92,15 +108,18 @@ class Chart:
             axes.legend(frameon=False, fontsize=8)
 
     def _scale(self, axes: Any) -> None:
-        from matplotlib.ticker import LogLocator, NullFormatter
+        from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
-        for wanted, set_scale, axis in (
-            (self.log_x, axes.set_xscale, axes.xaxis),
-            (self.log_y, axes.set_yscale, axes.yaxis),
+        for wanted, set_scale, axis, values in (
+            (self.log_x, axes.set_xscale, axes.xaxis, {x for c in self.curves for x in c.x}),
+            (self.log_y, axes.set_yscale, axes.yaxis, {y for c in self.curves for y in c.y}),
         ):
             if wanted:
                 set_scale("log")
-                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                few = len(values) <= MOST_TICKS
+                axis.set_major_locator(
+                    FixedLocator(sorted(values)) if few else LogLocator(subs=(1.0, 2.0, 5.0))
+                )
                 axis.set_major_formatter("{x:g}")
                 axis.set_minor_formatter(NullFormatter())
 
