@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError
 from digs_warp.data.camera_motion import UNKNOWN, Exposure
+from digs_warp.data.decoded import decoded
 from digs_warp.data.images import read_image
 from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.data.label_loaders import LabelLoaders
@@ -173,7 +175,7 @@ class Frame(LabelLoaders):
         """Return the pixels as stored, shape (height, width, channels); the caller may change them."""
         source = self._source(layer)
         if isinstance(source, Path):
-            pixels = read_image(source, what=layer.label)
+            pixels = decoded(source, partial(read_image, what=layer.label))
         else:
             pixels = source.reshape(*source.shape[:2], -1).copy()
         k = self.camera.intrinsics

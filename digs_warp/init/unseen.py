@@ -7,7 +7,6 @@ below, the masks rule out too little.
 """
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
@@ -73,8 +72,7 @@ def unseen_points(
     distances, nearest = (np.reshape(each, (len(places), neighbors)) for each in found)
     far = distances[:, 0] > UNSEEN_EDGES * hull.edge
     places, colors = places[far], measured.colors[nearest[far]].mean(axis=1)
-    cannot_see = partial(hidden, places, voxel_size)
-    return PointCloud(places, colors, hidden=np.logical_and.reduce([*map(cannot_see, views)]))
+    return PointCloud(places, colors, hidden=hidden(places, views, voxel_size))
 
 
 def _depth_of(frame: Frame) -> tuple[Camera, np.ndarray]:

@@ -6,78 +6,72 @@ the view says nothing about it.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+import warp as wp
 
 from digs_warp.camera import Camera
-from digs_warp.device.parallel import default_threads
+from digs_warp.device.parallel import launch_parallel
+from digs_warp.init.visibility_kernel import Eye, says_kernel
 
-# Depths agree within this many voxels plus this share of the depth.
-TOLERANCE_VOXELS = 2.0
-TOLERANCE_SHARE = 0.01
+# Cameras and their depth maps [m], (height, width) each, at the image's size or a reduced one.
+Views = Sequence[tuple[Camera, np.ndarray]]
 
 
-def not_seen_through(
-    points_world: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
-) -> np.ndarray:
+class Said(NamedTuple):
+    """How many views say what about each point, (n,) each, int32."""
+
+    confirmed: np.ndarray
+    contradicted: np.ndarray
+    blind: np.ndarray
+
+
+def not_seen_through(points_world: np.ndarray, views: Views, voxel_size: float) -> np.ndarray:
     """Return the points that at least as many views confirm as contradict, shape (n,), bool.
 
     Args:
         points_world: points [m], shape (n, 3).
-        views: cameras and their depth maps [m], each (height, width), at the same or a reduced size.
+        views: cameras and their depth maps.
         voxel_size: of the points' grid [m].
     """
-    vote = partial(votes, points_world, voxel_size)
-    with ThreadPoolExecutor(default_threads()) as pool:
-        balance = sum(pool.map(vote, views), np.zeros(len(points_world), dtype=np.int64))
-    return balance >= 0
+    said = what_views_say(points_world, views, voxel_size)
+    return said.confirmed >= said.contradicted
 
 
-def votes(
-    points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
-) -> np.ndarray:
-    """Return +1 for points that the view confirms, -1 for those it contradicts, else 0.
+def confirmed(points_world: np.ndarray, views: Views, voxel_size: float) -> np.ndarray:
+    """Return which points a view confirms, (n,), bool; arguments as of `not_seen_through`."""
+    return what_views_say(points_world, views, voxel_size).confirmed > 0
 
-    Args:
-        points_world: points [m], shape (n, 3).
-        voxel_size: of the points' grid [m].
-        view: a camera and its depth map [m], as in `not_seen_through`.
+
+def hidden(points_world: np.ndarray, views: Views, voxel_size: float) -> np.ndarray:
+    """Return which points no view can see, (n,), bool: behind what it measured, or not in its image.
+
+    Arguments as of `not_seen_through`.
     """
-    inside, nearer, tolerance = _before_measured(points_world, voxel_size, view)
-    found = np.zeros(len(points_world), dtype=np.int64)
-    # Comparisons with NaN, where nothing was measured, are False.
-    found[inside] = (np.abs(nearer) <= tolerance).astype(np.int64) - (nearer > tolerance)
-    return found
+    return what_views_say(points_world, views, voxel_size).blind == len(views)
 
 
-def hidden(
-    points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
-) -> np.ndarray:
-    """Return which points the view cannot see, (n,), bool: behind what it measured, or not in its image.
+def what_views_say(points_world: np.ndarray, views: Views, voxel_size: float) -> Said:
+    """Return how many views confirm, contradict, and cannot see each point."""
+    count = len(points_world)
+    found = wp.zeros((count, 3), dtype=int, device="cpu")
+    if views:
+        starts = np.cumsum([0, *(depth.size for _, depth in views)])
+        form: Any = Eye.numpy_dtype()
+        eyes = [_eye(*view, int(start)) for view, start in zip(views, starts, strict=False)]
+        depths = np.concatenate([depth.reshape(-1) for _, depth in views])
+        inputs = [
+            wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu"),
+            wp.array(np.array(eyes, dtype=form), dtype=Eye, device="cpu"),
+            wp.array(depths.astype(np.float32), dtype=float, device="cpu"),
+            *(wp.float64(voxel_size), found),
+        ]
+        launch_parallel(says_kernel, count, inputs)
+    return Said(*found.numpy().T)
 
-    Args:
-        points_world: points [m], shape (n, 3).
-        voxel_size: of the points' grid [m].
-        view: a camera and its depth map [m], as in `not_seen_through`.
-    """
-    inside, nearer, tolerance = _before_measured(points_world, voxel_size, view)
-    found = np.ones(len(points_world), dtype=bool)
-    found[inside] = nearer < -tolerance
-    return found
 
-
-def _before_measured(
-    points_world: np.ndarray, voxel_size: float, view: tuple[Camera, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which points the image shows, and for those: how far before the surface, and the tolerance."""
-    camera, depth = view
+def _eye(camera: Camera, depth: np.ndarray, start: int) -> tuple[object, ...]:
     height, width = depth.shape
-    camera = camera.resized(width, height)
-    px, z = camera.project(points_world)
-    inside = camera.shows(px, z)
-    columns, rows = np.floor(px[inside]).astype(np.int64).T
-    measured = depth[rows, columns].astype(np.float64)
-    tolerance = TOLERANCE_VOXELS * voxel_size + TOLERANCE_SHARE * measured
-    return inside, measured - z[inside], tolerance
+    k = camera.intrinsics.resized(width, height)
+    return (camera.cam_from_world, k.fx, k.fy, k.cx, k.cy, width, height, start)

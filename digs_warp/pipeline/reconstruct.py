@@ -5,22 +5,26 @@ docs/reconstruction-format.md describes the folder that `reconstruct` writes.
 
 import logging
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.decoded import decoded_once
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.posed_frames import CAMERAS
+from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.libraries import import_open3d, import_pycolmap
+from digs_warp.device.threads import default_threads
 from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import MAX_SCALE_RATIO, SCENE_SCALE_RATIO, seed_gaussians
-from digs_warp.init.view_dependence import view_dependence
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.frame_masks import MASKS
 from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
+from digs_warp.pipeline.loaded_views import load_views
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.refined_poses import with_trained_poses
@@ -46,8 +50,14 @@ from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.blur_plan import plan_blur
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
-from digs_warp.train.evaluate import TestView, load_test_views, render_views, score_views
-from digs_warp.train.session import Trained, Watch, load_trained_poses, train_gaussians
+from digs_warp.train.evaluate import MeasuredViews, TestView, measure_views
+from digs_warp.train.session import (
+    Trained,
+    TrainingData,
+    Watch,
+    load_trained_poses,
+    train_gaussians,
+)
 from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
 
 logger = logging.getLogger(__name__)
@@ -130,22 +140,24 @@ def _reconstruct(
     resume = before is not None
     log.results = before.results if before else {}
     log.save(record)
-    with log.saved(record):
-        prepared = front_end(capture, config, folder, log, resume)
-    prepared, shutter = _with_shutter(capture, prepared, config)
-    with log.stage("load views"):
-        test_views = load_test_views(prepared.frames.held_out, shutter)
-    color = None
-    if config.train.sh_degree is None:
-        with log.stage("look at the color"):
-            color = view_dependence(prepared.frames.training, prepared.start.points.points_world)
-        config = replace(config, train=replace(config.train, sh_degree=color.degree))
-    with log.saved(record):
+    with decoded_once():
+        with log.saved(record):
+            prepared = front_end(capture, config, folder, log, resume)
+        prepared, shutter = _with_shutter(capture, prepared, config)
         trained = (
             _finished_training(folder, before, len(prepared.frames.by_time)) if before else None
         )
+        with log.stage("load views"):
+            views = load_views(
+                *(prepared, shutter, config.train, folder, resume), trains=trained is None
+            )
+    test_views, color = views.held_out, views.color
+    if color is not None:
+        config = replace(config, train=replace(config.train, sh_degree=color.degree))
+    with log.saved(record):
         if trained is None:
-            trained = _train(prepared, shutter, test_views, config, folder, log, resume, watch)
+            assert views.data is not None
+            trained = _train(prepared, views.data, test_views, config, folder, log, watch)
         prepared, test_views = with_trained_poses(prepared, test_views, trained.poses, folder)
         result = Reconstruction(
             gaussians=trained.gaussians,
@@ -167,9 +179,14 @@ def _reconstruct(
             color=color,
         )
         log.results = result.results.to_json()
-    with log.stage("evaluate"):
-        scores = _evaluate(trained.gaussians, test_views, config.train.device, folder)
-        surface = _surface_error(result, config)
+    with log.stage("evaluate"), ThreadPoolExecutor(1) as beside:
+        truth = beside.submit(_true_surface, result, config)
+        measured = trained.measured
+        if measured is None:
+            gaussians = DeviceGaussians.from_numpy(trained.gaussians, config.train.device)
+            measured = measure_views(gaussians, test_views)
+        scores = _saved(measured, test_views, folder)
+        surface = _surface_error(result, truth.result(), config)
     result = replace(result, scores=scores, surface=surface)
     log.results = result.results.to_json()
     log.save(record)
@@ -194,12 +211,11 @@ def _with_shutter(
 
 def _train(
     prepared: Prepared,
-    shutter: ShutterPlan,
+    data: TrainingData,
     test_views: Sequence[TestView],
     config: ReconstructConfig,
     folder: Path,
     log: RunLog,
-    resume: bool,
     watch: Watch | None,
 ) -> Trained:
     init = config.init
@@ -207,10 +223,9 @@ def _train(
     largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
     start = (init.seed_opacity, init.seed_width, largest)
     seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
-    frames = prepared.frames.training
     trains_poses = bool(prepared.refinement and prepared.refinement.in_training)
     return train_gaussians(
-        *(seeds, frames, test_views, config.train, folder, log, resume, shutter, watch),
+        *(seeds, data, test_views, config.train, folder, log, watch),
         held=points.hidden,
         train_poses=trains_poses and config.train.mask_role == "object",
     )
@@ -226,26 +241,33 @@ def _finished_training(folder: Path, before: RunRecord, frames: int) -> Trained 
     return Trained(gaussians, course, known.stopped_by, known.exposure_stops, poses)
 
 
-def _surface_error(result: Reconstruction, config: ReconstructConfig) -> SurfaceError | None:
-    """Compare with the true surface, where the recording is a simulated one and its mesh is still there."""
+def _true_surface(result: Reconstruction, config: ReconstructConfig) -> TriangleMesh | None:
+    """Return the true surface, where the recording is a simulated one and its mesh is still there."""
     if result.capture is None or result.frames is None or result.subject == "scene":
         return None  # the true mesh is that of the object: a room would be far from it
     try:
-        truth = read_true_surface(result.capture, config.segment.instance)
+        return read_true_surface(result.capture, config.segment.instance)
     except DigsError as error:
         logger.info("no distance to the true surface: %s", error)
         return None
-    if truth is None:
+
+
+def _surface_error(
+    result: Reconstruction, truth: TriangleMesh | None, config: ReconstructConfig
+) -> SurfaceError | None:
+    if truth is None or result.frames is None:
         return None
     frames = (*result.frames.training, *result.frames.held_out)
     return surface_error(result.gaussians, frames, truth, config.train.device)
 
 
-def _evaluate(gaussians: Gaussians, views: Sequence[TestView], device: str, folder: Path) -> Scores:
-    """Render and measure the held-out views, and save both to the folder."""
-    renderings = render_views(DeviceGaussians.from_numpy(gaussians, device), views)
-    for view, rendering in zip(views, renderings, strict=True):
-        write_render(folder, view.name, rendering.image)
-    scores = Scores(tuple(score_views(renderings, views)))
+def _saved(measured: MeasuredViews, views: Sequence[TestView], folder: Path) -> Scores:
+    """Save the held-out views as the result shows them, and their scores."""
+    pairs = zip(views, measured.renderings, strict=True)
+    with ThreadPoolExecutor(default_threads()) as pool:
+        writes = [pool.submit(write_render, folder, view.name, one.image) for view, one in pairs]
+        for write in writes:
+            write.result()
+    scores = Scores(tuple(measured.scores))
     write_scores(folder, scores)
     return scores

@@ -101,10 +101,12 @@ def _along_outline(frame: SmallFrame) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 def _distance(mask: np.ndarray) -> np.ndarray:
     """Return the distance to the outline [px], below 0 inside, (height, width)."""
-    from scipy.ndimage import distance_transform_edt
+    import cv2  # SciPy's transform would do as well, but takes a quarter of a second to import
 
-    inside, outside = distance_transform_edt(mask), distance_transform_edt(~mask)
-    assert isinstance(inside, np.ndarray) and isinstance(outside, np.ndarray)
+    inside, outside = (
+        cv2.distanceTransform(each.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        for each in (mask, ~mask)
+    )
     return np.where(mask, 0.5 - inside, outside - 0.5)
 
 

@@ -4,11 +4,13 @@ A point that most views call surround is surround, whatever one mask says.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from digs_warp.data.evenly import evenly
+from digs_warp.device.threads import default_threads
 from digs_warp.plausibility.seen_through import in_hull, seen_through
 from digs_warp.plausibility.small_frames import SmallDepth, pixels_showing
 
@@ -67,10 +69,12 @@ def mask_votes(frames: Sequence[SmallDepth]) -> list[MaskVotes]:
 
 def _round(frames: Sequence[SmallDepth], voters: Sequence[int]) -> list[MaskVotes]:
     centers = np.stack([frame.camera.center_world for frame in frames])
-    return [
-        _votes(frame, [frames[other] for other in _nearer(centers, number, voters)])
-        for number, frame in enumerate(frames)
-    ]
+
+    def votes(number: int) -> MaskVotes:
+        return _votes(frames[number], [frames[n] for n in _nearer(centers, number, voters)])
+
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return list(pool.map(votes, range(len(frames))))
 
 
 def contradicted(votes: Sequence[MaskVotes]) -> list[int]:

@@ -178,7 +178,7 @@ class CooperativeBackend:
     def record(self, job: RasterJob) -> RasterLaunches:
         """Record the launches."""
         has_depth, has_normals = job.options.has_depth, job.options.has_normals
-        forward = forward_cooperative_kernel(has_depth, has_normals, self.cut)
+        forward = forward_cooperative_kernel(job.options.depth_channels, has_normals, self.cut)
         absolute = job.layout.absolute >= 0
         backward = backward_cooperative_kernel(has_depth, has_normals, absolute, self.cut)
         raster = [job.splats, job.pairs, job.background, job.drawn, job.ends]

@@ -1,7 +1,7 @@
 """Every constant of the splat engine, with its reason, and how its hot kernels are compiled."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from digs_warp.checks import DigsError
 from digs_warp.device.image_planes import ALIGNMENT
@@ -30,7 +30,7 @@ SMALLEST_MIN_ALPHA = 1.0 / 255.0
 # bound for a splat that degenerates to a line (the floor of the 3DGS reference, sqrt(2.5e-5)).
 MIN_COMPENSATION = 0.005
 
-Outputs = Literal["color", "depth", "normals"]
+Outputs = Literal["color", "mean depth", "depth", "normals"]
 DepthOf = Literal["center", "skin"]
 
 # The channels of rendered depth.
@@ -58,8 +58,9 @@ class RasterOptions:
         near_share: near plane as a share of the distance from the camera to the center of the scene, so that
             units do not matter.
         max_sh_degree: bands of the view-dependent color that are used, 0 to 3.
-        outputs: what a view gives beside color and transmittance: "color" nothing, "depth" expected and
-            median depth, "normals" these and normals. Each costs time only when asked for.
+        outputs: what a view gives beside color and transmittance: "color" nothing, "mean depth" the expected
+            depth, "depth" the median depth as well, "normals" these and normals. Each costs time only when
+            asked for.
         depth_of: the place of a splat that its depth is that of: its "center", or its "skin", which is what a
             depth camera measures (`digs_warp.splat.skin`).
     """
@@ -90,9 +91,9 @@ class RasterOptions:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise DigsError(f"raster option {name}: {value}, expected {low:g} to {high:g}")
-        if self.outputs not in ("color", "depth", "normals"):
+        if self.outputs not in get_args(Outputs):
             raise DigsError(
-                f"raster option outputs: '{self.outputs}', expected color, depth or normals"
+                f"raster option outputs: '{self.outputs}', expected {', '.join(get_args(Outputs))}"
             )
 
         if self.depth_of not in ("center", "skin"):
@@ -102,6 +103,11 @@ class RasterOptions:
     def has_depth(self) -> bool:
         """Whether views give depths."""
         return self.outputs != "color"
+
+    @property
+    def depth_channels(self) -> int:
+        """How many depths views give, in the order of `EXPECTED`, `MEDIAN`."""
+        return {"color": 0, "mean depth": 1}.get(self.outputs, 2)
 
     @property
     def has_normals(self) -> bool:

@@ -70,13 +70,14 @@ def batch_color(records: Any, k: int) -> wp.vec3:
 
 @cache
 def forward_cooperative_kernel(
-    with_depth: bool, with_normals: bool, cut: AlphaCut = STEP_CUT
+    depths: int, with_normals: bool, cut: AlphaCut = STEP_CUT
 ) -> wp.Kernel:
-    """Return the kernel in which a block of threads composites one tile.
+    """Return the kernel in which a block of threads composites one tile, and gives so many depths.
 
     To be run by `CooperativeLaunch`.
     """
     alpha_of = cut.alpha
+    with_depth, with_median = depths > 0, depths > 1
 
     @wp.kernel(
         name="forward_cooperative", module="unique", module_options=cooperative_module_options()
@@ -148,6 +149,7 @@ def forward_cooperative_kernel(
                         color += weight * batch_color(records, k)
                         if wp.static(with_depth):
                             depth += weight * batch_depths[k]
+                        if wp.static(with_median):
                             if t > 0.5 and after <= 0.5:
                                 median = batch_depths[k]
                         if wp.static(with_normals):
@@ -161,6 +163,7 @@ def forward_cooperative_kernel(
             pixel_ends[p] = stop
             if wp.static(with_depth):
                 drawn.depth[p] = wp.where(t < 1.0, depth / (1.0 - t), 0.0)
+            if wp.static(with_median):
                 drawn.depth[p + drawn.plane] = median
             if wp.static(with_normals):
                 for axis in range(3):

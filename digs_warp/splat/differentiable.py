@@ -20,7 +20,7 @@ from digs_warp.camera import Camera
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.splat.camera_motion import moved_camera, pose_gradient
-from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.plane_kernels import add_kernel, pack_planes_kernel, unpack_planes_kernel
 from digs_warp.splat.render import draw
@@ -100,8 +100,10 @@ def rasterize(
     if options.has_depth:
         depth = _output(renderer.depth, renderer.adj_depth, channels=1)
         outputs.append(depth)
-        median = _output(renderer.depth, renderer.adj_depth, channels=1, first=1)
-        view = replace(view, depth=depth.pixels, median_depth=median.pixels)
+        view = replace(view, depth=depth.pixels)
+    if options.depth_channels > MEDIAN:
+        median = _output(renderer.depth, renderer.adj_depth, channels=1, first=MEDIAN)
+        view = replace(view, median_depth=median.pixels)
     if options.has_normals:
         normals = _output(renderer.normals, renderer.adj_normals)
         outputs.append(normals)

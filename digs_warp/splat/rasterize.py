@@ -75,6 +75,9 @@ from digs_warp.splat.tile_blocks import Ellipse, live_blocks, lowest_bit, touche
 
 wp.set_module_options({"enable_backward": False})
 
+# The least share of a pixel that a splat leaves to those behind it, and so the least that is divided by.
+SMALLEST = 2.0**-24
+
 # Planes of a tile. A saturated pixel has working = 0 for good; final = 1 - sum of weights keeps its
 # transmittance. (Selecting the old value instead would cost the vectorization of the loop.)
 _FINAL = wp.constant(PLANE_FLOATS)
@@ -122,10 +125,12 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
     """Return the kernel that composites one tile."""
     alpha_of = cut.alpha
     with_depth, with_normals = options.has_depth, options.has_normals
+    depths = options.depth_channels
+    with_median = depths > 1
     min_alpha, max_alpha = options.min_alpha, options.max_alpha
     least = options.min_transmittance
-    planes = 10 if with_normals else 7 if with_depth else 5
-    name = "forward_normals" if with_normals else "forward_depth" if with_depth else "forward_color"
+    planes = 10 if with_normals else 5 + depths
+    name = f"forward_{options.outputs.replace(' ', '_')}"
 
     @wp.kernel(name=name, module="unique", module_options=vector_module_options())
     def forward(
@@ -174,7 +179,7 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 fill_tile(at, inner_width, inner_height, pitch, background[channel], drawn.image)
             fill_tile(start, inner_width, inner_height, pitch, 1.0, drawn.transmittance)
             if wp.static(with_depth):
-                for of_depth in range(2):
+                for of_depth in range(wp.static(depths)):
                     at_depth = start + of_depth * plane
                     fill_tile(at_depth, inner_width, inner_height, pitch, 0.0, drawn.depth)
             if wp.static(with_normals):
@@ -214,6 +219,8 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 state[fields + 4 * GROUP + ahead] = records[g_ahead, SPLAT_CHORD]
                 state[fields + 5 * GROUP + ahead] = records[g_ahead, SPLAT_TAPER]
                 state[fields + 6 * GROUP + ahead] = records[g_ahead, SPLAT_PEAK]
+                if wp.static(with_depth):
+                    state[fields + 7 * GROUP + ahead] = splats.depths[g_ahead]
             for member in range(GROUP):
                 ellipse = Ellipse()
                 ellipse.mean_x = state[fields + member] - float(tile_x) - 0.5
@@ -233,7 +240,7 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                 z = float(0.0)
                 normal = wp.vec3(0.0, 0.0, 0.0)
                 if wp.static(with_depth):
-                    z = splats.depths[g]
+                    z = state[fields + 7 * GROUP + k - group_first]
                 if wp.static(with_normals):
                     normal = splats.normals[g]
                 while blocks != 0:
@@ -254,6 +261,7 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                         state[block + i] = wp.where(after >= wp.static(least), after, 0.0)
                         if wp.static(with_depth):
                             state[_DEPTH + block + i] = state[_DEPTH + block + i] + weight * z
+                        if wp.static(with_median):
                             passed = wp.where(state[_FINAL + block + i] > 0.5, z, 0.0)
                             passed = wp.where(
                                 state[_FINAL + block + i] - weight <= 0.5, passed, 0.0
@@ -281,6 +289,10 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
             state[_RED + f] = state[_RED + f] + state[_FINAL + f] * back_r
             state[_GREEN + f] = state[_GREEN + f] + state[_FINAL + f] * back_g
             state[_BLUE + f] = state[_BLUE + f] + state[_FINAL + f] * back_b
+            if wp.static(with_depth):
+                share = 1.0 - state[_FINAL + f]
+                mean_depth = state[_DEPTH + f] / wp.max(share, wp.static(SMALLEST))
+                state[_DEPTH + f] = wp.where(share > 0.0, mean_depth, 0.0)
         for yy in range(inner_height):
             for side in range(2):
                 to = start + yy * pitch + side * BLOCK_COLUMNS
@@ -291,11 +303,9 @@ def forward_kernel(options: RasterOptions, cut: AlphaCut = STEP_CUT) -> wp.Kerne
                     write_row(count, state, here, to + channel_out * plane, drawn.image)
                 write_row(count, state, _FINAL + taken, to, drawn.transmittance)
                 if wp.static(with_depth):
-                    for xd in range(count):
-                        share = 1.0 - state[_FINAL + taken + xd]
-                        total = state[_DEPTH + taken + xd]
-                        drawn.depth[to + xd] = wp.where(share > 0.0, total / share, 0.0)
-                        drawn.depth[to + plane + xd] = state[_MEDIAN + taken + xd]
+                    write_row(count, state, _DEPTH + taken, to, drawn.depth)
+                if wp.static(with_median):
+                    write_row(count, state, _MEDIAN + taken, to + plane, drawn.depth)
                 if wp.static(with_normals):
                     for xn in range(count):
                         drawn.normals[to + xn] = state[_NORMAL_X + taken + xn]

@@ -9,7 +9,7 @@ from digs_warp.checks import DigsError, check_finite, check_shape
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.splat.camera_gradient import CameraGradient
-from digs_warp.splat.config import DEFAULT_OPTIONS, RasterOptions
+from digs_warp.splat.config import DEFAULT_OPTIONS, EXPECTED, MEDIAN, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.renderer import WHITE, SplatRenderer
@@ -174,7 +174,8 @@ def render(
     depth = median = None
     if options.has_depth:
         depths = np.where(renderer.depth.to_numpy() > 0, renderer.depth.to_numpy(), np.nan)
-        depth, median = depths[..., 0], depths[..., 1]
+        depth = depths[..., EXPECTED]
+        median = depths[..., MEDIAN] if options.depth_channels > MEDIAN else None
     normals = renderer.normals.to_numpy() if options.has_normals else None
     image = renderer.image.to_numpy()
     return RenderOutput(image, alpha, depth, median, normals, renderer, camera_gradient)

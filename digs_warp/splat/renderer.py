@@ -45,9 +45,9 @@ class SplatRenderer:
         threads: CPU threads; 0 means all cores. The result does not depend on it.
 
     After `forward`, ``image``, ``transmittance``, and where ``options`` ask for them ``depth`` (channels:
-    expected, median; 0 where there is none) and ``normals`` hold the view. Put the gradients of a loss into
-    ``adj_image``, ``adj_transmittance``, ``adj_depth`` (of the expected depth) and ``adj_normals``, call
-    `backward`, and find dL/dparameter in ``gradients``.
+    expected, and unless only the mean is asked for, median; 0 where there is none) and ``normals`` hold the
+    view. Put the gradients of a loss into ``adj_image``, ``adj_transmittance``, ``adj_depth`` (of the
+    expected depth) and ``adj_normals``, call `backward`, and find dL/dparameter in ``gradients``.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class SplatRenderer:
 
         self.image = planes(3)
         self.transmittance = planes(1)
-        self.depth = planes(2, options.has_depth)
+        self.depth = planes(options.depth_channels)
         self.normals = planes(3, options.has_normals)
         self.adj_image = adjoint_of.adj_image if adjoint_of else planes(3)
         self.adj_transmittance = adjoint_of.adj_transmittance if adjoint_of else planes(1)

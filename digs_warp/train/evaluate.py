@@ -119,6 +119,20 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
     return renderings
 
 
+@dataclass(frozen=True, eq=False)
+class MeasuredViews:
+    """Held-out views as Gaussians show them, and their scores."""
+
+    renderings: Sequence[Rendering]
+    scores: Sequence[ViewScore]
+
+
+def measure_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> MeasuredViews:
+    """Render the views and compare them with their photographs."""
+    renderings = render_views(gaussians, views)
+    return MeasuredViews(renderings, score_views(renderings, views))
+
+
 def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> list[ViewScore]:
     """Compare renderings with photographs on white; without an object, its metrics are NaN."""
     with ThreadPoolExecutor(default_threads()) as pool:

@@ -5,10 +5,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from digs_warp.measure.scores import Score, mean_score
+from digs_warp.measure.scores import mean_score
 from digs_warp.train.adherence import MeasuredView, adherence
 from digs_warp.train.course import CourseRow, read_course, write_course
-from digs_warp.train.evaluate import TestView, render_views, score_views
+from digs_warp.train.evaluate import MeasuredViews, TestView, measure_views
 from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
 from digs_warp.train.trainer import Trainer
 
@@ -29,6 +29,7 @@ class CourseRecorder:
         rows: what was recorded so far.
         seconds: time spent in `record` so far, which does not count as training.
         psnr: last PSNR on the object in the held-out views [dB], minus infinity before they are measured.
+        measured: the held-out views as the last line found them; None if it did not measure them.
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class CourseRecorder:
         self.rows = [row for row in before if row.iteration <= step]
         self.seconds = 0.0
         self.psnr = -math.inf
+        self.measured: MeasuredViews | None = None
         self._path = path
         self._trainer = trainer
         self._test_views = test_views
@@ -62,12 +64,15 @@ class CourseRecorder:
         step = trainer.optimizer.step
         if measure and trainer.config.keep_course:
             save_snapshot(self._path.parent, step, trainer.gaussians.to_numpy())
+        self.measured = None
+        if measure and self._test_views:
+            self.measured = measure_views(trainer.gaussians, self._test_views)
         row = CourseRow(
             iteration=step,
             seconds=round(trainer.seconds, 4),
             loss=trainer.loss_value() if step else None,
             splats=len(trainer.gaussians),
-            score=self._measured() if measure and self._test_views else None,
+            score=mean_score(self.measured.scores) if self.measured else None,
             adherence=adherence(trainer.gaussians, self._measured_views) if measure else None,
         )
         if row.score:
@@ -76,10 +81,6 @@ class CourseRecorder:
         write_course(self._path, self.rows)
         self.seconds += time.perf_counter() - start
         return self._in_words(row.loss)
-
-    def _measured(self) -> Score:
-        renderings = render_views(self._trainer.gaussians, self._test_views)
-        return mean_score(score_views(renderings, self._test_views))
 
     def _in_words(self, loss: float | None) -> str:
         words = [] if loss is None else [f"loss {loss:.4f}"]

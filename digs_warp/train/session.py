@@ -18,17 +18,17 @@ from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINED_POSES, TRAINI
 from digs_warp.record.progress import progress
 from digs_warp.record.run_log import RunLog
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.adherence import load_measured_views
+from digs_warp.train.adherence import MeasuredView, load_measured_views
 from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_checkpoint
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import CourseRow
-from digs_warp.train.evaluate import TestView
+from digs_warp.train.evaluate import MeasuredViews, TestView
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.trained_poses import TrainedPoses
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.turned_views import turned_views
-from digs_warp.train.view_store import open_views
+from digs_warp.train.view_store import ViewStore, open_views
 
 # A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
 MIN_OPACITY = 0.01
@@ -54,6 +54,7 @@ class Trained:
         exposure_stops: root mean square of the photographs' gains [stops]; None if they were not fitted.
         poses: of the training frames, then of the held-out ones, (n, 4, 4); None if they were not trained.
         stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None if unknown.
+        measured: the held-out views as the result shows them; None where nobody measured just that.
     """
 
     gaussians: Gaussians
@@ -61,52 +62,86 @@ class Trained:
     stopped_by: str | None
     exposure_stops: float | None = None
     poses: np.ndarray | None = None
+    measured: MeasuredViews | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingData:
+    """What a training reads of the frames; `train_gaussians` closes it.
+
+    Attributes:
+        views: to train on.
+        measured: views whose measured depth the surface is compared with.
+        first_step: the step that the training starts or goes on at.
+    """
+
+    views: ViewStore
+    measured: Sequence[MeasuredView]
+    first_step: int = 0
+
+
+def open_data(
+    frames: Sequence[Frame],
+    config: TrainConfig,
+    folder: Path,
+    resume: bool = False,
+    shutter: ShutterPlan = NO_SHUTTER,
+) -> TrainingData:
+    """Read what a training in ``folder`` needs; arguments as of `train_gaussians`.
+
+    Args:
+        frames: the views to train on.
+        config: settings.
+        folder: of the training.
+        resume: continue from the folder's checkpoint if it has one.
+        shutter: how the cameras move while their rows are read.
+
+    Raises:
+        DigsError: bad views, or a broken checkpoint.
+    """
+    first_step = checkpoint_step(folder / CHECKPOINT) if resume else 0
+    views = open_views(frames, config, first_step, shutter)
+    return TrainingData(views, load_measured_views(frames, shutter), first_step)
 
 
 def train_gaussians(
     seeds: Gaussians,
-    frames: Sequence[Frame],
+    data: TrainingData,
     test_views: Sequence[TestView],
     config: TrainConfig,
     folder: Path,
     log: RunLog,
-    resume: bool = False,
-    shutter: ShutterPlan = NO_SHUTTER,
     watch: Watch | None = None,
     held: np.ndarray | None = None,
     train_poses: bool = False,
 ) -> Trained:
-    """Train ``seeds`` on ``frames``; also save the Gaussians and the training progress to ``folder``.
+    """Train ``seeds`` on ``data``; also save the Gaussians and the training progress to ``folder``.
+
+    A training that was interrupted there continues from its checkpoint, bit for bit, if `open_data` found it.
 
     Args:
         seeds: the Gaussians to start from.
-        frames: the views to train on.
+        data: of the frames to train on.
         test_views: held-out views that are measured along the way; they are never trained on.
         config: settings.
         folder: where gaussians.npz, training.jsonl and checkpoint.npz go; must exist.
         log: receives the times of the stages.
-        resume: continue from the folder's checkpoint if it has one, bit for bit.
-        shutter: how the cameras move while their rows are read.
         watch: looks on; None: nobody does.
         held: which seeds stay as they are, shape (n,), bool; None: none.
         train_poses: whether the cameras turn until their photographs fit, held-out ones at the end.
 
     Raises:
-        DigsError: bad views, a broken checkpoint, or a training that diverged.
+        DigsError: a broken checkpoint, or a training that diverged.
         KeyboardInterrupt: after Ctrl-C, or a signal that a command handles in the same way, once the current
             step is finished and a checkpoint is saved.
     """
     checkpoint = folder / CHECKPOINT
-    with log.stage("load views"):
-        first_step = checkpoint_step(checkpoint) if resume else 0
-        views = open_views(frames, config, first_step, shutter)
-        measured_views = load_measured_views(frames, shutter)
     try:
         with log.stage("prepare kernels"):
-            trainer = Trainer(seeds, views, config, held, train_poses)
-        if first_step:
+            trainer = Trainer(seeds, data.views, config, held, train_poses)
+        if data.first_step:
             load_checkpoint(checkpoint, trainer)
-        course = CourseRecorder(folder / TRAINING, trainer, test_views, measured_views)
+        course = CourseRecorder(folder / TRAINING, trainer, test_views, data.measured)
         try:
             with log.stage("train"):
                 stopped = _run_steps(trainer, course, checkpoint, watch)
@@ -114,7 +149,7 @@ def train_gaussians(
             log.seconds["train"] -= course.seconds
             log.seconds["measure course"] = log.seconds.get("measure course", 0.0) + course.seconds
     finally:
-        views.close()
+        data.views.close()
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
     poses = None
     if trainer.poses is not None:
@@ -126,7 +161,10 @@ def train_gaussians(
     remove(checkpoint)
     exposures = trainer.exposures
     stops = round(exposures.rms_stops, 4) if exposures is not None else None
-    return Trained(gaussians, tuple(course.rows), stopped, stops, poses)
+    # The last line measured all Gaussians, with the held-out cameras where they were.
+    is_result = poses is None and len(gaussians) == len(trainer.gaussians)
+    measured = course.measured if is_result else None
+    return Trained(gaussians, tuple(course.rows), stopped, stops, poses, measured)
 
 
 def load_trained_poses(folder: Path, count: int) -> np.ndarray | None:

@@ -83,7 +83,7 @@ class Trainer:
             self.gaussians,
             max(k.width for k in sizes),
             max(k.height for k in sizes),
-            options=RasterOptions(outputs="depth" if with_depth else "color", depth_of=place),
+            options=RasterOptions(outputs="mean depth" if with_depth else "color", depth_of=place),
             moments=views.moments,
         )
         self._extent = scene_extent(views.cameras)

@@ -5,15 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init import visibility_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.scene_points import scene_points
-from digs_warp.init.visibility import votes
+from digs_warp.init.visibility import confirmed
 from digs_warp.interchange.captures.frames import for_each_frame
 
 logger = logging.getLogger(__name__)
@@ -67,11 +69,12 @@ def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:
     A frame shows a point if its depth there is that of the point. Held-out frames have none.
     """
     training = set(start.training)
+    wp.load_module(visibility_kernel, device="cpu")  # once, before several threads launch
 
     def work(_: int, frame: Frame) -> np.ndarray:
         if not len(start) or frame not in training or not frame.has(Layer.DEPTH):
             return np.zeros(0, dtype=np.int64)
         view = frame.camera, frame.load_depth()
-        return np.flatnonzero(votes(start.cloud.points_world, start.voxel_size, view) > 0)
+        return np.flatnonzero(confirmed(start.cloud.points_world, [view], start.voxel_size))
 
     return for_each_frame(capture.frames, "Finding points in images", work)

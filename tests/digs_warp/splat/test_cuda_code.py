@@ -46,7 +46,7 @@ def shared_bytes(folder: Path) -> int:
 
 FLOAT_ATOMICS = re.compile(r"\b(atom|red)\.\S*\.f32")
 COOPERATIVE = {
-    "forward": lambda: forward_cooperative_kernel(True, True),
+    "forward": lambda: forward_cooperative_kernel(2, True),
     "backward": lambda: backward_cooperative_kernel(True, True, True),
 }
 

@@ -11,7 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.splat.backend import CooperativeBackend, RasterBackend
 from digs_warp.splat.camera_gradient import CameraGradient
-from digs_warp.splat.config import RasterOptions
+from digs_warp.splat.config import EXPECTED, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.renderer import SplatRenderer
 from reference.plain_raster import BACKENDS, PlainBackend, backend_name
@@ -69,6 +69,22 @@ def test_all_backends_and_both_binnings_agree(backend: RasterBackend) -> None:
     assert np.diff(plain_lists.tile_starts.numpy()).max() > 1000
     for a, b in zip(fast.gradients.arrays, plain.gradients.arrays, strict=True):
         assert np.linalg.norm(a.numpy() - b.numpy()) < 1e-5 * np.linalg.norm(b.numpy())
+
+
+@pytest.mark.parametrize("backend", BACKENDS, ids=backend_name)
+def test_the_mean_depth_alone_is_the_same(backend: RasterBackend) -> None:
+    """What a training draws: without the median, and with the bits of a view that has both."""
+    both, mean = (
+        rendered(MANY, backend=backend, options=RasterOptions(outputs=outputs, depth_of="skin"))
+        for outputs in ("depth", "mean depth")
+    )
+    assert mean.depth.channels == 1
+    depths = both.depth.to_numpy()[..., EXPECTED]
+    assert depths.max() > 0
+    np.testing.assert_array_equal(mean.depth.to_numpy()[..., 0], depths)
+    np.testing.assert_array_equal(mean.image.to_numpy(), both.image.to_numpy())
+    for a, b in zip(mean.gradients.arrays, both.gradients.arrays, strict=True):
+        np.testing.assert_array_equal(a.numpy(), b.numpy())
 
 
 @pytest.mark.parametrize("backend", BACKENDS, ids=backend_name)

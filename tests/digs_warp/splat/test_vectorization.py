@@ -26,6 +26,7 @@ HOT_LOOP = "for i in range(BLOCK):"
 
 KERNELS = {
     "color, forward": "rasterize.forward_kernel(RasterOptions())",
+    "mean depth, forward": "rasterize.forward_kernel(RasterOptions(outputs='mean depth'))",
     "depth and normals, forward": "rasterize.forward_kernel(RasterOptions(outputs='normals'))",
     "color, backward": "rasterize_adjoint.backward_kernel(RasterOptions(), False)",
     "all outputs and absolute gradients, backward": (

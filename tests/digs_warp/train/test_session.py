@@ -20,7 +20,7 @@ from digs_warp.record.layout import CHECKPOINT, GAUSSIANS, TRAINING
 from digs_warp.record.run_log import RunLog
 from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views
-from digs_warp.train.session import Trained, train_gaussians
+from digs_warp.train.session import Trained, open_data, train_gaussians
 from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
 from reference.tiny_capture import ball, write_tiny_capture
@@ -34,7 +34,8 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
 def run(capture: Capture, folder: Path, config: TrainConfig) -> Trained:
     log = RunLog("test", config)
     test_views = load_test_views(capture.frames[:1])
-    return train_gaussians(ball(300), capture.frames[1:], test_views, config, folder, log)
+    data = open_data(capture.frames[1:], config, folder)
+    return train_gaussians(ball(300), data, test_views, config, folder, log)
 
 
 def course(folder: Path) -> list[dict]:

@@ -1,0 +1,60 @@
+"""What is read of the frames before a training."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from digs_warp.init.view_dependence import ViewDependence, view_dependence
+from digs_warp.pipeline.prepared import Prepared
+from digs_warp.train.config import TrainConfig
+from digs_warp.train.evaluate import TestView, load_test_views
+from digs_warp.train.session import TrainingData, open_data
+from digs_warp.train.shutter import ShutterPlan
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedViews:
+    """What is read of the frames.
+
+    Attributes:
+        data: to train on; None without a training.
+        held_out: to measure.
+        color: what the photographs show of the color; None where the settings say its degree.
+    """
+
+    data: TrainingData | None
+    held_out: Sequence[TestView]
+    color: ViewDependence | None
+
+
+def load_views(
+    prepared: Prepared,
+    shutter: ShutterPlan,
+    config: TrainConfig,
+    folder: Path,
+    resume: bool,
+    trains: bool,
+) -> LoadedViews:
+    """Read the views; what takes one core is done beside the reading for the training.
+
+    Args:
+        prepared: the frames, and the points to start from.
+        shutter: how the cameras move while their rows are read.
+        config: of the training.
+        folder: of the training.
+        resume: whether the training continues from a checkpoint.
+        trains: whether there is a training.
+
+    Raises:
+        DigsError: bad views, or a broken checkpoint.
+    """
+    frames = prepared.frames.training
+    with ThreadPoolExecutor(1) as beside:
+        opening = None
+        if trains:
+            opening = beside.submit(open_data, frames, config, folder, resume, shutter)
+        held_out, color = load_test_views(prepared.frames.held_out, shutter), None
+        if config.sh_degree is None:
+            color = view_dependence(frames, prepared.start.points.points_world)
+        return LoadedViews(opening.result() if opening else None, held_out, color)

@@ -1,0 +1,79 @@
+"""Files that are decoded once while a reconstruction reads them several times."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.checks import DigsError
+from digs_warp.data import decoded as module
+from digs_warp.data.decoded import decoded, decoded_once
+from digs_warp.data.images import read_image, write_image
+
+IMAGE = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    write_image(tmp_path / "image.png", IMAGE)
+    return tmp_path / "image.png"
+
+
+def counting() -> tuple[Callable[[Path], np.ndarray], list[Path]]:
+    """Return a function that reads an image, and the files that it has read."""
+    files: list[Path] = []
+
+    def read(path: Path) -> np.ndarray:
+        files.append(path)
+        return read_image(path)
+
+    return read, files
+
+
+def test_a_file_is_decoded_once_and_each_caller_has_its_own_pixels(path: Path) -> None:
+    read, files = counting()
+    with decoded_once():
+        for _ in range(3):
+            pixels = decoded(path, read)
+            np.testing.assert_array_equal(pixels, IMAGE)
+            pixels[:] = 0
+    assert files == [path]
+
+
+def test_nothing_is_kept_outside_of_a_block(path: Path) -> None:
+    read, files = counting()
+    decoded(path, read)
+    with decoded_once(), decoded_once():
+        decoded(path, read)
+    decoded(path, read)
+    with decoded_once():
+        decoded(path, read)
+    assert len(files) == 4
+
+
+def test_a_file_that_changed_is_read_again(path: Path) -> None:
+    read, files = counting()
+    with decoded_once():
+        decoded(path, read)
+        write_image(path, 255 - IMAGE)
+        os.utime(path, ns=(0, 0))  # as if it were written at another time
+        np.testing.assert_array_equal(decoded(path, read), 255 - IMAGE)
+    assert len(files) == 2
+
+
+def test_no_more_is_kept_than_there_is_memory(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MEMORY", IMAGE.nbytes)
+    other = path.with_name("other.png")
+    write_image(other, IMAGE)
+    read, files = counting()
+    with decoded_once():
+        for each in (path, other, path, other):
+            decoded(each, read)
+    assert files == [path, other, other]
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with decoded_once(), pytest.raises(DigsError, match=r"none\.png"):
+        decoded(tmp_path / "none.png", read_image)

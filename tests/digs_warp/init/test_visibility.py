@@ -1,0 +1,62 @@
+"""What the views say about points: the kernel against plain NumPy."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.camera import Camera
+from digs_warp.init.visibility import confirmed, hidden, not_seen_through, what_views_say
+from reference.ball_capture import RADIUS, ball_views
+from reference.visibility_twin import said_by
+
+VOXEL = 0.01
+
+
+def views_with_holes(count: int) -> list[tuple[Camera, np.ndarray]]:
+    """Return views of a ball, the depth of the odd ones at half the size, a tenth of it unknown."""
+    rng = np.random.default_rng(1)
+    views = []
+    for number, (camera, images) in enumerate(ball_views(count)):
+        step = 1 + number % 2
+        depth = images.depth[::step, ::step].copy()
+        depth[rng.random(depth.shape) < 0.1] = np.nan
+        views.append((camera, depth))
+    return views
+
+
+def points_around(count: int) -> np.ndarray:
+    """Return points on the ball, in front of it, inside it and behind the cameras."""
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return directions * RADIUS * rng.uniform(0.5, 6.0, (count, 1)) ** rng.integers(0, 2, (count, 1))
+
+
+def test_views_say_what_the_twin_says() -> None:
+    points, views = points_around(400), views_with_holes(5)
+    found, expected = what_views_say(points, views, VOXEL), said_by(points, views, VOXEL)
+    for name, counts in zip(found._fields, expected, strict=True):
+        np.testing.assert_array_equal(getattr(found, name), counts, err_msg=name)
+        assert 0 < counts.sum() < len(points) * len(views), name
+
+
+def test_a_point_is_seen_hidden_or_seen_through() -> None:
+    camera, images = ball_views(1)[0]
+    view = (camera, images.depth)
+    toward = camera.center_world / np.linalg.norm(camera.center_world)
+    points = np.stack([RADIUS * toward, -RADIUS * toward, 1.5 * RADIUS * toward])
+    assert confirmed(points, [view], VOXEL).tolist() == [True, False, False]
+    assert hidden(points, [view], VOXEL).tolist() == [False, True, False]
+    assert not_seen_through(points, [view], VOXEL).tolist() == [True, True, False]
+
+
+def test_nobody_contradicts_without_views_or_depth() -> None:
+    points, (camera, depth) = points_around(20), views_with_holes(1)[0]
+    assert not_seen_through(points, [], VOXEL).all()
+    assert hidden(points, [], VOXEL).all()
+    unknown = np.full_like(depth, np.nan)
+    assert not_seen_through(points, [(camera, unknown)], VOXEL).all()
+    nothing = np.zeros((0, 3))
+    assert len(what_views_say(nothing, [(camera, depth)], VOXEL).blind) == 0
+    turned = replace(camera, world_from_cam=camera.world_from_cam @ np.diag([1.0, -1.0, -1.0, 1.0]))
+    assert hidden(points_around(20) * 0.1, [(turned, depth)], VOXEL).all()
