@@ -129,7 +129,7 @@ STUDIES = (
         "3 to 24 views: a start from the sensor's depth beside sparse and random points, with and without "
         "depth in the loss",
         objects=6,
-        iterations=1000,
+        iterations=500,
     ),
     Study(
         "scaling",

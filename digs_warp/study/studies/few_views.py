@@ -1,6 +1,7 @@
 """Few views: what a start from the sensor's depth, and depth in the loss, are worth with 3 to 24 views."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from digs_warp.init.strategies import STRATEGIES, StrategyName
@@ -129,10 +130,14 @@ def _quality(records: Sequence[Record]) -> Section:
         "every number of views; the held-out views lie between the training views of the recording. Poses "
         f"are those of the recording for all strategies. Up to {FEW_VIEWS} views, highdepth closes the "
         f"object where no view saw it; '{OPEN}' leaves it open. Default triangulates what it matches in the "
-        "images: where too few views match, it has no start, and its case is among those that failed."
+        "images: where too few views match, it has no start, and its case is among those that failed. Means "
+        "and deviations are over the objects of the last column."
     )
-    table = tabulate("few_views", labels, group_by(records, *labels), columns)
-    return Section("Quality by views", text, [table], [chart])
+    groups = group_by(records, *labels)
+    table = tabulate("few_views", labels, groups, columns)
+    rows = [[*row, str(len(g))] for row, g in zip(table.rows, groups.values(), strict=True)]
+    counted = replace(table, headings=[*table.headings, "objects"], rows=rows)
+    return Section("Quality by views", text, [counted], [chart])
 
 
 def _loss(records: Sequence[Record]) -> Section:

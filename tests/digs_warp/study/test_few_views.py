@@ -62,7 +62,9 @@ def test_the_gain_of_depth_is_that_of_the_same_object() -> None:
             record["yardstick"]["psnr_object"] += 10
         record["yardstick"]["psnr_object"] += 1.25 * (labels["depth loss"] == "on")
         records.append(record)
-    _, loss, *_ = few_views.sections(records)
+    quality, loss, *_ = few_views.sections(records)
+    assert quality.tables[0].headings[-1] == "objects"
+    assert [(row[2], row[-1]) for row in quality.tables[0].rows] == [("on", "2"), ("off", "1")]
     assert loss.tables[0].rows == [["6", "random", "+1.25", "+1.25", "+1.25", "1"]]
 
 
