@@ -3,9 +3,8 @@
 Usage: python scripts/sensor_page.py   (about half a minute)
 """
 
-import re
 import sys
-from inspect import getdoc, getsource
+from inspect import getdoc
 
 from page_marks import DOCS, fill
 
@@ -79,9 +78,8 @@ def first_paragraph(thing: object) -> str:
 
 
 def cause_rows() -> list[list[str]]:
-    """Return the table of causes; their meanings are the comments of `Cause`."""
-    meanings = dict(re.findall(r"^ +([A-Z_]+) = \d+(?:  # (.+))?$", getsource(Cause), re.MULTILINE))
-    return [[str(cause.value), cause.name.lower(), meanings[cause.name]] for cause in Cause]
+    """Return the table of causes."""
+    return [[str(cause.value), cause.name.lower(), cause.meaning] for cause in Cause]
 
 
 def number_row(name: str, figure: DepthFigure) -> list[str]:

@@ -33,6 +33,9 @@ PATTERNS = np.array(
     ]
 )
 
+# A smaller share of the pixels is not told exactly.
+LEAST_SHARE = 0.001
+
 SWATCH_HEIGHT, SWATCH_WIDTH = 2 * TILE, 3 * TILE
 
 
@@ -56,7 +59,7 @@ def paint_causes(causes: np.ndarray, step: int = 1) -> np.ndarray:
 
 
 def describe_causes(capture: Capture, frames: Sequence[Frame]) -> list[tuple[str, str]]:
-    """Return (data URI of a swatch, "cause, share of pixels") of every cause in the frames.
+    """Return (data URI of a swatch, "cause, share of pixels: meaning") of every cause in the frames.
 
     The largest comes first.
     """
@@ -67,7 +70,9 @@ def describe_causes(capture: Capture, frames: Sequence[Frame]) -> list[tuple[str
     described = []
     for code in np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]:
         swatch = paint_causes(np.full((SWATCH_HEIGHT, SWATCH_WIDTH), code, np.uint8))
-        words = f"{_name(capture, code)} {counts[code] / counts.sum():.1%}"
+        share = counts[code] / counts.sum()
+        percent = f"{share:.1%}" if share >= LEAST_SHARE else f"under {LEAST_SHARE:.1%}"
+        words = f"{_name(capture, code)} {percent}{_meaning(capture, code)}"
         described.append((data_uri(swatch), words))
     return described
 
@@ -92,5 +97,17 @@ def causes_apart(capture: Capture, frame: Frame) -> list[tuple[np.ndarray, str]]
 
 
 def _name(capture: Capture, code: int) -> str:
+    return _label(capture, code).replace("_", " ")
+
+
+def _meaning(capture: Capture, code: int) -> str:
+    """Return what a cause of our simulator means, after a colon; nothing for causes of other programs."""
+    from digs_warp.sim.sensor.cause import Cause
+
+    name = _label(capture, code).upper()
+    return f": {Cause[name].meaning}" if name in Cause.__members__ else ""
+
+
+def _label(capture: Capture, code: int) -> str:
     labels = capture.about.cause_labels or {}
-    return labels.get(int(code), f"cause {code}").replace("_", " ")
+    return labels.get(int(code), f"cause {code}")

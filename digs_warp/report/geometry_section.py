@@ -44,7 +44,13 @@ def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
     figures = ""
     if errors:
         charts.append(_histogram(errors))
-        headings = ["Difference of depths", "Pixels", "Median", "Median size", "90 % are below"]
+        headings = [
+            "Difference of depths",
+            "Pixels",
+            "Median",
+            "Median, unsigned",
+            "90 %, unsigned",
+        ]
         figures = table(headings, [_row(each) for each in errors])
     which = "held-out views" if posed.held_out else "views"
     compared = f" Depths are compared in at most 8 {which}, where both are known." if errors else ""

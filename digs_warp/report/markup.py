@@ -46,7 +46,10 @@ def picture_grid(headings: Sequence[str], rows: Iterable[tuple[str, Sequence[str
         f"<tr><th scope=row>{escape(label)}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
         for label, cells in rows
     )
-    return f"<div class=scroll><table class=pictures><tr>{head}</tr>{body}</table></div>"
+    return (
+        f'<div class=scroll><table class=pictures style="--columns:{len(headings)}">'
+        f"<tr>{head}</tr>{body}</table></div>"
+    )
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -71,7 +74,7 @@ def legend(scale: ColorScale, missing: bool = False) -> str:
     gradient = ", ".join(scale.gradient())
     decimals = 2 if scale.high - scale.low < 10 else 0
     ticks = "".join(f"<span>{tick:.{decimals}f}</span>" for tick in scale.ticks())
-    gray = "<i class=missing></i><span>no value</span>" if missing else ""
+    gray = "<span><i class=missing></i>no value</span>" if missing else ""
     return (
         f"<div class=legend><span>{escape(scale.label)}</span><div>"
         f'<div class=ramp style="background:linear-gradient(to right, {gradient})"></div>'

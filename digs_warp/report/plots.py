@@ -10,7 +10,7 @@ import numpy as np
 
 # Placeholder for the page's text color inside matplotlib; no chart uses it for anything else.
 _INK = "#010203"
-COLORS = ("#2f7ed8", "#e07b20", "#159a84", "#b04fc4", "#c8423b")
+COLORS = ("#2f7ed8", "#cf6c12", "#159a84", "#b04fc4", "#c8423b")
 # Lines of a chart differ in these, too: not everyone sees colors, and not every page is printed in them.
 DASHES = ("-", "--", ":", "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 _SIZE = (5.2, 3.1)  # inches; the page scales it

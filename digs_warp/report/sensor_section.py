@@ -27,7 +27,7 @@ def sensor_section(capture: Capture) -> str:
     tables = {title: _rows(plan.sections(key)) for title, key in PATHS.items()}
     rows = [row for group in tables.values() for row in group]
     on = sum(row[1] == "on" for row in rows)
-    headings = ["Effect", "State", "Changes", "Costs", "Measured", "Rule", "Because"]
+    headings = ["Effect", "State", "Changes", "Costs [ms/MP]", "Measured", "Rule", "Because"]
     tables |= {title: _rows(plan.sections(key, [])) for title, key in ASKED_FOR.items()}
     parts = [
         f"<h3>{title}</h3>{table(headings, group)}" for title, group in tables.items() if group
@@ -46,7 +46,7 @@ def _rows(choices: list[Fields]) -> list[tuple[str, ...]]:
             "on" if choice.flag("on") else "off",
             # Plans of earlier versions have neither.
             f"{choice.number('share', default=0.0):.1%}",
-            f"{choice.number('cost', default=0.0):.0f} ms/MP",
+            f"{choice.number('cost', default=0.0):.0f}",
             *(choice.text(name) for name in ("statistic", "threshold", "reason")),
         )
         for choice in choices

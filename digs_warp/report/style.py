@@ -2,7 +2,7 @@
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1d2430; --soft: #5d6b7e; --paper: #f6f7f9; --panel: #fff;
-  --rule: #dfe4ea; --accent: #2f7ed8; }
+  --rule: #dfe4ea; --accent: #1f66b8; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6eaf0; --soft: #9aa7b8; --paper: #12161c;
   --panel: #1a2029; --rule: #2c3541; --accent: #6aaaf0; } }
 * { box-sizing: border-box; }
@@ -15,13 +15,14 @@ h3 { font-size: 1rem; margin: 1.25rem 0 .5rem; }
 p { margin: .25rem 0 1rem; color: var(--soft); max-width: 75ch; }
 section { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
   padding: 1.25rem 1.5rem; margin-top: 1.5rem; }
-.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .75rem;
+.cards { display: grid; gap: .75rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(13.5rem, 45%), 1fr));
   margin-top: 1.5rem; }
 .card { background: var(--panel); border: 1px solid var(--rule); border-radius: 12px;
   padding: .75rem 1rem; display: flex; flex-direction: column; }
 .card span, .card small { color: var(--soft); font-size: .82rem; }
 .card b { font-size: 1.45rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
-.scroll { overflow-x: auto; }
+.scroll { overflow-x: auto; } .scroll + .charts { margin-top: 1.25rem; }
 table { border-collapse: collapse; }
 table.pictures { width: 100%; min-width: 56rem; table-layout: fixed; }
 table.pictures th { font-size: .82rem; font-weight: 600; color: var(--soft); padding: .25rem;
@@ -33,7 +34,7 @@ img { display: block; width: 100%; height: auto; border-radius: 4px; background:
 table.values { font-size: .9rem; font-variant-numeric: tabular-nums; }
 table.values th, table.values td { padding: .25rem 1.5rem .25rem 0; text-align: left;
   border-bottom: 1px solid var(--rule); }
-table.values td { overflow-wrap: anywhere; }
+table.values td { overflow-wrap: break-word; }
 table.values tr:first-child th { color: var(--soft); }
 table.values th { font-weight: 500; }
 figure { margin: 0 0 .5rem; }
@@ -47,8 +48,8 @@ figcaption { color: var(--soft); font-size: .85rem; margin-top: .35rem; max-widt
   font-size: .82rem; color: var(--soft); }
 .ramp { width: min(15rem, 70vw); height: .75rem; border-radius: 3px; }
 .ticks { display: flex; justify-content: space-between; font-variant-numeric: tabular-nums; }
-.missing { width: .75rem; height: .75rem; border-radius: 3px; background: rgb(128 128 128);
-  margin-right: -.35rem; }
+.missing { display: inline-block; width: .75rem; height: .75rem; border-radius: 3px;
+  background: rgb(128 128 128); margin-right: .35rem; }
 .swatches { display: flex; flex-wrap: wrap; gap: .25rem 1.25rem; font-size: .82rem; color: var(--soft);
   margin-bottom: 1rem; }
 .swatches img { display: inline-block; width: 1.5rem; height: 1rem; border-radius: 3px;
@@ -68,7 +69,8 @@ video { display: block; width: 100%; height: auto; border-radius: 4px; backgroun
 #view3d.live canvas { display: block; } #view3d.live img { display: none; }
 #view3d.live .tools { display: flex; flex-wrap: wrap; gap: .5rem 1rem; align-items: center; }
 #view3d.live:has(:checked) .swatches { display: flex; }
-#view3d .swatches { margin-top: .75rem; } #view3d .swatches svg { vertical-align: -.2rem; }
+#view3d .swatches { margin-top: .75rem; }
+#view3d .swatches svg { vertical-align: -.2rem; background: #fff; border-radius: 3px; }
 #view3d .note { font-size: .85rem; margin: .5rem 0; }
 button { font: inherit; font-size: .9rem; color: var(--ink); background: var(--paper);
   border: 1px solid var(--rule); border-radius: 8px; padding: .4rem .8rem; min-height: 2.5rem; }
@@ -77,6 +79,15 @@ input[type=checkbox] { width: 1.15rem; height: 1.15rem; }
 details { margin-top: .75rem; }
 a { color: var(--accent); } .links { margin: 1rem 0 0; }
 summary { cursor: pointer; color: var(--accent); }
+@media (max-width: 40rem) {
+  main { padding: 1.5rem .75rem 3rem; }
+  section { padding: 1rem; }
+  table.pictures, table.pictures tbody { display: block; }
+  table.pictures { min-width: calc(var(--columns) * 6rem); }
+  table.pictures tr { display: grid; grid-template-columns: repeat(var(--columns), minmax(0, 1fr)); }
+  table.pictures tr > :first-child { grid-column: 1 / -1; width: auto; white-space: normal; }
+  table.pictures tr:first-child > :first-child { display: none; }
+}
 @media print { #view3d.live canvas { display: none; } #view3d.live img { display: block; }
   body { background: none; } section { break-inside: avoid-page; border: 0; padding: 0; } }
 """

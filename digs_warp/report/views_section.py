@@ -1,6 +1,7 @@
 """Rendered and true held-out views side by side, to show where the reconstruction is wrong."""
 
 from dataclasses import dataclass
+from html import escape
 from math import isnan
 
 import numpy as np
@@ -85,18 +86,21 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
     return section(
         "Held-out views",
         f"{len(chosen)} of {len(ranked)} views that training never saw, from the worst to the best. "
-        f"{of.shown} Color-aligned: after the exposure and "
-        f"white balance of the photograph were fitted. {_exposure_words(result)}",
+        f"{of.shown}",
         picture_grid(["True", "Rendered", "Difference, amplified"], rows),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
-        details(f"Numbers of all {len(ranked)} views", table(names, [*numbers, mean])),
+        details(
+            f"Numbers of all {len(ranked)} views",
+            f"{table(names, [*numbers, mean])}<p>{escape(_aligned_words(result))}</p>",
+        ),
     )
 
 
-def _exposure_words(result: Reconstruction) -> str:
+def _aligned_words(result: Reconstruction) -> str:
+    words = "Color-aligned: after the exposure and white balance of the photograph were fitted."
     if result.exposure_stops is None:
-        return ""
-    return f"In the training, they vary by {result.exposure_stops:.2f} stops from view to view."
+        return words
+    return f"{words} Those of the training views differ by {result.exposure_stops:.2f} stops."
 
 
 def _or_zero(value: float) -> float:

@@ -58,9 +58,9 @@ class Controls:
         self.layers = self._add_layers(contents, has_gaussians)
         frames = tuple(frame for each in contents for frame in each.frames)
         self._pictures = gui.add_dropdown(
-            "In the cameras",
+            "Cameras show",
             pictures_of(frames),
-            hint="What the cameras show. A click on a camera goes there.",
+            hint="A click on a camera goes there.",
             visible=bool(frames),
         )
         most = max(len(each.stages) for each in contents)

@@ -27,8 +27,8 @@ MOST_CAMERAS = 120
 CAMERA_SIZE = 0.06
 
 _HELP = (
-    "Drag or press the arrow keys to turn; + and - zoom, as do two fingers, or the wheel after a click; "
-    "Shift with either moves; 0 goes back."
+    "Turn: drag, or arrow keys. Zoom: two fingers, + and -, or the wheel after a click. Move: Shift while "
+    "turning. Back to the start: 0."
 )
 
 _LEGEND = (
@@ -74,7 +74,7 @@ def view_section(view: View3d) -> str:
     shot, film, splats, by_time = view.shot, view.film, view.splats, view.by_time
     return section(
         "In 3D",
-        f"{_kept_words(splats)} Their colors are without shine: the mean over all directions.",
+        f"{_kept_words(splats)} Each has one color here, the same from all sides, so nothing shines.",
         "<div class=two>",
         _view(film, shot),
         f"<div>{_film(film, shot)}</div></div>",
@@ -85,13 +85,13 @@ def view_section(view: View3d) -> str:
 
 
 def _kept_words(splats: PackedSplats) -> str:
-    limit = f"this page has room for {MOST_BYTES / 1e6:.0f} MB of them"
     if len(splats) == splats.total:
-        return f"All {splats.total:,} Gaussians ({limit})."
+        return f"All {splats.total:,} Gaussians."
     share = len(splats) / splats.total
     return (
-        f"{len(splats):,} of {splats.total:,} Gaussians, {share:.1%}, those that cover the most: {limit}. "
-        "The film and all pictures show all of them."
+        f"{len(splats):,} of {splats.total:,} Gaussians, {share:.1%}, those that cover the most: more than "
+        f"{MOST_BYTES / 1e6:.0f} MB of them would make this page slow to open. The film and all pictures "
+        "show all of them."
     )
 
 

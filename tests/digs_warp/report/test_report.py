@@ -108,8 +108,8 @@ def test_the_sensor_plan_and_the_causes_are_shown(run: tuple[Capture, Path, Path
     assert "After matching" in page.text and "asked for" in page.text
     told = {key: value for key, value in CHOICE.items() if key not in ("on", "share", "cost")}
     assert all(str(value) in page.text for value in told.values())
-    assert "8.5%" in page.text and "51 ms/MP" in page.text
-    assert "occluded 25.0%" in page.text and "ok 75.0%" in page.text
+    assert "8.5%" in page.text and "[ms/MP]" in page.text and "51" in page.text
+    assert "occluded 25.0%: hidden from the right eye" in page.text and "ok 75.0%" in page.text
     # A column, two swatches, and one cause apart from the others.
     assert len(page.images) == len(before.images) + 6 + 2 + 1
     assert "Causes one by one" in page.text
