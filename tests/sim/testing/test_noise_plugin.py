@@ -44,6 +44,10 @@ def test_effects(sensor_noise, request):
     curve = sensor_noise.measure(noise)
     assert "static" not in request.node.name, "<planned>"
 
+@pytest.mark.sensor_noise(strengths=(0, 1, 4), frames=1, width=48, height=36)
+def test_broken(sensor_noise):
+    sensor_noise.measure(lambda capture: 1 / 0)
+
 def noise(capture):
     return len(capture)
 """
@@ -56,12 +60,15 @@ def test_each_effect_is_a_test_of_its_own_and_the_page_has_its_curve(
     (tmp_path / "test_each.py").write_text(EACH)
     page = tmp_path / "noise.html"
     done = run_pytest(tmp_path, "-q", "--sensor-noise-report", str(page), *processes)
-    assert "1 failed, 1 passed" in done.stdout, done.stdout + done.stderr
+    assert "2 failed, 1 passed" in done.stdout, done.stdout + done.stderr
     assert "test_each.py::test_effects[static-field]" in done.stdout
     text = page.read_text()
-    assert "test_each.py::test_effects[shot-noise]: noise" in text
-    assert text.count("<table>") == 2
-    assert text.count('class="failed"') == text.count('class="passed"') == 1
+    assert text.count("<code>noise</code>") == text.count("<table>") == 2
+    assert text.count('class="passed"') == 1 and text.count('class="failed"') == 2
+    assert "2 curves, 2 tests failed" in text
+    assert "AssertionError: &lt;planned&gt;" in text  # why, in one line
+    assert "ZeroDivisionError" in text and "failed before an error was measured" in text
+    assert text.index("[static-field]") < text.index("[shot-noise]")  # what failed comes first
     assert "https://" not in text and "<script" not in text
 
 
