@@ -28,8 +28,9 @@ logger = logging.getLogger(__name__)
 class Mesh(Command):
     """Turn Gaussians into a colored triangle mesh.
 
-    Depth is rendered from the cameras of the capture and fused (TSDF). For a simulated capture it says how
-    far the mesh lies from the one that was recorded.
+    Depth is rendered from the cameras of the capture, drawn toward the measured depth where the photographs
+    confirm that, and fused (TSDF). For a simulated capture it says how far the mesh lies from the one that
+    was recorded.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RECONSTRUCTION")]
@@ -77,12 +78,19 @@ class Mesh(Command):
             f"{self.out}: {counted(len(found.mesh), 'triangle')} from {counted(found.views, 'view')}, "
             f"voxels of {1e3 * found.voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
             f"{perf_counter() - start:.1f} s",
+            _about_depth(found.trust),
             f"left out as floaters: {counted(found.removed_parts, 'part')} with "
             f"{counted(found.removed_triangles, 'triangle')}",
         ]
         if result.capture is not None:
             lines += _comparison(found.mesh, result, result.capture, 2 * found.voxel)
         return "\n".join(lines)
+
+
+def _about_depth(trust: float) -> str:
+    if trust > 0:
+        return f"from the depth of the Gaussians and the measured depth, which is trusted by {trust:.0%}"
+    return "from the depth of the Gaussians alone: there is no measured depth, or the photographs doubt it"
 
 
 def _comparison(

@@ -8,10 +8,11 @@ from digs_warp.data.layers import Layer
 
 if TYPE_CHECKING:
     from digs_warp.camera import Camera
+    from digs_warp.data.frame import Frame
     from digs_warp.data.posed_frames import PosedFrames
     from digs_warp.data.triangle_mesh import TriangleMesh
     from digs_warp.pipeline.reconstruction import Reconstruction
-    from digs_warp.surface.extract import Mask, Scene
+    from digs_warp.surface.extract import Scene
 
 # More cameras add little and take longer.
 MOST_VIEWS = 60
@@ -32,6 +33,7 @@ class ExtractedMesh:
         removed_parts, removed_triangles: how many were removed as floaters.
         views: number of cameras used.
         voxel: the finest detail [m].
+        trust: in the measured depth that was fused beside the rendered one; 0: it was not.
     """
 
     mesh: "TriangleMesh"
@@ -39,6 +41,7 @@ class ExtractedMesh:
     removed_triangles: int
     views: int
     voxel: float
+    trust: float = 0.0
 
 
 def extract_mesh(
@@ -55,30 +58,35 @@ def extract_mesh(
         DigsError: the cameras see no surface.
     """
     from digs_warp.film.camera_path import find_subject
+    from digs_warp.pipeline.measured_depth import measured_depth
     from digs_warp.surface.extract import Scene, extract_surface
 
     subject = find_subject(result.gaussians)
     scene = Scene(subject.center_world, subject.radius)
-    cameras, masks = _look_from(result.frames, scene, views)
+    frames = _chosen(result.frames, views)
+    cameras = [f.camera for f in frames] or evenly(_rings(scene), views)
+    masked = bool(frames) and all(frame.has(Layer.MASK) for frame in frames)
     is_object = result.subject == "object"
-    found = extract_surface(result.gaussians, cameras, scene, voxel, masks, is_object=is_object)
+    depth = measured_depth(result.gaussians, frames, scene.center_world, is_object)
+    found = extract_surface(
+        *(result.gaussians, cameras, scene, voxel),
+        masks=[f.load_mask for f in frames] if masked else None,
+        is_object=is_object,
+        measured=depth.load if depth else None,
+        trust=depth.trust if depth else 0.0,
+    )
     return ExtractedMesh(
         found.mesh,
         found.removed_parts,
         found.removed_triangles,
         len(cameras),
         scene.voxel if voxel is None else voxel,
+        depth.trust if depth else 0.0,
     )
 
 
-def _look_from(
-    frames: "PosedFrames | None", scene: "Scene", views: int
-) -> "tuple[list[Camera], list[Mask] | None]":
-    if frames is None:
-        return evenly(_rings(scene), views), None
-    chosen = evenly((*frames.training, *frames.held_out), views)
-    masked = all(frame.has(Layer.MASK) for frame in chosen)
-    return [f.camera for f in chosen], [f.load_mask for f in chosen] if masked else None
+def _chosen(frames: "PosedFrames | None", views: int) -> "list[Frame]":
+    return [] if frames is None else evenly((*frames.training, *frames.held_out), views)
 
 
 def _rings(scene: "Scene") -> "list[Camera]":

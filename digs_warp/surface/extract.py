@@ -12,6 +12,7 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.record.progress import progress
 from digs_warp.surface.depth_views import DepthView, depth_views
 from digs_warp.surface.fuse import fuse_views
+from digs_warp.surface.measured import toward_measured
 
 # Voxels along the diameter of the ball around the scene, if the user gives no size.
 VOXELS_ACROSS = 160
@@ -25,7 +26,8 @@ OBJECT_THRESHOLD = 127
 # Parts with less than this share of the triangles of the largest one are floaters.
 LEAST_SHARE = 0.02
 
-Mask = Callable[[], np.ndarray]
+# Read an image of each camera, (height, width).
+Layers = Sequence[Callable[[], np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +57,11 @@ def extract_surface(
     cameras: Sequence[Camera],
     scene: Scene,
     voxel: float | None = None,
-    masks: Sequence[Mask] | None = None,
+    masks: Layers | None = None,
     device: str = "cpu",
     is_object: bool = True,
+    measured: Layers | None = None,
+    trust: float = 1.0,
 ) -> Cleaned:
     """Return the surface of the Gaussians as the cameras see it, without floaters.
 
@@ -66,9 +70,11 @@ def extract_surface(
         cameras: all around it; parts that fewer than three see are missing.
         scene: where the object is.
         voxel: edge of a voxel [m]; default: the ball's diameter / 160.
-        masks: load the object mask of each camera, (height, width), uint8: depth outside is left out.
+        masks: the object mask of each camera, uint8: depth outside is left out.
         device: "cpu" or a CUDA device of Warp; the fusion runs on the CPU.
         is_object: whether the Gaussians are of one object, trained with masks.
+        measured: the measured depth of each camera [m], which the rendered one is drawn to.
+        trust: in the measured depth, 0 to 1.
 
     Raises:
         DigsError: the cameras see no surface, or the voxels are too small.
@@ -76,6 +82,10 @@ def extract_surface(
     views: Iterable[DepthView] = depth_views(
         gaussians, cameras, scene.center_world, device, is_object
     )
+    if measured is not None:
+        views = (
+            toward_measured(view, load(), trust) for view, load in zip(views, measured, strict=True)
+        )
     if masks is not None:
         views = (within_mask(view, load()) for view, load in zip(views, masks, strict=True))
     mesh = fuse_views(

@@ -1,0 +1,90 @@
+"""Measured depth in meshes: taken where the photographs confirm it, not where whole regions are wrong."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.camera import Camera, Intrinsics
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.posed_frames import PosedFrames
+from digs_warp.pipeline.measured_depth import MeasuredDepth, measured_depth
+from digs_warp.pipeline.mesh import extract_mesh
+from digs_warp.pipeline.reconstruction import Reconstruction
+from digs_warp.surface.depth_views import DepthView
+from digs_warp.surface.measured import MOST_SHARE, toward_measured
+from reference.optional import open3d_or_skip
+from reference.tiny_capture import ball, drawn_depth, write_tiny_capture
+
+GAUSSIANS = ball()
+RANDOM = np.random.default_rng(0)
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
+    """Photographs of the ball, with the depth of its skin."""
+    capture = write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=12)
+    return [frame.with_layer(Layer.DEPTH, drawn_depth(frame)) for frame in capture.frames]
+
+
+def measured(
+    frames: Sequence[Frame], wrong: Callable[[np.ndarray], np.ndarray]
+) -> MeasuredDepth | None:
+    """Return the depth of the frames with errors, as a mesh would take it."""
+    sensed = [f.with_layer(Layer.DEPTH, wrong(f.load_depth()).astype(np.float32)) for f in frames]
+    return measured_depth(GAUSSIANS, sensed, np.zeros(3), is_object=True)
+
+
+def test_noise_of_pixels_is_trusted(frames: Sequence[Frame]) -> None:
+    found = measured(frames, lambda depth: depth + RANDOM.normal(0, 0.003, depth.shape))
+    assert found is not None and found.trust > 0.9
+
+
+def test_wrong_regions_are_not(frames: Sequence[Frame]) -> None:
+    def blotched(depth: np.ndarray) -> np.ndarray:
+        rows, columns = np.indices(depth.shape) // 8
+        return depth + 0.01 * np.sin(2.0 * rows + 3.0 * columns)
+
+    assert measured(frames, blotched) is None
+
+
+def test_a_shift_of_all_disparities_is_taken_off(frames: Sequence[Frame]) -> None:
+    found = measured(frames, lambda depth: depth / (1.0 + 0.01 * depth))
+    assert found is not None
+    for frame, load in zip(frames, found.load, strict=True):
+        apart = load() - frame.load_depth()
+        assert abs(np.nanmedian(apart)) < 0.001  # of 8 mm
+
+
+def test_depth_in_some_frames_alone_is_left_out(frames: Sequence[Frame]) -> None:
+    some = [frames[0].without_layer(Layer.DEPTH), *frames[1:]]
+    assert measured_depth(GAUSSIANS, some, np.zeros(3), is_object=True) is None
+    assert measured_depth(GAUSSIANS, [], np.zeros(3), is_object=True) is None
+
+
+def test_depth_moves_where_both_show_one_surface() -> None:
+    camera = Camera(Intrinsics(4, 1, 4.0, 4.0, 2.0, 0.5), np.eye(4))
+    rendered = np.array([[1.0, 1.0, 1.0, np.nan]], np.float32)
+    view = DepthView(camera, np.zeros((1, 4, 3), np.float32), rendered)
+    moved = toward_measured(view, np.array([[1.004, 1.2, np.nan, 1.0]], np.float32), 0.5).depth
+    expected = [[1.0 + 0.5 * MOST_SHARE * 0.004, 1.0, 1.0, np.nan]]
+    np.testing.assert_allclose(moved, expected, rtol=1e-6)
+
+
+def test_a_mesh_is_drawn_to_depth_that_is_trusted(frames: Sequence[Frame]) -> None:
+    open3d_or_skip()
+    nearer = [f.with_layer(Layer.DEPTH, f.load_depth() - np.float32(0.0004)) for f in frames]
+    alone = [frame.without_layer(Layer.DEPTH) for frame in frames]
+
+    def radius(seen: Sequence[Frame]) -> tuple[float, float]:
+        found = extract_mesh(replace(result, frames=PosedFrames(tuple(seen), ())), 0.005)
+        return float(np.linalg.norm(found.mesh.points_world, axis=1).mean()), found.trust
+
+    result = Reconstruction(gaussians=GAUSSIANS)
+    drawn, trust = radius(nearer)
+    rendered, none = radius(alone)
+    assert trust > 0.9 and none == 0.0
+    # Along the rays, which meet most of the ball at a slant.
+    assert 0.3 < (drawn - rendered) / (MOST_SHARE * 0.0004) < 1.0
