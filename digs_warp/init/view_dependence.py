@@ -10,26 +10,17 @@ adapts to the light, they differ more than any gloss.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from digs_warp.data.evenly import evenly
-from digs_warp.data.frame import Frame
-from digs_warp.data.layers import Layer
-from digs_warp.device.threads import default_threads
+from digs_warp.init.seen_colors import SeenColors
 from digs_warp.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
 
-# Points and photographs that are looked up, evenly chosen; and the most points that are compared: in a room,
-# only one in forty is seen often enough.
-LOOKED_UP, FRAMES, POINTS = 20000, 64, 2000
-# A color is the mean of this many pixels squared: about a Gaussian's.
-BLOCK = 3
-# A photograph sees a point if its depth there agrees within this share of the distance.
-AGREEMENT = 0.015
+# The most points that are compared.
+POINTS = 2000
 # A point is seen often enough for a prediction.
 FEWEST_VIEWS = 8
 # Rounds of fitting exposures and colors in turns; darker colors than this tell no exposure.
@@ -79,22 +70,10 @@ class ViewDependence:
         return f"{found} than degree {USUAL_DEGREE}, and are used from {WORTH_DB:g} dB on"
 
 
-def view_dependence(frames: Sequence[Frame], points_world: np.ndarray) -> ViewDependence:
-    """Choose the degree of the color by what the photographs show.
-
-    Args:
-        frames: with images; masks and depth maps say where a point is seen.
-        points_world: on the surface, shape (n, 3).
-
-    Raises:
-        CaptureError: an image cannot be read.
-    """
-    some = points_world[:: max(1, len(points_world) // LOOKED_UP)].astype(np.float64)
-    looked = frames[:: max(1, len(frames) // FRAMES)]
-    with ThreadPoolExecutor(default_threads()) as pool:
-        seen = list(pool.map(partial(_colors, some), looked))
-    colors = np.stack(seen, axis=1) if seen else np.zeros((len(some), 0, 3))
-    directions = some[:, None] - np.stack([frame.camera.center_world for frame in looked])
+def view_dependence(seen: SeenColors) -> ViewDependence:
+    """Choose the degree of the color by what the photographs show."""
+    colors = seen.colors
+    directions = seen.points_world[:, None] - seen.centers_world
     often = np.flatnonzero(np.isfinite(colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
     if not len(often):
         return ViewDependence(USUAL_DEGREE)
@@ -163,30 +142,3 @@ def prediction_error(basis: np.ndarray, colors: np.ndarray) -> float:
     leverage = np.einsum("nmk,nkm->nm", rows, solved)
     left_out = residuals / np.maximum(1.0 - leverage[..., None], 1e-6)
     return float(np.mean(left_out[np.broadcast_to(seen, colors.shape)] ** 2))
-
-
-def _colors(points: np.ndarray, frame: Frame) -> np.ndarray:
-    """Return the colors in which a frame sees points, (n, 3), NaN where it does not."""
-    image = frame.load_image()
-    whole = frame.load_mask() == 255 if frame.has(Layer.MASK) else None
-    px, z = frame.camera.project(points)
-    height, width = image.shape[:2]
-    with np.errstate(invalid="ignore"):
-        place = np.floor(px)
-        margin = BLOCK // 2
-        inside = (z > 0) & np.all(
-            (place >= margin) & (place < [width - margin, height - margin]), axis=1
-        )
-    columns, rows = (place[inside, axis].astype(np.int64) for axis in (0, 1))
-    color, visible = np.zeros((len(rows), 3)), np.ones(len(rows), dtype=bool)
-    for dy in range(-margin, margin + 1):
-        for dx in range(-margin, margin + 1):
-            color += image[rows + dy, columns + dx].astype(np.float64) / 255.0
-            if whole is not None:
-                visible &= whole[rows + dy, columns + dx]
-    if frame.has(Layer.DEPTH):
-        apart = np.abs(frame.load_depth()[rows, columns] - z[inside])
-        visible &= apart <= AGREEMENT * z[inside]  # False where the depth is NaN
-    found = np.full((len(points), 3), np.nan)
-    found[np.flatnonzero(inside)[visible]] = color[visible] / BLOCK**2
-    return found

@@ -5,6 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.first_exposures import without_exposure
+from digs_warp.init.seen_colors import look_up
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.train.config import TrainConfig
@@ -21,11 +24,13 @@ class LoadedViews:
         data: to train on; None without a training.
         held_out: to measure.
         color: what the photographs show of the color; None where the settings say its degree.
+        points: to start from, in the colors of photographs of one exposure if that is fitted.
     """
 
     data: TrainingData | None
     held_out: Sequence[TestView]
     color: ViewDependence | None
+    points: PointCloud
 
 
 def load_views(
@@ -54,7 +59,11 @@ def load_views(
         opening = None
         if trains:
             opening = beside.submit(open_data, frames, config, folder, resume, shutter)
-        held_out, color = load_test_views(prepared.frames.held_out, shutter), None
+        held_out = load_test_views(prepared.frames.held_out, shutter)
+        points, color = prepared.start.points, None
+        seen = look_up(frames, points.points_world)
         if config.sh_degree is None:
-            color = view_dependence(frames, prepared.start.points.points_world)
-        return LoadedViews(opening.result() if opening else None, held_out, color)
+            color = view_dependence(seen)
+        if trains and config.fit_exposure == "on":
+            points = without_exposure(points, frames, seen)
+        return LoadedViews(opening.result() if opening else None, held_out, color, points)

@@ -24,7 +24,7 @@ from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.frame_masks import MASKS
 from digs_warp.pipeline.front_end import SFM, front_end
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
-from digs_warp.pipeline.loaded_views import load_views
+from digs_warp.pipeline.loaded_views import LoadedViews, load_views
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.refined_poses import with_trained_poses
@@ -53,7 +53,6 @@ from digs_warp.train.course import read_course
 from digs_warp.train.evaluate import MeasuredViews, TestView, measure_views
 from digs_warp.train.session import (
     Trained,
-    TrainingData,
     Watch,
     load_trained_poses,
     train_gaussians,
@@ -156,8 +155,7 @@ def _reconstruct(
         config = replace(config, train=replace(config.train, sh_degree=color.degree))
     with log.saved(record):
         if trained is None:
-            assert views.data is not None
-            trained = _train(prepared, views.data, test_views, config, folder, log, watch)
+            trained = _train(prepared, views, config, folder, log, watch)
         prepared, test_views = with_trained_poses(prepared, test_views, trained.poses, folder)
         result = Reconstruction(
             gaussians=trained.gaussians,
@@ -211,21 +209,21 @@ def _with_shutter(
 
 def _train(
     prepared: Prepared,
-    data: TrainingData,
-    test_views: Sequence[TestView],
+    views: LoadedViews,
     config: ReconstructConfig,
     folder: Path,
     log: RunLog,
     watch: Watch | None,
 ) -> Trained:
     init = config.init
-    points = prepared.start.points
+    points = views.points
     largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
     start = (init.seed_opacity, init.seed_width, largest)
     seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
+    assert views.data is not None
     trains_poses = bool(prepared.refinement and prepared.refinement.in_training)
     return train_gaussians(
-        *(seeds, data, test_views, config.train, folder, log, watch),
+        *(seeds, views.data, views.held_out, config.train, folder, log, watch),
         held=points.hidden,
         train_poses=trains_poses and config.train.mask_role == "object",
     )

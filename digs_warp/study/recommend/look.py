@@ -18,6 +18,7 @@ from digs_warp.init.random_points import random_points
 from digs_warp.init.ray_points import ray_points
 from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seen_colors import look_up
 from digs_warp.init.start import Subject
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.init.voxel_size import MOST_POINTS, pixel_size
@@ -114,7 +115,7 @@ def look_at(
             points=len(points),
             pixel=pixel,
             scatter=scatter(some, points.points_world),
-            color=view_dependence(some, points.points_world),
+            color=view_dependence(look_up(some, points.points_world)),
         )
     elif subject == "scene":
         points = ray_points(some, WITHOUT_DEPTH)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from digs_warp.data.layers import Layer
+from digs_warp.init.seen_colors import look_up
 from digs_warp.init.view_dependence import (
     chosen,
     evenly_exposed,
@@ -77,7 +78,7 @@ def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
         darker = np.exp(-0.4 * (1 + np.sin(0.5 * number)))
         image = np.rint(frame.load_image() * darker).astype(np.uint8)
         frames.append(frame.with_layer(Layer.IMAGE, image))
-    found = view_dependence(frames, ball(400).means)
+    found = view_dependence(look_up(frames, ball(400).means))
     assert found.degree == 1 and found.points > 40
 
 
@@ -92,7 +93,7 @@ def test_the_exposure_of_photographs_hides_no_gloss() -> None:
 def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
     elsewhere = np.full((19000, 3), 10 * RADIUS)
-    found = view_dependence(capture.frames, np.concatenate([elsewhere, ball(800).means]))
+    found = view_dependence(look_up(capture.frames, np.concatenate([elsewhere, ball(800).means])))
     assert found.points > 60  # every tenth point would show 12
 
 
@@ -113,7 +114,7 @@ def test_predictions_are_those_of_fits_without_the_color() -> None:
 
 def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
-    found = view_dependence(capture.frames, ball(400).means)
+    found = view_dependence(look_up(capture.frames, ball(400).means))
     assert found.degree == 1
     assert found.points > 40
 
@@ -121,8 +122,8 @@ def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
 def test_points_that_few_views_see_decide_nothing(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture", frames=4)
     for frames, points in ((capture.frames, ball(50).means), (capture.frames[:1], ball(50).means)):
-        found = view_dependence(frames, points)
+        found = view_dependence(look_up(frames, points))
         assert found.degree == 1 and found.errors == ()
         assert "too few points" in found.because
     away = np.full((5, 3), 10 * RADIUS)
-    assert view_dependence(capture.frames, away).degree == 1
+    assert view_dependence(look_up(capture.frames, away)).degree == 1

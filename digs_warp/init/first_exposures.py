@@ -1,0 +1,104 @@
+"""The exposure of the photographs before the training, and the first colors without it.
+
+A camera that adapts to the light makes one side of an object brighter than the other. The colors of the first
+points are those of the photographs that see them: taken as they are, most of the exposure looks like the
+object's own color. The training then finds gains and colors in turns, but while colors are wrong, photographs
+from two sides contradict each other, and the Gaussians move until they fit both. So the exposures are found
+before, all at once. With s the factor of a photograph and x the color of a point
+(`digs_warp.measure.color_gain`),
+
+    log(y + 0.055) = log s + log(x + 0.055)
+
+is solved by least squares over all points and photographs, from which the points are eliminated. The channels
+share their factor: in a dark one, reflections would look like exposure. The training tells white balance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.data.point_cloud import PointCloud
+from digs_warp.init.seen_colors import SeenColors, colors_in, look_up
+from digs_warp.measure.color_gain import DARK, OFFSET, SATURATED, STOPS_PER_LOG, ColorGain
+
+# Points that tell the exposures.
+POINTS = 4000
+# Where the exposure is constant, factors of up to 0.1 stops are found, root mean square (an armchair of shiny
+# leather); where it follows the light four times too far, they are 0.1 stops off, of 0.8.
+NOISE_STOPS = 0.15
+# Rounds of reweighting: highlights, and what hides a point, count less than the rest.
+ROUNDS = 8
+# Differences above this many median ones weigh less, and none below about two steps of 8 bits.
+USUAL, LEAST = 2.0, 0.02
+
+
+def without_exposure(
+    points: PointCloud, frames: Sequence[Frame], seen: SeenColors | None = None
+) -> PointCloud:
+    """Return points in the colors that they have in photographs of one exposure.
+
+    Points keep their colors where they are seen by none, where the exposure is constant, and in a recording
+    without depth, which does not tell who sees what.
+
+    Args:
+        points: the first ones.
+        frames: to train on.
+        seen: some of the points in some of the frames; None: they are looked up.
+    """
+    if not len(points) or not all(frame.has(Layer.DEPTH) for frame in frames):
+        return points
+    if seen is None or seen.colors.shape[1] < len(frames):
+        seen = look_up(frames, points.points_world, POINTS, len(frames))
+    factors = log_factors(_by_channel(seen.colors[:: max(1, len(seen.colors) // POINTS)]))
+    if STOPS_PER_LOG * float(np.sqrt(np.mean(factors**2))) <= NOISE_STOPS:
+        return points
+    return replace(points, colors=_evened(points, frames, factors))
+
+
+def log_factors(values: np.ndarray) -> np.ndarray:
+    """Return the logarithms of the factors of m photographs, shape (m,); their mean is 0.
+
+    A photograph that shares no point with another has 0.
+
+    Args:
+        values: one channel of n points, sRGB in 0..1, NaN where a point is not seen, shape (n, m).
+    """
+    with np.errstate(invalid="ignore"):
+        told = (values > DARK) & (values < SATURATED / 255.0)
+    told &= told.sum(axis=1, keepdims=True) >= 2
+    if not told.any():
+        return np.zeros(values.shape[1])
+    light = np.where(told, values, 1.0 - OFFSET) + OFFSET
+    logs, usual = np.log(light), told * light**2  # an error of y is one of log y times y
+    weights, found = usual, np.zeros(values.shape[1])
+    for _ in range(ROUNDS):
+        shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+        apart = logs - (shares * logs).sum(axis=1, keepdims=True)
+        normal = np.diag(weights.sum(axis=0)) - weights.T @ shares
+        found = np.linalg.lstsq(normal, (weights * apart).sum(axis=0), rcond=1e-9)[0]
+        even = logs - found
+        misses = light * np.abs(even - (shares * even).sum(axis=1, keepdims=True))
+        allowed = max(USUAL * float(np.median(misses[told])), LEAST)
+        weights = usual * allowed / np.maximum(misses, allowed)
+    return found - found.mean()
+
+
+def _by_channel(colors: np.ndarray) -> np.ndarray:
+    """Return the channels of n points in m photographs as 3 n points of one channel, (3 n, m)."""
+    return np.concatenate([colors[..., channel] for channel in range(3)])
+
+
+def _evened(points: PointCloud, frames: Sequence[Frame], factors: np.ndarray) -> np.ndarray:
+    """Return the mean color of each point in its photographs, all of one exposure, (n, 3)."""
+    sums, counts = np.zeros((len(points), 3)), np.zeros((len(points), 1))
+    for frame, factor in zip(frames, factors, strict=True):
+        scale, shift = ColorGain(np.full(3, factor)).removal()
+        colors = scale * colors_in(points.points_world, frame) + shift
+        is_seen = np.isfinite(colors[:, :1])
+        sums += np.where(is_seen, colors, 0.0)
+        counts += is_seen
+    means = np.clip(sums / np.maximum(counts, 1), 0.0, 1.0)
+    return np.where(counts > 0, means, points.colors)
