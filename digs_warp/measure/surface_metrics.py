@@ -110,19 +110,29 @@ def surface_score(
 
 def sample_surface(surface: TriangleMesh, count: int, seed: int = 0) -> np.ndarray:
     """Return points sampled uniformly by area from the triangles [m], shape (count, 3), float64."""
+    places, _ = sample_with_normals(surface, count, seed)
+    return places
+
+
+def sample_with_normals(
+    surface: TriangleMesh, count: int, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of `sample_surface`, and the unit normals of their triangles, (count, 3) each."""
     random = np.random.default_rng(seed)
     corners = surface.points_world[surface.triangles].astype(np.float64)
     edges = corners[:, 1:] - corners[:, :1]
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    areas = np.linalg.norm(normals, axis=1)
     if not areas.sum() > 0:
         raise DigsError("surface: its triangles have no area; expected a surface, not a line")
     chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
     # The square root makes the density uniform over a triangle.
     root, along = np.sqrt(random.random(count)), random.random(count)
     first, second = root * (1 - along), root * along
-    return (
+    places = (
         corners[chosen, 0] + first[:, None] * edges[chosen, 0] + second[:, None] * edges[chosen, 1]
     )
+    return places, normals[chosen] / areas[chosen, None]
 
 
 def distances_to_surface(points_world: np.ndarray, surface: TriangleMesh) -> np.ndarray:

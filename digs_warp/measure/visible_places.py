@@ -1,7 +1,7 @@
 # Kernels are typed by Warp, whose stubs pyright cannot follow:
 # pyright: reportAttributeAccessIssue=false, reportOperatorIssue=false, reportInvalidTypeForm=false
 # pyright: reportArgumentType=false
-"""Which places on a surface cameras see: those in an image that nothing in front of them hides."""
+"""Which places on a surface cameras see: in an image, not edge-on, and with nothing in front of them."""
 
 from collections.abc import Sequence
 
@@ -14,15 +14,21 @@ from digs_warp.device.parallel import launch_parallel
 
 # The surface hides a place from this share of the distance on: the place itself is on the surface, too.
 BEFORE = wp.constant(0.999)
+# A surface at less than 10 degrees to the line of sight is hardly a pixel wide: this is the sine.
+EDGE_ON = 0.17
 
 
 def visible_places(
-    places_world: np.ndarray, surface: TriangleMesh, cameras: Sequence[Camera]
+    places_world: np.ndarray,
+    normals_world: np.ndarray,
+    surface: TriangleMesh,
+    cameras: Sequence[Camera],
 ) -> np.ndarray:
     """Return which places at least one camera sees, shape (n,), bool.
 
     Args:
         places_world: on the surface [m], shape (n, 3).
+        normals_world: of the surface there, to either side, shape (n, 3).
         surface: what can hide them; both sides of its triangles do.
         cameras: where they are looked at from.
     """
@@ -36,7 +42,10 @@ def visible_places(
         k = camera.intrinsics
         with np.errstate(invalid="ignore"):
             inside = (z > 0) & np.all((px >= 0) & (px < [k.width, k.height]), axis=1)
-        asked = np.flatnonzero(inside & ~visible)
+        toward = places_world - camera.center_world
+        across = np.abs(np.einsum("ij,ij->i", toward, normals_world))
+        faced = across >= EDGE_ON * np.linalg.norm(toward, axis=1)
+        asked = np.flatnonzero(inside & faced & ~visible)
         if not len(asked):
             continue
         places = np.ascontiguousarray(places_world[asked], dtype=np.float32)

@@ -5,7 +5,7 @@ import trimesh
 
 from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.triangle_mesh import TriangleMesh
-from digs_warp.measure.visible_places import visible_places
+from digs_warp.measure.visible_places import EDGE_ON, visible_places
 
 
 def mesh_of(found: trimesh.Trimesh) -> TriangleMesh:
@@ -26,13 +26,13 @@ def hits(center: np.ndarray, place: np.ndarray, mesh: TriangleMesh) -> bool:
     return bool(np.any((u >= 0) & (v >= 0) & (u + v <= 1) & (share > 0) & (share < 0.999)))
 
 
-def scene() -> tuple[TriangleMesh, np.ndarray]:
-    """A bumpy sphere, and places on all of it."""
+def scene() -> tuple[TriangleMesh, np.ndarray, np.ndarray]:
+    """A bumpy sphere, places on all of it, and normals."""
     ball = trimesh.creation.icosphere(2, 0.2)
     bumps = 1.0 + 0.3 * np.sin(5.0 * ball.vertices / 0.2).prod(axis=1, keepdims=True)
     ball.vertices *= bumps
     mesh = mesh_of(ball)
-    return mesh, mesh.points_world[mesh.triangles].mean(axis=1)
+    return mesh, mesh.points_world[mesh.triangles].mean(axis=1), ball.face_normals
 
 
 def looking_down(height: float) -> Camera:
@@ -43,25 +43,30 @@ def looking_down(height: float) -> Camera:
 
 
 def test_what_is_hidden_agrees_with_every_triangle_one_by_one() -> None:
-    mesh, places = scene()
+    mesh, places, normals = scene()
     camera = looking_down(1.0)
     px, _ = camera.project(places)
     inside = np.all((px >= 0) & (px < [64, 48]), axis=1)
-    expected = [not hits(camera.center_world, place, mesh) for place in places] & inside
-    found = visible_places(places, mesh, [camera])
-    assert 0.2 < found.mean() < 0.6
+    toward = places - camera.center_world
+    sine = np.abs((toward * normals).sum(axis=1)) / np.linalg.norm(toward, axis=1)
+    clear = [not hits(camera.center_world, place, mesh) for place in places]
+    expected = clear & inside & (sine >= EDGE_ON)
+    found = visible_places(places, normals, mesh, [camera])
+    assert 0.1 < found.mean() < 0.6
     np.testing.assert_array_equal(found, expected)
 
 
 def test_a_place_outside_the_image_or_behind_the_camera_is_not_seen() -> None:
-    mesh, places = scene()
-    assert not visible_places(places + [0.0, 5.0, 0.0], mesh, [looking_down(1.0)]).any()
-    assert not visible_places(places, mesh, [looking_down(-1.0)]).any()
-    assert not visible_places(places, mesh, []).any()
+    mesh, places, normals = scene()
+    assert not visible_places(places + [0.0, 5.0, 0.0], normals, mesh, [looking_down(1.0)]).any()
+    assert not visible_places(places, normals, mesh, [looking_down(-1.0)]).any()
+    assert not visible_places(places, normals, mesh, []).any()
 
 
 def test_one_camera_is_enough() -> None:
-    mesh, places = scene()
+    mesh, places, normals = scene()
     near, far = looking_down(1.0), looking_down(1.5)
-    each = [visible_places(places, mesh, [camera]) for camera in (near, far)]
-    np.testing.assert_array_equal(visible_places(places, mesh, [near, far]), each[0] | each[1])
+    each = [visible_places(places, normals, mesh, [camera]) for camera in (near, far)]
+    np.testing.assert_array_equal(
+        visible_places(places, normals, mesh, [near, far]), each[0] | each[1]
+    )
