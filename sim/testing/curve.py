@@ -36,13 +36,23 @@ class DegradationCurve:
 
         Raises:
             AssertionError: an error is larger, or not a number; the message shows the curve.
-            KeyError: a strength that was not measured.
+            DigsError: a strength that was not measured.
         """
         by_strength = dict(zip(self.strengths, self.errors, strict=True))
+        if unknown := [strength for strength in limits if strength not in by_strength]:
+            raise DigsError(
+                f"assert_at_most: strength {unknown[0]:g} was not measured, expected some of "
+                f"{shown(self.strengths)}; the marker's 'strengths' choose them"
+            )
         too_large = [s for s, limit in limits.items() if not by_strength[s] <= limit]
         if too_large:
             where = ", ".join(f"{s:g} (limit {limits[s]:.4g})" for s in too_large)
-            raise AssertionError(f"error too large at noise strength {where}\n{self}")
+            what = (
+                "is too large"
+                if all(math.isfinite(by_strength[s]) for s in too_large)
+                else "is no number"
+            )
+            raise AssertionError(f"the error {what} at noise strength {where}\n{self}")
 
     def assert_no_cliff(
         self, largest_growth: float = 2.0, smallest_growth: float = SMALLEST_GROWTH
@@ -66,6 +76,8 @@ class DegradationCurve:
             )
         if not all(math.isfinite(error) for error in self.errors):
             raise AssertionError(f"some errors are no numbers\n{self}")
+        if fall := self._fall():  # first, for an error that falls is steep where it comes back
+            raise AssertionError(f"{fall}\n{self}")
         steep = [
             f"from strength {low:g} to {high:g} it grows with exponent {growth:.2f}"
             for low, high, growth in self.growth()
@@ -75,8 +87,8 @@ class DegradationCurve:
             raise AssertionError(
                 f"the error falls off a cliff: {'; '.join(steep)} (limit {largest_growth:g})\n{self}"
             )
-        if odd := self._fall() or self._jump(smallest_growth):
-            raise AssertionError(f"{odd}\n{self}")
+        if jump := self._jump(smallest_growth):
+            raise AssertionError(f"{jump}\n{self}")
 
     def _jump(self, smallest_growth: float) -> str:
         """Describe an error that appears with the first noise and then hardly grows; "" if it does not."""
@@ -95,7 +107,9 @@ class DegradationCurve:
             return ""
         return (
             f"the error jumps from strength 0 to {s1:g}; what the noise adds then grows only with exponent "
-            f"{growth:.2f} (limit {smallest_growth:g})"
+            f"{growth:.2f} (limit {smallest_growth:g}). What a stereo camera cannot see, such as places that "
+            "only one eye sees, is the same at all strengths above 0: if that is the reason, allow it with "
+            "smallest_growth=0"
         )
 
     def _fall(self) -> str:

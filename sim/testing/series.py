@@ -47,13 +47,22 @@ class NoiseSeries:
         errors = []
         for strength, capture in self:
             try:
-                errors.append(float(error(capture)))
+                errors.append(_number(error(capture)))
             except Exception as failure:
                 failure.add_note(f"on the capture at sensor noise strength {strength:g}")
                 raise
         curve = DegradationCurve(self.strengths, tuple(errors))
         self.on_curve(getattr(error, "__name__", type(error).__name__), curve)
         return curve
+
+
+def _number(found: object) -> float:
+    try:
+        return float(found)  # pyright: ignore[reportArgumentType]
+    except (TypeError, ValueError):
+        raise DigsError(
+            f"measure: the function returned {shown(found)}, expected one number: its error"
+        ) from None
 
 
 def check_strengths(strengths: Iterable[float]) -> tuple[float, ...]:

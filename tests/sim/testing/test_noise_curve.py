@@ -43,7 +43,8 @@ def test_an_error_that_appears_with_the_first_noise_and_stays_is_a_cliff() -> No
 
 
 def test_an_error_that_falls_with_rising_noise_is_refused() -> None:
-    for errors in ((0.0, 1.0, 2.0, 0.1), (4.0, 1.0, 1.5, 3.0), (1.0, 0.9, 0.6, 0.4)):
+    falls = ((0.0, 1.0, 2.0, 0.1), (4.0, 1.0, 1.5, 3.0), (1.0, 0.9, 0.6, 0.4))
+    for errors in (*falls, (0.001, 0.01, 0.002, 0.02)):  # the last one comes back steeply
         with pytest.raises(AssertionError, match="falls while the noise rises"):
             DegradationCurve((0, 1, 2, 4), errors).assert_no_cliff()
     DegradationCurve((0, 1, 2, 4), (1.0, 0.9, 1.1, 0.8)).assert_no_cliff()  # by chance
@@ -69,5 +70,7 @@ def test_limits_hold_at_the_strengths_they_name() -> None:
     curve.assert_at_most({0: 0.0, 1: 0.1})
     with pytest.raises(AssertionError, match=r"at noise strength 2 \(limit 0.4\)"):
         curve.assert_at_most({1: 0.1, 2: 0.4})
-    with pytest.raises(KeyError):
+    with pytest.raises(DigsError, match="strength 3 was not measured, expected some of"):
         curve.assert_at_most({3: 1.0})
+    with pytest.raises(AssertionError, match="the error is no number at noise strength 1"):
+        DegradationCurve((0, 1), (0.0, math.nan)).assert_at_most({1: 0.1})

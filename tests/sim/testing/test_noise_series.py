@@ -185,6 +185,8 @@ def test_a_failing_function_tells_the_strength(config: SimulateConfig, tmp_path:
     with pytest.raises(AssertionError) as caught:
         series.measure(fails_on_noise)
     assert caught.value.__notes__ == ["on the capture at sensor noise strength 3"]
+    with pytest.raises(DigsError, match="the function returned None, expected one number"):
+        series.measure(lambda capture: None)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("strengths", [(), (1, 1), (2, 1), (-1, 2)])
