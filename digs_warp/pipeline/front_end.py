@@ -21,6 +21,7 @@ from digs_warp.pipeline.frame_masks import MASKS, MENDED, masked, without_masks
 from digs_warp.pipeline.front_end_config import FrontEndConfig, check_front_end
 from digs_warp.pipeline.known_distance import in_true_size, metric_scale_of
 from digs_warp.pipeline.matched_images import MetricModel, in_metres, match_images, registered
+from digs_warp.pipeline.perturbed import perturbed
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.subject import say_subject, subject_of
@@ -74,6 +75,8 @@ def front_end(
             model = in_metres(sparse, capture, frames, config.init)
         frames = registered(frames, model)
         doubts += _contradicted_by_depth(capture, frames, config.sfm, log)
+    elif config.sfm.poses == "perturbed":
+        frames = perturbed(frames, capture, config.sfm)
     if subject == "object" and config.segment.mends_masks:
         with log.stage("mask agreement"):
             training, doubt = agreed_masks(frames.training, folder / MASKS / MENDED)

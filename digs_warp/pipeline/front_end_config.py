@@ -36,7 +36,7 @@ class FrontEndConfig:
     def needs_sfm(self) -> bool:
         """Whether images are matched: for the poses, or for sparse points, unless the recording has some."""
         is_scaled = self.mono.mono_depth is not None
-        return self.sfm.poses in ("sfm", "auto", "perturbed") or self.init.needs_sfm or is_scaled
+        return self.sfm.poses in ("sfm", "auto") or self.init.needs_sfm or is_scaled
 
     @property
     def takes_recorded_points(self) -> bool:

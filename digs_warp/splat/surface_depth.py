@@ -7,7 +7,9 @@ mean lies on neither. So the depth of the surface is the expected one where the 
 
 import numpy as np
 
+from digs_warp.geometry import PixelBox
 from digs_warp.splat.config import EXPECTED, MEDIAN, DepthOf
+from digs_warp.splat.renderer import SplatRenderer
 
 # Expected and median depth further apart than this share of the depth belong to two surfaces: a centimetre
 # at a metre, several times the depth of the soft layer that the splats of one surface are.
@@ -32,3 +34,12 @@ def surface_depth(drawn: np.ndarray) -> np.ndarray:
     expected, median = drawn[..., EXPECTED], drawn[..., MEDIAN]
     is_one = np.abs(expected - median) <= SAME_SURFACE * median
     return np.where(median > 0, np.where(is_one, expected, median), np.float32(np.nan))
+
+
+def covered_depth(renderer: SplatRenderer, box: PixelBox) -> np.ndarray:
+    """Return the expected depth of a part of the last view [m], (height, width), float64.
+
+    It is 0 where the Gaussians cover less than half of a pixel.
+    """
+    depth = renderer.depth.part(box)[..., EXPECTED].astype(np.float64)
+    return np.where(renderer.transmittance.part(box)[..., 0] < 0.5, depth, 0.0)

@@ -32,6 +32,7 @@ from digs_warp.study.bench_recordings import (
     reconstructed,
     reconstructions,
 )
+from digs_warp.study.perturbed_poses import PERTURBED_MESHES, TABLE, measure_perturbed
 from digs_warp.study.pose_pixels import pose_pixels
 from digs_warp.study.results import Result
 from digs_warp.study.scenes import OBJECT_SIZE, with_meshes
@@ -46,6 +47,9 @@ WHITE, GRADIENT = 228, 8
 
 # Poses that move the object farther in the images are plainly wrong [px].
 LOST = 5.0
+
+# Before the name of a mesh: the case in which its true poses are perturbed.
+PERTURBED = "perturbed-"
 
 LOSS = "below true poses [dB]"
 IN_SCALE = "below true poses in its scale [dB]"
@@ -89,6 +93,7 @@ SCENES = (
 
 
 def bench_found_poses(
+    only: Sequence[str] = (),
     data: Path | None = None,
     scenes: Sequence[PosedScene] = SCENES,
     recording: SimulateConfig | None = None,
@@ -97,21 +102,28 @@ def bench_found_poses(
     """Return the figures of every scene with each kind of poses, and what went wrong.
 
     Args:
+        only: meshes of scenes, or `PERTURBED` followed by a mesh of `PERTURBED_MESHES`; none: all of them.
         data: folder of the sample data; None: DIGS_WARP_SAMPLE_DATA or ../shared/data.
         scenes: which.
         recording: settings of all recordings; None: those of the published table.
         iterations: training steps.
     """
     recording = recording or SimulateConfig(frames=FRAMES, width=WIDTH, object_size=OBJECT_SIZE)
-    meshes = with_meshes(recording, [scene.mesh for scene in scenes], data, "sfm-poses")
+    nearly = [mesh for mesh in PERTURBED_MESHES if not only or PERTURBED + mesh in only]
+    scenes = [scene for scene in scenes if not only or scene.mesh in only]
+    meshes = with_meshes(recording, [*(s.mesh for s in scenes), *nearly], data, "sfm-poses")
     present = [scene for scene in scenes if scene.mesh in meshes]
+    nearly = [mesh for mesh in nearly if mesh in meshes]
     results: list[Result] = []
-    with progress(len(present), "Measuring", "scene") as bar:
+    with progress(len(present) + len(nearly), "Measuring", "scene") as bar:
         for scene in present:
             with tempfile.TemporaryDirectory() as folder:
                 results += _measured(scene, meshes[scene.mesh], Path(folder), iterations)
             bar.update()
-    order = (FIGURES, POSES_AND_TIME, FINDINGS)
+        for mesh in nearly:
+            results += measure_perturbed(mesh, meshes[mesh], iterations)
+            bar.update()
+    order = (FIGURES, POSES_AND_TIME, TABLE, FINDINGS)
     parts = [part for row in results for part in _in_two_tables(row)]
     return sorted(parts, key=lambda part: order.index(part.table))
 

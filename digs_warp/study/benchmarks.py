@@ -143,9 +143,14 @@ BENCHMARKS = (
     ),
     Benchmark(
         "sfm-poses",
-        "what poses that nobody knows cost: five simulated scenes, poses found in each way",
+        "what poses that nobody knows cost, found in each way, and poses that are nearly right",
         "bench_found_poses:bench_found_poses",
         "sfm.md",
+        cases=(
+            *("armchair", "ycb_mustard_bottle", "boot_plain", "sci_fi_case", "flight_helmet"),
+            *("perturbed-ycb_mustard_bottle", "perturbed-spot", "perturbed-tea_set"),
+            *("perturbed-avocado", "perturbed-boot_plain"),
+        ),
     ),
     Benchmark(
         "masks",

@@ -19,9 +19,11 @@ from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.blur import Blur
 from digs_warp.splat.blur_renderer import BlurRenderer
+from digs_warp.splat.config import RasterOptions
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import near_plane
 from digs_warp.splat.row_motion import RowMotion
+from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.exposure import INSIDE
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.silhouette import without_surround
@@ -91,10 +93,13 @@ class Rendering:
         light: sRGB values, not clipped: what is brighter than white keeps its color under a smaller gain;
             shape (height, width, 3), float32.
         coverage: share of each pixel that the Gaussians cover, in 0..1, shape (height, width), float32.
+        depth: of their centers [m], 0 where they cover less than half of a pixel, (height, width), float64;
+            None: it was not asked for.
     """
 
     light: np.ndarray
     coverage: np.ndarray
+    depth: np.ndarray | None = None
 
     @property
     def image(self) -> np.ndarray:
@@ -102,8 +107,11 @@ class Rendering:
         return np.clip(self.light, 0.0, 1.0)
 
 
-def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[Rendering]:
+def render_views(
+    gaussians: DeviceGaussians, views: Sequence[TestView], with_depth: bool = False
+) -> list[Rendering]:
     """Render the Gaussians in each view over white."""
+    options = RasterOptions(outputs="mean depth" if with_depth else "color")
     center = gaussians.means.numpy().mean(axis=0)
     moments = max((view.blur.moments for view in views if view.blur), default=1)
     renderings = []
@@ -111,11 +119,13 @@ def render_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[
     for view in views:
         k = view.camera.intrinsics
         if renderer is None or (renderer.image.width, renderer.image.height) != (k.width, k.height):
-            renderer = BlurRenderer(gaussians, k.width, k.height, moments=moments)
+            renderer = BlurRenderer(gaussians, k.width, k.height, options=options, moments=moments)
         near = near_plane(view.camera, center)
         renderer.forward(view.camera, near=near, rows=view.rows, blur=view.blur)
         behind = renderer.transmittance.to_numpy()[..., 0]
-        renderings.append(Rendering(renderer.image.to_numpy(), 1.0 - behind))
+        whole = (0, 0, k.width, k.height)
+        depth = covered_depth(renderer.middle, whole) if with_depth else None
+        renderings.append(Rendering(renderer.image.to_numpy(), 1.0 - behind, depth))
     return renderings
 
 

@@ -17,6 +17,7 @@ from digs_warp.losses.target import Target
 from digs_warp.losses.unknown import LeftOut
 from digs_warp.measure.color_gain import ColorGain
 from digs_warp.splat.blur_renderer import BlurRenderer
+from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.depth_errors import NO_ERRORS, DepthErrors
 from digs_warp.train.views import View
@@ -120,6 +121,11 @@ class Objective:
     def images(self, box: PixelBox) -> tuple[np.ndarray, np.ndarray]:
         """Return a part of the last image, and of what it was compared with, (height, width, 3) each."""
         return self._renderer.image.part(box), self._target.image.part(box)
+
+    def depth(self, box: PixelBox) -> np.ndarray | None:
+        """Return the depth of a part of the last image, as `covered_depth` does; None if it was not drawn."""
+        middle = self._renderer.middle
+        return covered_depth(middle, box) if middle.options.has_depth else None
 
     def pull_back(self) -> None:
         """Backpropagate the pixel gradients to the Gaussians, and add the terms on the parameters."""

@@ -23,11 +23,11 @@ from digs_warp.train.checkpoint import checkpoint_step, load_checkpoint, save_ch
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import CourseRow
 from digs_warp.train.evaluate import MeasuredViews, TestView
+from digs_warp.train.moved_views import moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
 from digs_warp.train.trained_poses import TrainedPoses
 from digs_warp.train.trainer import Trainer
-from digs_warp.train.turned_views import turned_views
 from digs_warp.train.view_store import ViewStore, open_views
 
 # A finished scene keeps Gaussians from this opacity on: a lower one changes a pixel by at most 3 of 255.
@@ -128,7 +128,7 @@ def train_gaussians(
         log: receives the times of the stages.
         watch: looks on; None: nobody does.
         held: which seeds stay as they are, shape (n,), bool; None: none.
-        train_poses: whether the cameras turn until their photographs fit, held-out ones at the end.
+        train_poses: whether the cameras move until their photographs fit, held-out ones at the end.
 
     Raises:
         DigsError: a broken checkpoint, or a training that diverged.
@@ -153,7 +153,7 @@ def train_gaussians(
     gaussians = _without_transparent(trainer.gaussians.to_numpy())
     poses = None
     if trainer.poses is not None:
-        with log.stage("turn held-out cameras"):
+        with log.stage("move held-out cameras"):
             poses = _all_poses(trainer.poses, gaussians, test_views, config.device)
         # Before the Gaussians, which tell a resumed run that all is there.
         write_arrays(folder / TRAINED_POSES, {"world_from_cam": poses})
@@ -185,7 +185,7 @@ def _all_poses(
     trained: TrainedPoses, gaussians: Gaussians, test_views: Sequence[TestView], device: str
 ) -> np.ndarray:
     """Return the poses of the training frames, then those of the held-out ones."""
-    views = turned_views(DeviceGaussians.from_numpy(gaussians, device), test_views)
+    views = moved_views(DeviceGaussians.from_numpy(gaussians, device), test_views)
     return np.stack([*trained.poses, *(view.camera.world_from_cam for view in views)])
 
 

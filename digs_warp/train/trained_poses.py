@@ -1,12 +1,13 @@
-"""Camera poses that are trained with the Gaussians: each camera turns until its photograph fits.
+"""Camera poses that are trained with the Gaussians: each camera moves until its photograph fits.
 
-Whenever a view is drawn, its camera turns by what lays the drawing over the photograph, see
-`digs_warp.train.turns`; the next drawing of the view shows what is left. Centers stay: a shift of a camera
-moves the image of an object nearly as a turn does, and the little that tells them apart is less than what the
-errors of the Gaussians move.
+Whenever a view is drawn, its camera moves by what lays the drawing over the photograph, see
+`digs_warp.train.registration`; the next drawing of the view shows what is left. At first cameras only turn.
+Then they shift as well, in small steps: a shift across the view moves the image of an object nearly as a turn
+does, and the little that tells them apart comes out over many visits.
 
-Gaussians and cameras together may move without any change in the images. After every epoch all move back, so
-that on average the cameras see the object where they saw it at first.
+Gaussians and cameras together may move without any change in the images, and all may become larger. After
+every epoch all move back, so that on average the cameras see the object where they saw it at first, from as
+far.
 """
 
 from collections.abc import Sequence
@@ -19,16 +20,17 @@ from digs_warp.geometry import (
     PixelBox,
     invert_rigid,
     laid_over,
-    matrix_from_rotation_vector,
-    rigid,
     transform_points,
 )
-from digs_warp.train.turns import turn_between
+from digs_warp.train.registration import motion_between, moved
 
-# Share of a run after which cameras begin to turn: before, the drawings tell little.
+# Share of a run after which cameras begin to move: before, the drawings tell little.
 START = 0.15
-# (width of a block of pixels, visits of a view): its first comparisons use blocks, later ones single pixels.
+# (width of a block of pixels, visits of a view): its first comparisons use blocks. Later ones use single
+# pixels, and its camera shifts, too.
 COARSE_VISITS = ((4, 2), (2, 2))
+# See `motion_between`: along what a tenth of the motion tells, a visit takes half of the step.
+DAMPING = 0.01
 
 
 class TrainedPoses:
@@ -50,7 +52,9 @@ class TrainedPoses:
         self._visits = np.zeros(len(cameras), dtype=np.int64)
         self._first_step = int(START * steps)
         around = float(np.std(points)) * np.concatenate([np.eye(3), -np.eye(3)])
-        self._marks = np.median(points, axis=0) + around
+        self._middle = np.median(points, axis=0)
+        self._marks = self._middle + around
+        self._distance = self._mean_distance()
 
     def camera(self, index: int, camera: Camera) -> Camera:
         """Return the camera of a view, of any size, as it stands now."""
@@ -64,13 +68,20 @@ class TrainedPoses:
         drawn: np.ndarray,
         photograph: np.ndarray,
         box: PixelBox,
+        depth: np.ndarray | None = None,
     ) -> None:
-        """Turn a camera by what its drawing shows; the arguments are those of `turn_between`."""
+        """Move a camera by what its drawing shows; the arguments are those of `motion_between`.
+
+        ``depth``: 0 where little is drawn. Default: that of the middle of the object everywhere.
+        """
         if step < self._first_step:
             return
         pool = _pool(int(self._visits[index]))
-        turn = turn_between(drawn, photograph, camera.intrinsics, box, pool)
-        self.poses[index] = turned(self.poses[index], turn)
+        pose = self.poses[index]
+        seen = filled_depth(depth, drawn.shape[:2], pose, self._middle) if pool == 1 else None
+        k = camera.intrinsics
+        motion = motion_between(drawn, photograph, k, box, pool, seen, DAMPING)
+        self.poses[index] = moved(pose, motion)
         self._visits[index] += 1
 
     def moved_back(self) -> np.ndarray:
@@ -84,7 +95,13 @@ class TrainedPoses:
         )
         back = laid_over(carried, self._marks)
         self.poses = back @ self.poses
+        away = self.poses[:, :3, 3] - self._middle
+        self.poses[:, :3, 3] = self._middle + away * self._distance / self._mean_distance()
         return back
+
+    def _mean_distance(self) -> float:
+        """Return the mean distance of the cameras from the middle of the object [m]."""
+        return float(np.linalg.norm(self.poses[:, :3, 3] - self._middle, axis=1).mean())
 
     def state(self) -> dict[str, np.ndarray]:
         """Return what a checkpoint has to hold."""
@@ -101,9 +118,12 @@ class TrainedPoses:
         self._visits = check_shape("visits", state["visits"], (count,)).astype(np.int64)
 
 
-def turned(world_from_cam: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return a pose after a turn [rad] of the camera about its center, in its own axes."""
-    return world_from_cam @ rigid(matrix_from_rotation_vector(turn), np.zeros(3))
+def filled_depth(
+    depth: np.ndarray | None, shape: tuple[int, ...], world_from_cam: np.ndarray, middle: np.ndarray
+) -> np.ndarray:
+    """Return the depth of a view [m], (height, width), where it is 0 that of the middle of the object."""
+    usual = max(float((middle - world_from_cam[:3, 3]) @ world_from_cam[:3, 2]), 1e-6)
+    return np.full(shape, usual) if depth is None else np.where(depth > 0, depth, usual)
 
 
 def _pool(visits: int) -> int:

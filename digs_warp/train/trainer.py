@@ -49,7 +49,7 @@ class Trainer:
         views: what to train on; their sizes may differ.
         config: settings.
         held: which of them stay as they are, shape (n,), bool; None: none.
-        train_poses: whether the cameras turn until their photographs fit.
+        train_poses: whether the cameras move until their photographs fit.
 
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
@@ -122,7 +122,7 @@ class Trainer:
         self.objective.compare(view, background, self._gain(view), self._depth_errors(view))
         self.objective.pull_back()
         if self.poses is not None:
-            self._turn_camera(self.poses, view)
+            self._move_camera(self.poses, view)
         means_rate = self.optimizer.means_rate()
         self.optimizer.update()
         self._require_finite(view)
@@ -205,11 +205,12 @@ class Trainer:
         index = self.views.index(self.optimizer.step)
         return replace(view, camera=self.poses.camera(index, view.camera))
 
-    def _turn_camera(self, poses: TrainedPoses, view: View) -> None:
-        """Turn the camera of the last image; after every epoch, put all back where they were on average."""
+    def _move_camera(self, poses: TrainedPoses, view: View) -> None:
+        """Move the camera of the last image; after every epoch, put all back where they were on average."""
         step = self.optimizer.step
         images = self.objective.images(view.box)
-        poses.compare(step, self.views.index(step), view.camera, *images, view.box)
+        depth = self.objective.depth(view.box)
+        poses.compare(step, self.views.index(step), view.camera, *images, view.box, depth)
         if (step + 1) % len(self.views) == 0:
             # Bands of the color stay: such a motion turns by hundredths of a degree.
             move_gaussians(self.gaussians, poses.moved_back())

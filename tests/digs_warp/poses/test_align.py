@@ -15,7 +15,7 @@ from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.equations import PairComparison, Scales
 from digs_warp.poses.pairs import overlapping_pairs
-from digs_warp.poses.refine import refine
+from digs_warp.poses.refine import in_likely_scale, refine
 from digs_warp.poses.views import Picture, view_of
 from digs_warp.sfm.perturb import perturbed_poses
 from reference.pair_twin import pair_equations
@@ -164,3 +164,30 @@ def test_frames_that_hold_nothing_together_keep_their_poses() -> None:
     kept, refinement = refine(frames, 0.0, needed=False)
     assert not refinement.refined
     assert kept == frames
+
+
+def wrong_in_scale(radius: float, spread: float) -> float:
+    """Return by what share 24 cameras are too far apart in the end, of which the depth says 0.6 %.
+
+    They are on a circle [m], and the given centers are off by ``spread`` [m].
+    """
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    circle = radius * np.stack([np.cos(angles), np.sin(angles), np.zeros(24)], axis=1)
+    true = np.stack([rigid(np.eye(3), center) for center in circle])
+    found, given = true.copy(), true.copy()
+    found[:, :3, 3] *= 1.006
+    given[:, :3, 3] += np.random.default_rng(0).normal(size=(24, 3)) * spread
+    scaled = in_likely_scale(found, given)
+    np.testing.assert_array_equal(scaled[:, :3, :3], found[:, :3, :3])
+    return float(np.linalg.norm(scaled[:, :3, 3], axis=1).mean()) / radius - 1
+
+
+def test_given_centers_tell_the_scale_where_they_are_far_apart() -> None:
+    assert wrong_in_scale(1.0, 0.0) == pytest.approx(0, abs=1e-9)
+    assert abs(wrong_in_scale(1.0, 0.005)) < 0.002
+    assert wrong_in_scale(0.03, 0.005) == pytest.approx(0.006, abs=0.002)
+
+
+def test_few_cameras_or_cameras_in_one_place_tell_no_scale() -> None:
+    for poses in (TRUTH[:2], np.stack([TRUTH[0]] * 5)):
+        np.testing.assert_array_equal(in_likely_scale(poses, poses), poses)

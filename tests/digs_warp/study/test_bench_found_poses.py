@@ -11,12 +11,21 @@ from digs_warp.study.bench_found_poses import (
     IN_SCALE,
     LOSS,
     LOST,
+    PERTURBED,
     POSES_AND_TIME,
     SCENES,
     PosedScene,
     bench_found_poses,
 )
 from digs_warp.study.bench_recordings import FIGURES, FINDINGS, POSES
+from digs_warp.study.benchmarks import find_benchmark
+from digs_warp.study.perturbed_poses import (
+    IN_PLACE,
+    IN_PLACE_LOSS,
+    PERTURBED_MESHES,
+    TABLE,
+    WAYS,
+)
 from reference.optional import open3d_or_skip
 
 
@@ -27,7 +36,7 @@ def test_every_way_has_a_row_and_its_loss_or_its_error(tmp_path: Path) -> None:
     trimesh.creation.box(extents=(0.2, 0.25, 0.1)).export(folder / "avocado.glb")
     scene = PosedScene("box, white room", "avocado", "white", "arc", True)
     small = SimulateConfig(frames=6, width=64, samples_per_pixel=1, tier="law")
-    results = bench_found_poses(tmp_path, [scene], small, iterations=2)
+    results = bench_found_poses(("avocado",), tmp_path, [scene], small, iterations=2)
     figures, poses = (
         [row for row in results if row.table == table] for table in (FIGURES, POSES_AND_TIME)
     )
@@ -47,6 +56,28 @@ def test_every_way_has_a_row_and_its_loss_or_its_error(tmp_path: Path) -> None:
     assert "estimated poses" in failed  # 64 pixels are too few to match images
 
 
+def test_nearly_right_poses_are_compared_with_true_ones(tmp_path: Path) -> None:
+    folder = tmp_path / "meshes/avocado"
+    folder.mkdir(parents=True)
+    trimesh.creation.box(extents=(0.2, 0.25, 0.1)).export(folder / "avocado.glb")
+    small = SimulateConfig(frames=8, width=160, samples_per_pixel=1, tier="law", object_size=0.5)
+    case = PERTURBED + "avocado"
+    true, *others = bench_found_poses((case,), tmp_path, recording=small, iterations=2)
+    assert [row.labels["poses"] for row in (true, *others)] == list(WAYS)
+    assert {(row.table, row.labels["kept aside"]) for row in (true, *others)} == {(TABLE, "yes")}
+    assert true.values["pose error [px]"] == pytest.approx(0, abs=1e-4)
+    for row in others:
+        assert row.values["pose error [px]"] > 0.05
+        loss = true.values[IN_PLACE] - row.values[IN_PLACE]
+        assert row.values[IN_PLACE_LOSS] == pytest.approx(loss)
+
+
+def test_cases_are_scenes_and_perturbed_meshes() -> None:
+    cases = {scene.mesh for scene in SCENES} | {PERTURBED + mesh for mesh in PERTURBED_MESHES}
+    assert set(find_benchmark("sfm-poses").cases) == cases
+    assert set(PERTURBED_MESHES.values()) == {True, False}
+
+
 def test_some_scenes_are_kept_aside() -> None:
     assert {scene.aside for scene in SCENES} == {True, False}
     assert {scene.wall for scene in SCENES} == {"textured", "repeating", "white"}
@@ -56,4 +87,4 @@ def test_without_sample_meshes_it_says_what_is_missing(tmp_path: Path) -> None:
     with pytest.raises(
         DigsError, match=r"bench sfm-poses: no sample meshes.*DIGS_WARP_SAMPLE_DATA"
     ):
-        bench_found_poses(tmp_path)
+        bench_found_poses(data=tmp_path)
