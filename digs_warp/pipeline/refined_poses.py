@@ -42,7 +42,7 @@ def refined(
     with_depth = any(frame.has(Layer.DEPTH) for frame in every)
     # Without depth the training alone can mend them.
     posed, refinement = refine(every, readout_time, config.refine_poses == "on" and with_depth)
-    # Estimated poses are never exact; those of a recording may be, and then turning only adds noise.
+    # Estimated poses are never exact; those of a recording may be, and then moving only adds noise.
     wanted = config.refine_poses == "on" or config.poses in ("sfm", "perturbed")
     refinement = replace(refinement, in_training=wanted or refinement.refined)
     logger.info("poses: %s", refinement)

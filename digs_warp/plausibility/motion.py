@@ -82,6 +82,10 @@ def _known(values: np.ndarray) -> np.ndarray:
 
 def _least_around(values: np.ndarray) -> np.ndarray:
     """Return the least value within AROUND pixels, (height, width)."""
-    import cv2  # SciPy's filter would do as well, but takes a quarter of a second to import
-
-    return cv2.erode(values, np.ones((2 * AROUND + 1, 2 * AROUND + 1), np.uint8))
+    least = values
+    for axis in (0, 1):
+        ahead = ((AROUND, AROUND), (0, 0)) if axis == 0 else ((0, 0), (AROUND, AROUND))
+        padded = np.pad(least, ahead, constant_values=np.inf)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=axis)
+        least = windows.min(axis=-1)
+    return least

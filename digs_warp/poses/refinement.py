@@ -12,7 +12,7 @@ class PoseRefinement:
         because: the reason, in words.
         moved_mm: root mean square motion of the cameras [mm]; 0 if they were not refined.
         turned_deg: the same of their rotation [degree].
-        in_training: whether the cameras turn further while the Gaussians are trained.
+        in_training: whether the cameras move further while the Gaussians are trained.
     """
 
     refined: bool

@@ -65,7 +65,7 @@ class SfmConfig:
 
     refine_poses: Literal["off", "auto", "on"] = "auto"
     """Whether the poses are refined: before anything is made from them, by aligning color and depth of
-    overlapping frames, and in the training, where cameras turn until their photographs fit; held-out ones
+    overlapping frames, and in the training, where cameras move until their photographs fit; held-out ones
     included. off: never; auto: if the frames agree much better aligned, and estimated poses always in the
     training, but not the exact poses of a simulation; on: always."""
 

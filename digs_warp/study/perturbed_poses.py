@@ -78,13 +78,15 @@ def _measured(
     with Stopwatch() as watch:
         result = reconstruct(capture, config, folder)
     assert result.frames is not None
-    cameras = {frame.name: frame.camera for frame, _ in result.frames.by_time}
-    apart = pose_pixels(capture.frames, [cameras[frame.name] for frame in capture.frames])
+    errors: dict[str, float] = {}
+    if sfm.poses != "capture":
+        cameras = {frame.name: frame.camera for frame, _ in result.frames.by_time}
+        apart = pose_pixels(capture.frames, [cameras[frame.name] for frame in capture.frames])
+        errors = {"pose error [px]": apart.error, "scale error [%]": 100 * (apart.scale - 1)}
     to_truth = motion_to_truth(result.frames.training, capture.frames, result.gaussians)
     return {
         IN_PLACE: psnr_in_place(result.gaussians, perfect, to_truth),
         HELD_OUT: result.scores.mean.psnr_object,
-        "pose error [px]": apart.error,
-        "scale error [%]": 100 * (apart.scale - 1),
+        **errors,
         "CPU [s]": watch.cpu_seconds,
     }
