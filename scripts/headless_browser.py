@@ -43,7 +43,8 @@ class Browser:
     def __init__(self, address: str) -> None:
         from websockets.sync.client import connect
 
-        self._socket = connect(address, max_size=None)
+        # No pings: a browser that draws on a busy machine answers them too late.
+        self._socket = connect(address, max_size=None, ping_interval=None)
         self._numbers = itertools.count(1)
         self._events: set[str] = set()
         self.requests: list[str] = []

@@ -76,7 +76,8 @@ class Controls:
         self.drawn = gui.add_dropdown(
             "Drawn",
             [BY_BROWSER, "color", "depth", "normals"],
-            hint="Color, depth and normals are drawn by the rasterizer that trained the Gaussians.",
+            hint="Color, depth and normals are drawn by the rasterizer that trained the Gaussians. Depth: "
+            "yellow is the nearest in view, violet the farthest.",
             visible=has_gaussians,
         )
         self._add_crop(has_gaussians)
