@@ -171,7 +171,7 @@ BENCHMARKS = (
         "studies.md",
         cases=(
             *("ycb_mustard_bottle", "avocado"),
-            *("ycb_cracker_box", "flight_helmet", "tea_set", "armchair"),
+            *("ycb_cracker_box", "flight_helmet", "tea_set", "boot_plain"),
         ),
     ),
     Benchmark(
