@@ -50,7 +50,8 @@ def test_the_noise_project_passes_where_it_is_copied(tmp_path: Path) -> None:
     )
     assert "4 passed" in done.stdout, done.stdout + done.stderr
     text = page.read_text()
-    assert "test_no_effect_alone_does_harm[step-holes]: distance_error" in text
+    assert "test_no_effect_alone_does_harm[step-holes]: " in text
+    assert "<code>distance_error" in text
     assert text.count("<table>") == 3
 
 

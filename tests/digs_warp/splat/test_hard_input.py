@@ -173,7 +173,7 @@ def test_a_background_that_is_none_is_refused() -> None:
         ({"min_transmittance": float("nan")}, "min_transmittance: nan"),
         ({"dilation": 0.0}, "dilation: 0"),
         ({"max_sh_degree": 4}, "max_sh_degree: 4"),
-        ({"outputs": "color"}, "outputs: 'color'"),
+        ({"outputs": "colors"}, "outputs: 'colors'"),
     ],
 )
 def test_options_out_of_range_are_refused(change: dict, found: str) -> None:
