@@ -72,7 +72,7 @@ def batch_color(records: Any, k: int) -> wp.vec3:
 def forward_cooperative_kernel(
     depths: int, with_normals: bool, cut: AlphaCut = STEP_CUT
 ) -> wp.Kernel:
-    """Return the kernel in which a block of threads composites one tile, and gives so many depths.
+    """Return the kernel in which a block of threads composites one tile, with a number of depths.
 
     To be run by `CooperativeLaunch`.
     """

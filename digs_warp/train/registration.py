@@ -47,7 +47,7 @@ def motion_between(
         photograph: the same of the photograph.
         k: of the whole image.
         box: where in the whole image both lie [px].
-        pool: so many pixels across are averaged first: from farther off, but coarser.
+        pool: width of the blocks of pixels that are averaged first; wider ones converge from farther.
         depth: of what the camera draws [m], (height, width), above 0; None: the camera only turns.
         damping: share of what the images say of a shift that is added against it: steps along what they say
             little of become shorter.
