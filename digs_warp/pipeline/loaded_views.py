@@ -61,9 +61,9 @@ def load_views(
             opening = beside.submit(open_data, frames, config, folder, resume, shutter)
         held_out = load_test_views(prepared.frames.held_out, shutter)
         points, color = prepared.start.points, None
-        seen = look_up(frames, points.points_world)
-        if config.sh_degree is None:
-            color = view_dependence(seen)
-        if trains and config.fit_exposure == "on":
-            points = without_exposure(points, frames, seen)
+        evens = trains and config.fit_exposure == "on"
+        if evens or config.sh_degree is None:
+            seen = look_up(frames, points.points_world)
+            color = view_dependence(seen) if config.sh_degree is None else None
+            points = without_exposure(points, frames, seen) if evens else points
         return LoadedViews(opening.result() if opening else None, held_out, color, points)
