@@ -41,11 +41,6 @@ def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
     assert loaded_after(f"import {package}", (*HEAVY, "warp", "numpy")) == set()
 
 
-def test_importing_the_package_takes_no_time() -> None:
-    code = "import time\nstart = time.perf_counter()\nimport digs_warp\n"
-    assert float(run_python(f"{code}print(time.perf_counter() - start)")) < 0.3
-
-
 @pytest.mark.parametrize(
     ("use", "unused"),
     [
