@@ -21,7 +21,7 @@ REQUIRED = (
     Mutation(
         "no-correlation",
         "small errors change places within squares of 20 px",
-        "test_errors_are_as_alike_nearby",
+        "test_neighboring_errors_correlate_as_the_matchers",
         (MATCHING,),
         wrong.disparity(wrong.shuffled_in_squares),
     ),
@@ -94,7 +94,7 @@ OTHERS = (
     Mutation(
         "white-errors",
         "small errors are white noise as strong in every square of 20 px",
-        "test_errors_are_as_alike_nearby",
+        "test_neighboring_errors_correlate_as_the_matchers",
         (MATCHING,),
         wrong.disparity(wrong.white),
     ),

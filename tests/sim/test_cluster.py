@@ -129,7 +129,7 @@ def test_seeds_arrange_differently(boxes: list[Path]) -> None:
     assert np.abs(one - other).max() > 0.01
 
 
-def test_a_given_size_scales_all_objects_alike(boxes: list[Path]) -> None:
+def test_a_given_size_scales_all_objects_by_one_factor(boxes: list[Path]) -> None:
     scene = load_objects(boxes, 0, size=0.8)
     scales = [np.cbrt(np.linalg.det(each.world_from_mesh[:3, :3])) for each in scene.objects]
     np.testing.assert_allclose(scales, 2.0)

@@ -53,7 +53,7 @@ def test_voxels_equal_the_twin(voxel_size: float) -> None:
         assert len(found) <= 8  # the voxels around the origin
 
 
-def test_further_values_are_summed_alike() -> None:
+def test_further_values_are_summed_as_colors_are() -> None:
     depth, image, weights = random_view(1)
     extra = np.random.default_rng(2).normal(size=(HEIGHT, WIDTH, 4)).astype(np.float32)
     keep = weights > 0

@@ -53,7 +53,7 @@ def test_shares_of_bad_pixels_and_small_holes() -> None:
     assert small_hole_share(disparity, 100) == 1
 
 
-def test_small_errors_and_how_alike_they_are_nearby() -> None:
+def test_small_errors_and_their_autocorrelation() -> None:
     disparity = noisy(0, 0.2)
     disparity[::7] += 5  # wrong, and not among the small errors
     assert small_error_rms(disparity, TRUE) == pytest.approx(0.2, rel=0.02)

@@ -96,7 +96,7 @@ def test_hidden_pixels_and_edges_fail_as_often(scene: RecordedScene) -> None:
 
 
 @pytest.mark.parametrize("lag", [2, 4, 8, 16, 32])
-def test_errors_are_as_alike_nearby(scene: RecordedScene, lag: int) -> None:
+def test_neighboring_errors_correlate_as_the_matchers(scene: RecordedScene, lag: int) -> None:
     guided, matcher, true = both(scene)
     for axis in (0, 1):
         mine, full = (autocorrelation(d, true, lag, axis) for d in (guided, matcher))

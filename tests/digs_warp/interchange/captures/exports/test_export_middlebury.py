@@ -109,7 +109,9 @@ def test_exports_of_pairs_do_not_depend_on_their_threads(
 
 
 @pytest.mark.parametrize("form", STEREO)
-def test_a_capture_in_memory_is_exported_alike(capture: Capture, form: str, tmp_path: Path) -> None:
+def test_a_capture_in_memory_is_exported_as_a_folder_is(
+    capture: Capture, form: str, tmp_path: Path
+) -> None:
     """Images that are no PNG files are converted."""
     frames = [
         replace(
