@@ -78,8 +78,13 @@ def in_world(triangles: Triangles, world_from_mesh: np.ndarray) -> Triangles:
 
 def box_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and highest coordinates of the vertices that the faces use, shape (3,) each."""
-    used = vertices[_used(vertices, faces)]
+    used = used_vertices(vertices, faces)
     return used.min(axis=0), used.max(axis=0)
+
+
+def used_vertices(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the vertices that the faces use, in their order, shape (k, 3)."""
+    return vertices[_used(vertices, faces)]
 
 
 def _used(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

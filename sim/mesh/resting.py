@@ -20,17 +20,19 @@ ROUND = 12.0
 LIES_BELOW, STANDS_ABOVE = 3.0, 8.0
 ROLLS_FROM = 2.0  # the angle grows by this factor with the wider support
 
-# More vertices than this make the hull slow; every n-th is enough.
-MOST_VERTICES = 300_000
+# More vertices than this make the hull slow; those of them that reach out are enough.
+MOST_VERTICES = 100_000
+DIRECTIONS = 64  # along a side of a cube, from whose middle they reach out
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """Of the mesh: corners of the faces, shape (m, 3, 3), their outer normals, and the center of mass."""
+    """Of the mesh: corners of the faces, (m, 3, 3), their outer normals, the center of mass, the volume."""
 
     corners: np.ndarray
     normals: np.ndarray
     center: np.ndarray
+    volume: float
 
 
 def better_up_axis(vertices: np.ndarray, up: str) -> str | None:
@@ -40,7 +42,7 @@ def better_up_axis(vertices: np.ndarray, up: str) -> str | None:
         vertices: those that the faces use, shape (n, 3), finite.
         up: "y" or "z".
     """
-    hull = hull_of(vertices[:: -(-len(vertices) // MOST_VERTICES)])
+    hull = hull_of(vertices)
     other = "z" if up == "y" else "y"
     if hull is None or tipping_angle(hull, AXES[other], LEVEL) < STANDS_ABOVE:
         return None
@@ -53,6 +55,8 @@ def hull_of(vertices: np.ndarray) -> Hull | None:
     """Return the hull; None if it has no volume."""
     from scipy.spatial import ConvexHull, QhullError
 
+    if len(vertices) > MOST_VERTICES:
+        vertices = reaching_out(vertices, DIRECTIONS)
     try:
         hull = ConvexHull(vertices)
     except (QhullError, ValueError):
@@ -62,7 +66,34 @@ def hull_of(vertices: np.ndarray) -> Hull | None:
     # Tetrahedra between the faces and a point inside.
     volumes = np.abs(np.linalg.det(corners - inside))
     centers = (corners.sum(axis=1) + inside) / 4
-    return Hull(corners, hull.equations[:, :3], np.average(centers, axis=0, weights=volumes))
+    center = np.average(centers, axis=0, weights=volumes)
+    return Hull(corners, hull.equations[:, :3], center, float(volumes.sum() / 6))
+
+
+def reaching_out(points: np.ndarray, directions: int) -> np.ndarray:
+    """Return the points, (n, 3), that are farthest from the middle of their box in each direction.
+
+    A corner of the hull is the farthest in its own direction. One is lost only where another is farther in
+    nearly the same, and then it is near that one.
+
+    Args:
+        points: shape (m, 3).
+        directions: cells along each side of a cube; the points of a cell have the same direction.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    # In a cube, so that the ends of a long thing have as many cells as its sides.
+    away = (2 * points - low - high) / np.where(high > low, high - low, 1.0)
+    side = np.abs(away).argmax(axis=1)
+    rows = np.arange(len(away))
+    reach = np.abs(away[rows, side])
+    across = np.stack([away[rows, side - 2], away[rows, side - 1]]) / np.where(
+        reach > 0, reach, 1.0
+    )
+    u, v = np.minimum(((across + 1) / 2 * directions).astype(np.int64), directions - 1)
+    cell = ((2 * side + (away[rows, side] > 0)) * directions + u) * directions + v
+    order = np.lexsort((np.square(away).sum(axis=1), cell))
+    is_last = np.append(np.diff(cell[order]) != 0, True)
+    return points[np.sort(order[is_last])]
 
 
 def tipping_angle(hull: Hull, up: np.ndarray, level: float) -> float:

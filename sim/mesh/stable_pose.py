@@ -7,11 +7,12 @@ a probable one: `trimesh.poses` gives the chance of each when an object is dropp
 """
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
 from digs_warp.geometry import matrix_from_rotation_vector
-from digs_warp.sim.mesh.resting import LIES_BELOW, Hull, hull_of, tips_over_at
+from digs_warp.sim.mesh.resting import LIES_BELOW, Hull, hull_of, reaching_out, tips_over_at
 
 # Points touch the ground if they are this near it: metres, and a share of the longest side.
 CONTACT, CONTACT_SHARE = 5e-4, 2e-3
@@ -23,6 +24,11 @@ SAME_POSE = 5.0
 PROBABLE_SHARE = 0.5
 
 SMALLEST_TURN = 1e-9  # [rad]
+
+# The time to find all poses grows with the faces of the hull; round things have the most, and stay round with
+# fewer.
+MOST_FACES = 5_000
+DIRECTIONS = 16  # of `reaching_out`: at most 3,000 faces
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -69,6 +75,9 @@ def stable_ups(hull: Hull) -> tuple[np.ndarray, np.ndarray]:
     """Return the directions that may be up at rest, (n, 3), and the chance of each, (n,), the best first."""
     import trimesh
 
+    if len(hull.corners) > MOST_FACES:
+        coarse = hull_of(reaching_out(hull.corners.reshape(-1, 3), DIRECTIONS))
+        hull = hull if coarse is None else replace(coarse, center=hull.center)
     corners, faces = np.unique(hull.corners.reshape(-1, 3), axis=0, return_inverse=True)
     solid = trimesh.Trimesh(corners, faces.reshape(-1, 3), process=False)
     solid.fix_normals()

@@ -17,6 +17,7 @@ import warp as wp
 from digs_warp.device.kernel_options import ray_module_options
 from digs_warp.device.parallel import launch_parallel
 from digs_warp.sim.render.light_map import openness_on, plane_distance
+from digs_warp.sim.render.openness_samples import choose_samples, fill_between
 from digs_warp.sim.render.surface import Surface, is_blocked
 from digs_warp.sim.scene import Scene
 
@@ -32,6 +33,10 @@ BEFORE = wp.constant(0.999)
 RAYS = 64
 RAY_BUDGET = 2_000_000
 MIN_RAYS = 8
+
+# Of meshes with more nodes, a part is measured, with more rays: `choose_samples`.
+MOST_NODES = 400_000
+SAMPLES_BUDGET = 4_000_000
 
 # Occluders farther away than this share of the scene's radius do not darken a surface.
 REACH = 0.7
@@ -64,7 +69,8 @@ def openness_nodes(scene: Scene) -> OpennessNodes:
     """Return the nodes of a scene's faces."""
     count = len(scene.vertices)
     pairs = np.sort(scene.faces[:, EDGES].reshape(-1, 2), axis=1)
-    ends, number = np.unique(pairs, axis=0, return_inverse=True)
+    keys, number = np.unique(pairs @ np.array([count, 1]), return_inverse=True)
+    ends = np.stack(np.divmod(keys, count), axis=1)
     edges = (count + number.reshape(-1, len(EDGES))).astype(np.int32)
 
     corners = scene.vertices[scene.faces].astype(np.float64)
@@ -72,12 +78,12 @@ def openness_nodes(scene: Scene) -> OpennessNodes:
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     places = np.concatenate([corners, corners[:, EDGES].mean(axis=2)], axis=1)
     ways = corners.mean(axis=1, keepdims=True) - places
-    nodes = np.concatenate([scene.faces, edges], axis=1).reshape(-1)
-    smallest_first = np.argsort(np.repeat(area, places.shape[1]), kind="stable")
+    nodes = np.concatenate([scene.faces, edges], axis=1)
+    smallest_first = np.argsort(area, kind="stable")
     points = np.concatenate([scene.vertices, scene.vertices[ends].mean(axis=1)])
     inward = np.zeros(points.shape)
     # The last write to a node wins: that of its largest face.
-    inward[nodes[smallest_first]] = ways.reshape(-1, 3)[smallest_first]
+    inward[nodes[smallest_first].reshape(-1)] = ways[smallest_first].reshape(-1, 3)
 
     normals = scene.normals[ends].sum(axis=1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -157,14 +163,35 @@ def _openness_kernel(
 def measure_openness(scene: Scene, surface: Surface, threads: int = 0) -> None:
     """Measure the openness of a scene and add it to its ``surface``; ``threads`` 0: all cores."""
     nodes = openness_nodes(scene)
-    count = len(nodes.points)
-    rays = int(np.clip(RAY_BUDGET // (2 * count), MIN_RAYS, RAYS))
-    openness = wp.empty(count, dtype=wp.vec2, device="cpu")
+    reach = REACH * scene.object_radius
+    if len(nodes.points) <= MOST_NODES:
+        openness = _measured(nodes, slice(None), surface, reach, RAY_BUDGET, threads)
+    else:
+        of_faces = np.concatenate([scene.faces, nodes.edges], axis=1)
+        samples = choose_samples(scene, nodes.points, nodes.normals, of_faces)
+        known = _measured(nodes, samples.measured, surface, reach, SAMPLES_BUDGET, threads)
+        openness = fill_between(samples, nodes.points, nodes.normals, known, threads)
+    surface.openness = wp.array(openness, dtype=wp.vec2, device="cpu")
+    surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")
+
+
+def _measured(
+    nodes: OpennessNodes,
+    which: np.ndarray | slice,
+    surface: Surface,
+    reach: float,
+    budget: int,
+    threads: int,
+) -> np.ndarray:
+    """Return the openness of some nodes on both sides, shape (k, 2), float32; ``budget``: rays for all."""
     places = [
-        wp.array(array, dtype=wp.vec3, device="cpu")
+        wp.array(array[which], dtype=wp.vec3, device="cpu")
         for array in (nodes.points, nodes.inward, nodes.normals)
     ]
-    inputs = [surface, *places, rays, REACH * scene.object_radius, openness]
-    launch_parallel(_openness_kernel, count, inputs, threads=threads)
-    surface.openness = openness
-    surface.edges = wp.array(nodes.edges.reshape(-1), dtype=int, device="cpu")
+    count = len(places[0])
+    rays = int(np.clip(budget // (2 * count), MIN_RAYS, RAYS))
+    openness = wp.empty(count, dtype=wp.vec2, device="cpu")
+    launch_parallel(
+        _openness_kernel, count, [surface, *places, rays, reach, openness], threads=threads
+    )
+    return openness.numpy()

@@ -8,7 +8,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from digs_warp.sim.load import load_scene, load_scene_at
-from digs_warp.sim.mesh.stable_pose import resting_turn
+from digs_warp.sim.mesh.resting import hull_of
+from digs_warp.sim.mesh.stable_pose import MOST_FACES, resting_turn, stable_ups
 from digs_warp.sim.procedural import procedural_scene
 from digs_warp.sim.scene import Scene
 from reference.mesh_files import save
@@ -94,3 +95,15 @@ def test_up_keeps_the_pose_of_the_file(tmp_path: Path, caplog: pytest.LogCapture
     assert "turned by 40.0 degrees, so that it does. --up z keeps it" in caplog.text
     placement = scene.objects[0].placement
     assert placement is not None and placement.turned == pytest.approx(40.0, abs=1e-3)
+
+
+def test_the_poses_of_a_round_thing_are_found_on_fewer_faces() -> None:
+    """An egg of 20,000 faces; no pose is much more probable than the others of the same height."""
+    egg = trimesh.creation.icosphere(5, 0.1)
+    hull = hull_of(np.array(egg.vertices) * (1.0, 1.0, 1.4))
+    assert hull is not None and len(hull.corners) > MOST_FACES
+    ups, chances = stable_ups(hull)
+    assert 8 <= len(ups) < MOST_FACES
+    assert chances.sum() == pytest.approx(1.0, abs=0.1)
+    assert abs(chances @ ups[:, 2]) < 0.1
+    assert np.abs(ups[np.argmax(chances), 2]) < 0.2  # it lies
