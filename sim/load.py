@@ -9,7 +9,8 @@ import numpy as np
 
 from digs_warp.checks import MeshError, check_positive
 from digs_warp.geometry import transform_points
-from digs_warp.sim.mesh.normalize import box_of, drop_unused_vertices, in_world
+from digs_warp.sim.mesh.inward import looks_inward
+from digs_warp.sim.mesh.normalize import box_of, drop_unused_vertices, in_world, used_vertices
 from digs_warp.sim.mesh.normals import fill_normals
 from digs_warp.sim.mesh.parts import Triangles
 from digs_warp.sim.mesh.placement import (
@@ -23,7 +24,7 @@ from digs_warp.sim.mesh.placement import (
     stated_scale,
 )
 from digs_warp.sim.mesh.read import GLTF_SUFFIXES, UP_AXIS_BY_SUFFIX, read_triangles
-from digs_warp.sim.mesh.resting import better_up_axis
+from digs_warp.sim.mesh.resting import AXES, better_up_axis
 from digs_warp.sim.mesh.stable_pose import SAME_POSE, resting_turn
 from digs_warp.sim.scene import Material, Scene, SceneObject
 
@@ -56,10 +57,18 @@ def read_mesh(
     path: Path, size: float | None = None, up: str = "auto", unit: str = "auto"
 ) -> "MeshFile":
     """Read a file that may still go somewhere else; see `load_scene`."""
+    path = Path(path)
     _check_settings(size, up, unit)
-    triangles, materials = read_triangles(Path(path))
-    placement = _placement(Path(path), triangles, size, up, unit)
-    return MeshFile(Path(path), triangles, materials, placement)
+    triangles, materials = read_triangles(path)
+    placement = _placement(path, triangles, size, up, unit)
+    if looks_inward(triangles):
+        logger.warning(
+            "mesh '%s': its outer faces look inward, as in a room modeled from inside, but the camera walks "
+            "around it and sees the walls from behind. Delete its ceiling and two walls in a modeling "
+            "program; if it is an object, turn its faces outward there (flip normals)",
+            path.name,
+        )
+    return MeshFile(path, triangles, materials, placement)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +90,7 @@ class MeshFile:
     @cached_property
     def vertices(self) -> np.ndarray:
         """The vertices that its faces use, where the object would stand alone [m], shape (n, 3), float64."""
-        used = self.triangles.vertices[np.unique(self.triangles.faces)]
+        used = used_vertices(self.triangles.vertices, self.triangles.faces)
         return transform_points(self.placement.world_from_mesh, used)
 
     def with_size(self, size: float) -> "MeshFile":
@@ -139,11 +148,24 @@ def _placement(
     suffix = path.suffix.lower()
     low, high = box_of(triangles.vertices, triangles.faces)
     scale = stated_scale(size, unit, high - low, suffix in GLTF_SUFFIXES)
-    axis = _usual_up_axis(path, triangles) if up == "auto" else up
     if scale is None:
         scale = _guessed_scale(path, high - low)
-    placement = place(low, high, axis, scale)
-    return _at_rest(path, triangles, placement) if up == "auto" else placement
+    if up != "auto":
+        return place(low, high, up, scale)
+    vertices = used_vertices(triangles.vertices, triangles.faces)
+    usual = place(low, high, UP_AXIS_BY_SUFFIX[suffix], scale)
+    placement = _at_rest(vertices, usual)
+    better = better_up_axis(vertices, usual.up)
+    _say_pose(path, placement, None if _stands(placement, better) else better)
+    return placement
+
+
+def _stands(placement: Placement, axis: str | None) -> bool:
+    """Whether an axis of the file points up after the object was turned to rest."""
+    if axis is None:
+        return False
+    upward = placement.world_from_mesh[2, :3] @ AXES[axis] / placement.scale.metres_per_unit
+    return bool(upward > np.cos(np.deg2rad(SAME_POSE)))
 
 
 def _guessed_scale(path: Path, extent: np.ndarray) -> Scale:
@@ -155,34 +177,31 @@ def _guessed_scale(path: Path, extent: np.ndarray) -> Scale:
     return guess
 
 
-def _at_rest(path: Path, triangles: Triangles, placement: Placement) -> Placement:
-    """Return the placement in which the object rests; one in which it would fall is worth a line."""
-    vertices = triangles.vertices[np.unique(triangles.faces)]
+def _at_rest(vertices: np.ndarray, placement: Placement) -> Placement:
+    """Return the placement in which an object of these vertices, in the file, rests."""
     turn = resting_turn(transform_points(placement.world_from_mesh, vertices))
     if (turn == np.eye(3)).all():
         return placement
-    turned = place_turned(vertices, placement.up, placement.scale, turn)
-    level = logging.INFO if turned.turned < SAME_POSE else logging.WARNING
-    logger.log(
-        level,
-        "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. --up %s keeps it as "
-        "it is",
-        *(path.name, turned.up, turned.turned, turned.up),
-    )
-    return turned
+    return place_turned(vertices, placement.up, placement.scale, turn)
 
 
-def _usual_up_axis(path: Path, triangles: Triangles) -> str:
-    """Return the up axis of the format; warn of a mesh that lies with it."""
-    up = UP_AXIS_BY_SUFFIX[path.suffix.lower()]
-    better = better_up_axis(triangles.vertices[np.unique(triangles.faces)], up)
+def _say_pose(path: Path, placement: Placement, better: str | None) -> None:
+    """Say in one line how the object was turned, and that it would stand with ``better`` up."""
+    up, turned = placement.up, placement.turned
     if better is not None:
+        how = f"; turned by {turned:.1f} degrees, so that it rests" if turned else ""
         logger.warning(
-            "mesh '%s': lies on its side with %s up, as is usual for %s, but would stand with %s up; turn it "
-            "with --up %s, or confirm with --up %s",
-            *(path.name, up, path.suffix[1:].upper(), better, better, up),
+            "mesh '%s': lies on its side with %s up, as is usual for %s%s. It would stand with %s up: turn "
+            "it with --up %s, or keep it as it is with --up %s",
+            *(path.name, up, path.suffix[1:].upper(), how, better, better, up),
         )
-    return up
+    elif turned:
+        logger.log(
+            logging.INFO if turned < SAME_POSE else logging.WARNING,
+            "mesh '%s': does not rest with %s up; turned by %.1f degrees, so that it does. --up %s keeps it "
+            "as it is",
+            *(path.name, up, turned, up),
+        )
 
 
 def _scene(
