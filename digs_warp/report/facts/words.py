@@ -10,6 +10,9 @@ from digs_warp.record.run_log import RunRecord
 # What is known of a file or folder: names and values, the most important first.
 Facts = dict[str, str]
 
+# The sides of what is smaller are told in millimetres [m].
+SMALL = 0.1
+
 
 def record_facts(folder: Path) -> Facts:
     """Stage times of the command that wrote a folder."""
@@ -29,8 +32,11 @@ def extent_words(points: np.ndarray, unit: str = "m") -> str:
 
 
 def sides_words(size: Iterable[float], unit: str = "m") -> str:
-    """The sides of a box, in ``unit``."""
-    return " x ".join(f"{value:.3f}" for value in size) + f" {unit}"
+    """The sides of a box, in ``unit``; what is smaller than a hand, in millimetres."""
+    sides = [float(value) for value in size]
+    if unit == "m" and max(sides) < SMALL:
+        return " x ".join(f"{1e3 * value:.3g}" for value in sides) + " mm"
+    return " x ".join(f"{value:.3f}" for value in sides) + f" {unit}"
 
 
 def megabytes(path: Path) -> str:
