@@ -167,7 +167,16 @@ def _poses(base: Path, times: np.ndarray, body_from_cam: np.ndarray) -> list[np.
     yaml = truth / "sensor.yaml"
     body_from_marker = _body_from(_sensor(yaml), yaml) if yaml.is_file() else np.eye(4)
     cam_in_marker = invert_rigid(body_from_marker) @ body_from_cam
-    return [None if pose is None else pose @ cam_in_marker for pose in _interpolated(rows, times)]
+    found = _interpolated(rows, times)
+    if len(rows) and all(pose is None for pose in found):
+        first, last, start, end = (
+            float(t) / NANOSECONDS for t in (*rows[[0, -1], 0], times.min(), times.max())
+        )
+        raise CaptureError(
+            f"'{truth / 'data.csv'}': poses from {first:.2f} to {last:.2f} s, but none at the times of the "
+            f"images, {start:.2f} to {end:.2f} s; remove {truth.name} to go on without poses"
+        )
+    return [None if pose is None else pose @ cam_in_marker for pose in found]
 
 
 def _rows(path: Path) -> np.ndarray:

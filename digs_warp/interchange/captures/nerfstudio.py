@@ -83,15 +83,14 @@ def _points(folder: Path, shared: Fields, scale: float) -> PointCloud | None:
 
 def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFrame:
     image = _image_path(folder, row.text("file_path"), row.where)
-    matrix = row.array("transform_matrix", (4, 4))
-    matrix[:3, 3] /= scale
+    pose = _pose(row, scale)
     k = _intrinsics(row, image)
     view = undistorted(k, _lens(row))
     return RecordedFrame(
         image=image,
         intrinsics=k,
         time=row.number("time", default=row.number("timestamp", default=float(number))),
-        world_from_cam=matrix @ OPENCV_FROM_OPENGL,
+        world_from_cam=pose,
         depth=_optional(folder, row, "depth_file_path"),
         depth_units_per_metre=_units_per_metre(row),
         mask=_optional(folder, row, "mask_path"),
@@ -99,6 +98,18 @@ def _frame(folder: Path, row: Fields, number: int, scale: float) -> RecordedFram
         view=view,
         right_view=view,
     )
+
+
+def _pose(row: Fields, scale: float) -> np.ndarray | None:
+    """Return world from camera; None where the program that wrote it was lost: it is not finite."""
+    found = row.values.get("transform_matrix")
+    rows = found if isinstance(found, list) else []
+    values = [value for each in rows if isinstance(each, list) for value in each]
+    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+        return None
+    matrix = row.array("transform_matrix", (4, 4))
+    matrix[:3, 3] /= scale
+    return matrix @ OPENCV_FROM_OPENGL
 
 
 def _lens(row: Fields) -> Lens | None:

@@ -32,7 +32,6 @@ from digs_warp.interchange.captures.recording import (
     NumberedFiles,
     Recording,
 )
-from digs_warp.interchange.captures.to_capture import nearly_rigid
 from digs_warp.record.files import read_text
 
 CALIBRATION = "camera-intrinsics.txt"
@@ -154,4 +153,4 @@ def _color_pose(path: Path, rig: _Rig) -> np.ndarray | None:
         return None
     if rig.depth is None or rig.depth.color_from_depth is None:
         return pose
-    return nearly_rigid(pose, f"pose '{path}'") @ invert_rigid(rig.depth.color_from_depth)
+    return pose @ invert_rigid(rig.depth.color_from_depth)

@@ -20,11 +20,15 @@ from digs_warp.interchange.captures.matched_depth import matched_depth
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.interchange.captures.resample import register_depth, resample_depth
 from digs_warp.record.arrays import read_array
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
 # A rotation that was written with few digits is off by at most this much; more is no rotation.
 ROTATION_TOLERANCE = 1e-2
+
+# If more poses are broken, those that look sound are not trusted either.
+MOST_BROKEN = 0.25
 
 # A pinhole image of which its lens shows less than this is refused; less than nearly all draws a warning.
 LEAST_SEEN, NEARLY_ALL = 0.25, 0.995
@@ -153,9 +157,11 @@ def nearly_rigid(matrix: np.ndarray, where: str) -> np.ndarray:
     u, singular, vt = np.linalg.svd(matrix[:3, :3])
     rotation = u @ vt
     if np.abs(singular - 1.0).max() > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        is_mirrored = np.abs(singular - 1.0).max() <= ROTATION_TOLERANCE
+        how = "they mirror" if is_mirrored else f"they stretch by {np.round(singular, 3)}"
         raise CaptureError(
-            f"{where}: the upper left 3 x 3 numbers are no rotation (stretched by {singular}); a pose that "
-            "also scales or mirrors is not usable"
+            f"{where}: the upper left 3 x 3 numbers are no rotation: {how}. Write right-handed rotations "
+            "without a scale"
         )
     return rigid(rotation, matrix[:3, 3])
 
@@ -171,13 +177,31 @@ def _usable_frames(recording: Recording) -> Sequence[RecordedFrame]:
             "recording '%s': %d of %d frames have no pose and are left out",
             *(recording.folder, len(recording.frames) - len(posed), len(recording.frames)),
         )
-    return [
-        replace(
-            frame, world_from_cam=nearly_rigid(frame.world_from_cam, f"pose of '{frame.image}'")
+    return _with_sound_poses(recording.folder, posed) or frames
+
+
+def _with_sound_poses(folder: Path, posed: Sequence[RecordedFrame]) -> list[RecordedFrame]:
+    """Return the frames with exact rotations, without a few that have none; more are a mistake in all.
+
+    Raises:
+        CaptureError: the first broken pose, if a quarter of them is broken.
+    """
+    sound, broken = [], []
+    for frame in posed:
+        try:
+            pose = nearly_rigid(np.asarray(frame.world_from_cam), f"pose of '{frame.image}'")
+        except CaptureError as error:
+            broken.append(error)
+            continue
+        sound.append(replace(frame, world_from_cam=pose))
+    if len(broken) > MOST_BROKEN * len(posed):
+        raise broken[0]
+    if broken:
+        logger.warning(
+            "recording '%s': %s of %d with a broken pose left out, first %s",
+            *(folder, counted(len(broken), "frame"), len(posed), broken[0]),
         )
-        for frame in posed
-        if frame.world_from_cam is not None
-    ] or frames
+    return sound
 
 
 def _check_views(folder: Path, frames: Sequence[RecordedFrame]) -> None:

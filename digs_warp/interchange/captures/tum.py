@@ -7,6 +7,7 @@
 See https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats.
 """
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,14 @@ from digs_warp.interchange.captures.recorded_files import (
     read_numbers,
 )
 from digs_warp.interchange.captures.recording import RecordedFrame, Recording
+from digs_warp.interchange.captures.same_moment import at_the_moments
 from digs_warp.record.files import read_text, write_atomically
+
+logger = logging.getLogger(__name__)
 
 DEPTH_UNITS_PER_METRE = 5000.0  # fixed by the format: a step of 0.2 mm, 13.1 m at most
 CALIBRATION = "calibration.txt"
+TRUTH = "groundtruth.txt"
 
 # Images and poses further apart in time [s] do not belong together (the benchmark's own limit).
 LARGEST_GAP = 0.02
@@ -48,15 +53,25 @@ def read_tum(folder: Path) -> Recording:
     """Read the folder of a TUM RGB-D sequence; groundtruth.txt may be missing.
 
     Raises:
-        CaptureError: lists are missing or broken, or no camera is known.
+        CaptureError: lists are missing or broken, their times do not match, or no camera is known.
     """
     times, images = _read_list(folder, "rgb.txt")
     depth_times, depths = _read_list(folder, "depth.txt")
-    pose_times, poses = _read_poses(folder / "groundtruth.txt")
+    pose_times, poses = _read_poses(folder / TRUTH)
+    depth_of = at_the_moments(
+        times, depth_times, LARGEST_GAP, f"'{folder / 'depth.txt'}'", "depth image"
+    )
+    pose_of: list[int | None] = [None] * len(times)
+    if poses:
+        pose_of = at_the_moments(times, pose_times, LARGEST_GAP, f"'{folder / TRUTH}'", "pose")
+    if without := depth_of.count(None):
+        logger.warning(
+            "recording '%s': %d of %d images have no depth of the same moment, to %g ms",
+            *(folder, without, len(times), 1e3 * LARGEST_GAP),
+        )
     k = _intrinsics(folder, image_size(folder / images[0]))
     frames = []
-    for time, image in zip(times, images, strict=True):
-        depth, pose = _nearest(depth_times, time), _nearest(pose_times, time)
+    for time, image, depth, pose in zip(times, images, depth_of, pose_of, strict=True):
         frames.append(
             RecordedFrame(
                 image=folder / image,
@@ -89,14 +104,6 @@ def _read_poses(path: Path) -> tuple[np.ndarray, list[np.ndarray]]:
     rows = read_numbers(path, (-1, 8), "poses")
     rotations = matrix_from_quat_xyzw(rows[:, 4:])
     return rows[:, 0], [rigid(turn, row[1:4]) for turn, row in zip(rotations, rows, strict=True)]
-
-
-def _nearest(times: np.ndarray, time: float) -> int | None:
-    """Return the index of the nearest time, or None when it is too far away."""
-    if len(times) == 0:
-        return None
-    nearest = int(np.argmin(np.abs(times - time)))
-    return nearest if abs(times[nearest] - time) <= LARGEST_GAP else None
 
 
 def _intrinsics(folder: Path, size: tuple[int, int]) -> Intrinsics:
@@ -139,7 +146,7 @@ def write_tum(capture: Capture, folder: Path) -> None:
         _write_lines(folder / f"{name}.txt", lines)
     poses = [f"{stamp} {_pose(frame)}" for stamp, frame in zip(stamps, capture.frames, strict=True)]
     header = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
-    _write_lines(folder / "groundtruth.txt", header + poses)
+    _write_lines(folder / TRUTH, header + poses)
     calibration = [
         "# fx fy cx cy; the center of the first pixel is (0, 0)",
         f"{k.fx} {k.fy} {k.cx} {k.cy}",

@@ -12,11 +12,14 @@ from pathlib import Path
 from digs_warp.camera import Intrinsics
 from digs_warp.checks import CaptureError
 from digs_warp.interchange.captures.recorded_files import IMAGE_SUFFIXES, numbered_files
-from digs_warp.interchange.captures.recording import NumberedFiles, Recording
+from digs_warp.interchange.captures.recording import MM_PER_METRE, NumberedFiles, Recording
 from digs_warp.record.fields import ABOVE_ZERO, Fields
 from digs_warp.record.files import read_json
 
 CALIBRATION = "calibration.json"
+
+# No camera that a hand carries has eyes this far apart [m]; the SDK gives millimetres unless told otherwise.
+WIDEST = 2.0
 
 
 def read_zed(folder: Path) -> Recording:
@@ -31,6 +34,11 @@ def read_zed(folder: Path) -> Recording:
     calibration = Fields(content, f"'{path}'", CaptureError)
     fx, fy = (calibration.number(key, ABOVE_ZERO, what="pixels above 0") for key in ("fx", "fy"))
     baseline = calibration.number("baseline", ABOVE_ZERO, default=None, what="metres above 0")
+    if baseline is not None and baseline > WIDEST:
+        raise CaptureError(
+            f"'{path}': baseline is {baseline:g}, expected metres, at most {WIDEST:g}; if it is in "
+            f"millimetres, as the ZED SDK has it, write {baseline / MM_PER_METRE:g}"
+        )
     return files.recording(
         Intrinsics(*files.image_size, fx, fy, calibration.number("cx"), calibration.number("cy")),
         {},

@@ -176,6 +176,12 @@ BROKEN: dict[str, tuple[Callable[[Path], object], str]] = {
     "truth": (
         edit("state_groundtruth_estimate0/data.csv", "0.2", "here"), "lines of time, position and quatern"
     ),
+    "other clock": (
+        lambda folder: (folder / "mav0/state_groundtruth_estimate0/data.csv").write_text(
+            "#time\n1000000000,0,0,0,1,0,0,0\n2000000000,0,0,0,1,0,0,0\n"
+        ),
+        r"poses from 1\.00 to 2\.00 s, but none at the times of the images",
+    ),
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import pytest
 from digs_warp.camera import Camera
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.data.capture import Capture
+from digs_warp.data.layers import Layer
 from digs_warp.interchange.captures.formats import READERS, export_capture, read_recording
 from digs_warp.report.facts.describe import describe
 from reference.recorded import check_same, converted
@@ -69,6 +70,33 @@ def test_tum_without_ground_truth_has_no_poses(capture: Capture, tmp_path: Path)
     (tmp_path / "tum/groundtruth.txt").unlink()
     assert not converted("tum", tmp_path / "tum", tmp_path / "capture").knows_poses
     assert describe(tmp_path / "capture")["camera path"].endswith("--poses sfm")
+
+
+@pytest.mark.parametrize("name", ["depth.txt", "groundtruth.txt"])
+def test_tum_times_that_match_nothing_are_an_error(
+    capture: Capture, tmp_path: Path, name: str
+) -> None:
+    export_capture(capture, "tum", tmp_path / "tum")
+    shift_times(tmp_path / "tum" / name, 3600.0)
+    with pytest.raises(CaptureError, match=rf"{name}': none of 3 .* nearest are 3.6e\+03 s away"):
+        read_recording(tmp_path / "tum", "tum")
+
+
+def test_tum_images_without_depth_are_counted(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    export_capture(capture, "tum", tmp_path / "tum")
+    path = tmp_path / "tum/depth.txt"
+    path.write_text("\n".join(path.read_text().splitlines()[:-1]))
+    found = converted("tum", tmp_path / "tum", tmp_path / "capture")
+    assert [frame.has(Layer.DEPTH) for frame in found.frames] == [True, True, False]
+    assert "1 of 3 images have no depth of the same moment, to 20 ms" in caplog.text
+
+
+def shift_times(path: Path, seconds: float) -> None:
+    lines = [line.split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    moved = [" ".join([f"{float(time) + seconds:.6f}", *rest]) for time, *rest in lines]
+    path.write_text("\n".join(moved))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,8 @@
 """nerfstudio folders, ours and as others write them."""
 
+import json
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +56,38 @@ def test_nerfstudio_without_depth_is_a_capture_of_images(capture: Capture, tmp_p
             frame.camera.world_from_cam, true.camera.world_from_cam, atol=1e-5
         )
         assert np.abs(frame.load_image().astype(int) - true.load_image()).mean() < 4
+
+
+BROKEN_POSES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
+    "lost": (lambda pose: pose * np.nan, "1 of 9 frames have no pose and are left out"),
+    "zeros": (lambda pose: pose * 0, "1 frame of 9 with a broken pose .*stretch by"),
+    "scaled": (lambda pose: pose @ np.diag([1.3, 1.3, 1.3, 1]), "stretch by .1.3 1.3 1.3"),
+    "mirrored": (lambda pose: pose @ np.diag([-1, 1, 1, 1]), "they mirror"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_POSES)
+def test_a_single_broken_pose_costs_one_frame(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
+) -> None:
+    change, message = BROKEN_POSES[name]
+    index = write_nerfstudio(capture, tmp_path / "ns")
+    frames = [dict(frame) for frame in index["frames"] * 3]
+    frames[4]["transform_matrix"] = change(np.array(frames[4]["transform_matrix"])).tolist()
+    index["frames"] = frames
+    (tmp_path / "ns/transforms.json").write_text(json.dumps(index))
+    found = converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
+    assert len(found) == 8 and found.knows_poses
+    assert re.search(message, caplog.text)
+
+
+def test_broken_poses_in_many_frames_are_an_error(capture: Capture, tmp_path: Path) -> None:
+    index = write_nerfstudio(capture, tmp_path / "ns")
+    for frame in index["frames"][:1]:
+        frame["transform_matrix"][0][0] += 0.5
+    (tmp_path / "ns/transforms.json").write_text(to_json(index))
+    with pytest.raises(CaptureError, match="no rotation: they stretch"):
+        converted("nerfstudio", tmp_path / "ns", tmp_path / "capture")
 
 
 def test_the_scale_that_nerfstudio_applied_is_taken_back(capture: Capture, tmp_path: Path) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.checks import CaptureError
 from digs_warp.data.capture import Capture
 from digs_warp.data.images import read_image, write_image
 from digs_warp.geometry import OPENCV_FROM_OPENGL, quat_xyzw_from_matrix
+from digs_warp.interchange.captures.formats import read_recording
 from digs_warp.interchange.captures.to_capture import load_depth
 from digs_warp.record.files import to_json
 from reference.recorded import HEIGHT, WIDTH, check_same, converted
@@ -103,6 +105,18 @@ def test_zed_frames_have_depth_codes_but_no_poses(
         np.testing.assert_allclose(frame.load_depth(), expected, atol=6e-4)
         np.testing.assert_array_equal(frame.load_right_image(), true.load_image()[:, ::-1])
         np.testing.assert_array_equal(frame.camera.world_from_cam, np.eye(4))
+
+
+def test_a_baseline_in_millimetres_is_refused(capture: Capture, tmp_path: Path) -> None:
+    folder = tmp_path / "zed"
+    for eye in ("left", "right"):
+        write_image(folder / f"{eye}000000.png", capture.frames[0].load_image())
+    calibration = {"fx": 19.0, "fy": 23.0, "cx": 9.25, "cy": 7.75, "baseline": 119.987}
+    (folder / "calibration.json").write_text(json.dumps(calibration))
+    with pytest.raises(
+        CaptureError, match=r"baseline is 119\.987, expected metres.* write 0\.119987"
+    ):
+        read_recording(folder, "zed")
 
 
 def test_single_images_of_a_primesense_camera(sample_data: Path, tmp_path: Path) -> None:
