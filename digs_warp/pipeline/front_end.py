@@ -27,6 +27,7 @@ from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.subject import say_subject, subject_of
 from digs_warp.pipeline.tracked_poses import tracked
 from digs_warp.plausibility.check import Plausibility, check_capture
+from digs_warp.plausibility.odd_frames import odd_frames
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.manifest import is_kept
@@ -40,6 +41,9 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 SFM = "sfm"
+
+# Recordings of at most this many frames are looked at frame by frame, which takes a second.
+SHORT = 60
 
 
 def front_end(
@@ -190,6 +194,8 @@ def _doubts(capture: Capture, config: FrontEndConfig) -> tuple[str, ...]:
 
 def quick_check(capture: Capture, config: FrontEndConfig) -> Plausibility:
     """Return what a first look finds in the parts of the capture that the settings use."""
-    return check_capture(
-        capture, poses=config.sfm.poses != "sfm", masks=config.segment.source == "capture"
-    )
+    uses_poses = config.sfm.poses != "sfm"
+    found = check_capture(capture, poses=uses_poses, masks=config.segment.source == "capture")
+    if not uses_poses or len(capture) > SHORT or any(each.is_error for each in found.findings):
+        return found
+    return replace(found, findings=(*found.findings, *odd_frames(capture)))

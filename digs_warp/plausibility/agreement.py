@@ -59,7 +59,7 @@ def agreement(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]
         return Agreement(0.0, 0.0, 0.0)
     close = np.abs(nearer) < COARSE
     brightness = _correlation(here[close], there[close])
-    depth = (_share(nearer, FINE) + _share(nearer, COARSE)) / 2
+    depth = (share_that_agrees(nearer, FINE) + share_that_agrees(nearer, COARSE)) / 2
     return Agreement(len(nearer) / max(looked_at, 1), depth, brightness)
 
 
@@ -91,7 +91,7 @@ def _as_exposed_here(nearer: np.ndarray, here: np.ndarray, there: np.ndarray) ->
     return there * (np.median(here[close]) / max(float(np.median(there[close])), 1.0))
 
 
-def _share(nearer: np.ndarray, tolerance: float) -> float:
+def share_that_agrees(nearer: np.ndarray, tolerance: float) -> float:
     """Return the share of points that agree, among those that agree or are seen through."""
     agree = np.count_nonzero(np.abs(nearer) < tolerance)
     return float(agree) / max(agree + np.count_nonzero(nearer <= -tolerance), 1)

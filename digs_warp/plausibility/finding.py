@@ -18,7 +18,10 @@ Kind = Literal[
     "masks cut",
     "masks disagree",
     "moving things",
+    "odd frames",
+    "break",
     "few views",
+    "repeats",
     "gap",
     "blur",
     "exposure",
@@ -26,7 +29,16 @@ Kind = Literal[
 
 # A reconstruction in spite of these can be used, though it will be worse.
 WARNINGS: frozenset[Kind] = frozenset(
-    ("masks disagree", "moving things", "few views", "gap", "blur", "exposure")
+    (
+        "masks disagree",
+        "moving things",
+        "odd frames",
+        "few views",
+        "repeats",
+        "gap",
+        "blur",
+        "exposure",
+    )
 )
 
 

@@ -8,7 +8,9 @@ from digs_warp.data.layers import Layer
 from digs_warp.plausibility.agreement_of_masks import masks_that_disagree
 from digs_warp.plausibility.check import Plausibility, check_capture
 from digs_warp.plausibility.finding import Finding
+from digs_warp.plausibility.odd_frames import odd_frames
 from digs_warp.plausibility.photographs import Photographs, look_at_photographs
+from digs_warp.plausibility.repeats import repeats
 from digs_warp.plausibility.view_doubts import few_views, gap_in_views
 
 
@@ -19,6 +21,7 @@ class FullCheck:
     Attributes:
         plausibility: whether depth, poses, focal length and masks fit together.
         masks: single masks that the other views contradict.
+        frames: single frames that contradict their neighbors, breaks, and frames that repeat the one before.
         views: too few of them, or sides of the object that nobody looked at.
         photographs: what the photographs are like.
         not_checked: what could not be looked at, and why.
@@ -26,6 +29,7 @@ class FullCheck:
 
     plausibility: Plausibility
     masks: tuple[Finding, ...]
+    frames: tuple[Finding, ...]
     views: tuple[Finding, ...]
     photographs: Photographs
     not_checked: tuple[str, ...]
@@ -33,7 +37,7 @@ class FullCheck:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What does not fit or could be better, the gravest first."""
-        found = self.plausibility.findings
+        found = (*self.plausibility.findings, *self.frames)
         more = (*self.masks, *self.views, *self.photographs.findings)
         if any(each.is_error for each in found):
             # What needs right poses and depth says nothing then.
@@ -57,13 +61,21 @@ def check_fully(capture: Capture) -> FullCheck:
     Raises:
         DigsError: a file that cannot be read.
     """
+    plausibility = check_capture(capture)
     return FullCheck(
-        check_capture(capture),
+        plausibility,
         tuple(masks_that_disagree(capture)),
+        _of_frames(capture, plausibility),
         tuple(few_views(capture) or gap_in_views(capture)),
         look_at_photographs(capture),
         _not_checked(capture),
     )
+
+
+def _of_frames(capture: Capture, plausibility: Plausibility) -> tuple[Finding, ...]:
+    """Return what is odd about single frames; where all poses are wrong, nothing tells it."""
+    wrong = any(each.is_error for each in plausibility.findings)
+    return (*([] if wrong else odd_frames(capture)), *repeats(capture))
 
 
 def _not_checked(capture: Capture) -> tuple[str, ...]:

@@ -1,0 +1,66 @@
+"""Frames that repeat the one before: a camera at rest, or a film that was copied frame by frame."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.device.parallel import default_threads
+from digs_warp.plausibility.finding import Finding
+from digs_warp.words import counted
+
+# Longer recordings are thinned evenly, in runs of two frames.
+MOST_FRAMES = 300
+
+# Columns of the thumbnails that are compared.
+WIDTH = 40
+
+# Images that differ by less than this (mean, of 255) show the same: noise is averaged away in thumbnails.
+SAME = 1.0
+
+# A few frames at rest do no harm.
+SHARE = 0.2
+
+
+def repeats(capture: Capture) -> list[Finding]:
+    """Return a finding if many frames repeat the one before.
+
+    Raises:
+        DigsError: a file that cannot be read.
+    """
+    last = len(capture) - 1
+    if last < 1:
+        return []
+    starts = np.unique(np.linspace(0, last - 1, min(MOST_FRAMES, last)).round().astype(int))
+    numbers = sorted({*starts.tolist(), *(starts + 1).tolist()})
+    looks = dict(zip(numbers, _thumbnails([capture.frames[i] for i in numbers]), strict=True))
+    same = [_is_same(looks[i], looks[i + 1]) for i in starts.tolist()]
+    if np.mean(same) <= SHARE:
+        return []
+    what = (
+        f"{counted(sum(same), 'frame')} of {len(numbers)} repeat the one before: the camera was at rest, or "
+        "frames are there twice."
+    )
+    mend = (
+        "They add no view, and where they are held out the scores are too good. Record again with the camera "
+        "moving, or take fewer frames: convert --frames."
+    )
+    return [Finding("repeats", what, mend)]
+
+
+def _thumbnails(frames: Sequence[Frame]) -> list[np.ndarray]:
+    with ThreadPoolExecutor(default_threads()) as pool:
+        return [*pool.map(lambda frame: _thumbnail(frame.load_image()), frames)]
+
+
+def _thumbnail(image: np.ndarray) -> np.ndarray:
+    step = max(1, image.shape[1] // WIDTH)
+    height, width = image.shape[0] // step, image.shape[1] // step
+    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
+    return blocks.mean(axis=(1, 3), dtype=np.float32)
+
+
+def _is_same(first: np.ndarray, second: np.ndarray) -> bool:
+    return first.shape == second.shape and float(np.abs(first - second).mean()) < SAME
