@@ -30,6 +30,9 @@ from digs_warp.sim.scene import Material, Scene, SceneObject
 
 logger = logging.getLogger(__name__)
 
+# Of what is taken as metres, more than this [m] is rare: a file in inches or centimetres looks so.
+LARGE = 2.5
+
 
 def load_scene(
     path: Path, size: float | None = None, up: str = "auto", unit: str = "auto"
@@ -169,10 +172,11 @@ def _stands(placement: Placement, axis: str | None) -> bool:
 
 
 def _guessed_scale(path: Path, extent: np.ndarray) -> Scale:
-    """Return a guess; one other than metres is worth a warning."""
+    """Return a guess; one other than metres is worth a warning, and so is a mug of five metres."""
     guess = guessed_scale(extent, path.suffix[1:].upper())
     in_metres = " x ".join(f"{side * guess.metres_per_unit:.3g}" for side in extent)
-    level = logging.INFO if guess.metres_per_unit == 1.0 else logging.WARNING
+    is_likely = guess.metres_per_unit == 1.0 and extent.max() <= LARGE
+    level = logging.INFO if is_likely else logging.WARNING
     logger.log(level, "mesh '%s': %s m; %s", path.name, in_metres, guess.origin)
     return guess
 
