@@ -1,6 +1,7 @@
 """A room modeled from inside is named: the camera would walk around it and see its walls from behind."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ def room(*missing: tuple[int, int, int], normals: bool = False) -> trimesh.Trime
         walls.update_faces(walls.face_normals @ direction < 0.9)
     table = trimesh.creation.box((1.4, 0.8, 0.7))
     table.apply_translation((0.5, 0.0, -0.95))
-    whole = trimesh.util.concatenate([walls, table])
+    whole: Any = trimesh.util.concatenate([walls, table])
     whole.unmerge_vertices()
     if normals:
         whole.vertex_normals  # noqa: B018  (saved then)

@@ -9,6 +9,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from digs_warp.sim.load import load_scene, load_scene_at
+from digs_warp.sim.mesh import normals
 from reference.mesh_files import check_scene, corners_of, face_vectors, lopsided, save
 
 
@@ -140,6 +141,17 @@ def test_a_box_without_normals_gets_flat_sides_and_shared_corners(tmp_path: Path
     expected = np.repeat(facing[:, None], 3, axis=1)
     np.testing.assert_allclose(scene.normals[scene.faces], expected, atol=1e-6)
     assert len(scene.vertices) == 24  # four corners on each of six sides
+
+
+def test_corners_of_fine_meshes_get_the_same_normals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smooth places are treated together there, sharp edges as always: a ball, and a box that cuts it."""
+    parts = [trimesh.creation.icosphere(3, 0.1), trimesh.creation.box((0.3, 0.1, 0.1))]
+    parts.append(trimesh.creation.cylinder(0.05, 0.3, sections=11))  # its sides meet at 33 degrees
+    mesh: Any = trimesh.util.concatenate(parts)
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    expected = normals.corner_normals(vertices, faces)
+    monkeypatch.setattr(normals, "MANY_CORNERS", 0)
+    np.testing.assert_allclose(normals.corner_normals(vertices, faces), expected, atol=1e-14)
 
 
 def test_normals_of_the_file_are_kept_and_turned_upright(tmp_path: Path) -> None:
