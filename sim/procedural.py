@@ -73,23 +73,44 @@ HANDLE_POINTS = (
 
 def procedural_scene() -> Scene:
     """Return the built-in object, always the same: 0.5 m tall, centered on the origin."""
+    patches = _patches()
+    return _scene(patches, _materials(patches[_NECK]))
+
+
+def procedural_shape() -> Scene:
+    """Return the built-in object, plain and gray: its textures are what takes time."""
+    patches = _patches()
+    return _scene(patches, (Material("plain", _linear(0.5, 0.5, 0.5)),) * len(patches))
+
+
+# Which of the patches is the neck.
+_NECK = 2
+
+
+def _patches() -> list[Patch]:
+    neck = revolve(_neck_profile(), SEGMENTS)
+    return [_foot(), _bowl(), neck, cloth_patch(), cord_patch(), _brass_wire(), _grip()]
+
+
+def _materials(neck: Patch) -> tuple[Material, ...]:
+    """Return the materials of the patches."""
     rng = np.random.default_rng(SEED)
-    neck_profile = smooth_curve(NECK_OUTLINE, 40)
-    lip = neck_profile[:, 1].argmax()
     walnut = walnut_texture(rng, smooth_curve(FOOT_OUTLINE, 256))
-    neck = revolve(neck_profile, SEGMENTS)
+    lip = _neck_profile()[:, 1].argmax()
     glaze = glaze_texture(rng, rim_v=neck.uvs[lip * (SEGMENTS + 1), 1])
-    brass = Material("brass", _linear(0.80, 0.55, 0.24), roughness=0.28, metallic=1.0)
-    parts = [
-        (_foot(), _textured("walnut", walnut, 0.45)),
-        (_bowl(), Material("bisque", _linear(0.70, 0.62, 0.50), roughness=0.9)),
-        (neck, _textured("glaze", glaze, 0.15)),
-        (cloth_patch(), _textured("kilim", kilim_texture(rng), 0.95)),
-        (cord_patch(), _textured("cord", fibre_texture(rng, slant=2), 0.85)),
-        (_brass_wire(), brass),
-        (_grip(), _textured("cane", fibre_texture(rng, slant=0), 0.6)),
-    ]
-    return _scene([patch for patch, _ in parts], tuple(material for _, material in parts))
+    return (
+        _textured("walnut", walnut, 0.45),
+        Material("bisque", _linear(0.70, 0.62, 0.50), roughness=0.9),
+        _textured("glaze", glaze, 0.15),
+        _textured("kilim", kilim_texture(rng), 0.95),
+        _textured("cord", fibre_texture(rng, slant=2), 0.85),
+        Material("brass", _linear(0.80, 0.55, 0.24), roughness=0.28, metallic=1.0),
+        _textured("cane", fibre_texture(rng, slant=0), 0.6),
+    )
+
+
+def _neck_profile() -> np.ndarray:
+    return smooth_curve(NECK_OUTLINE, 40)
 
 
 def _linear(red: float, green: float, blue: float) -> np.ndarray:

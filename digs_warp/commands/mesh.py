@@ -100,7 +100,7 @@ def _comparison(
     from digs_warp.measure.surface_metrics import surface_score
 
     try:
-        truth = read_true_surface(capture, result.instance)
+        truth = read_true_surface(capture, result.instance, textured=False)
     except DigsError as error:
         logger.warning("%s; the mesh is compared with nothing", error)
         return []

@@ -244,7 +244,7 @@ def _true_surface(result: Reconstruction, config: ReconstructConfig) -> Triangle
     if result.capture is None or result.frames is None or result.subject == "scene":
         return None  # the true mesh is that of the object: a room would be far from it
     try:
-        return read_true_surface(result.capture, config.segment.instance)
+        return read_true_surface(result.capture, config.segment.instance, textured=False)
     except DigsError as error:
         logger.info("no distance to the true surface: %s", error)
         return None

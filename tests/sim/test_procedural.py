@@ -5,7 +5,7 @@ import pytest
 
 from digs_warp.sim.builtin.noise import periodic_noise
 from digs_warp.sim.builtin.shapes import revolve, smooth_curve, tube
-from digs_warp.sim.procedural import procedural_scene
+from digs_warp.sim.procedural import procedural_scene, procedural_shape
 from digs_warp.sim.scene import Material, Scene
 from reference.scene_checks import check_arrays
 
@@ -159,3 +159,12 @@ def test_a_smooth_curve_meets_its_points_at_even_steps() -> None:
     assert distance.max() < 0.01
     steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
     np.testing.assert_allclose(steps, steps.mean(), rtol=0.02)
+
+
+def test_the_plain_shape_is_that_of_the_textured_object(scene: Scene) -> None:
+    plain = procedural_shape()
+    np.testing.assert_array_equal(plain.vertices, scene.vertices)
+    np.testing.assert_array_equal(plain.faces, scene.faces)
+    np.testing.assert_array_equal(plain.face_materials, scene.face_materials)
+    check_arrays(plain)
+    assert all(material.texture is None for material in plain.materials)

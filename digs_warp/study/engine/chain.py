@@ -252,7 +252,7 @@ def _surface_scores(
     from digs_warp.surface.rendered import surface_error
     from digs_warp.surface.true_surface import read_true_surface
 
-    surface = read_true_surface(capture.folder, config.segment.instance)
+    surface = read_true_surface(capture.folder, config.segment.instance, textured=False)
     if surface is None or result.frames is None or result.start is None:
         return {}
     points, gaussians = result.start.points, result.gaussians
