@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import tyro
 
@@ -24,6 +24,10 @@ from digs_warp.record.durations import DURATION
 from digs_warp.record.run_log import RunLog
 from digs_warp.record.settings import settings_from_json
 from digs_warp.words import counted
+
+if TYPE_CHECKING:
+    from digs_warp.data.capture import Capture
+    from digs_warp.pipeline.reconstruction import Reconstruction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,11 +110,23 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
 
     def _reconstruct_one(self) -> str:
         from digs_warp.data.capture import read_capture
-        from digs_warp.pipeline.reconstruct import check_machine, reconstruct
+        from digs_warp.data.read_ahead import reading_ahead
 
         start = time.perf_counter()
         (source,) = self.captures
         capture = read_capture(source)
+        # A resumed run may need no frame at all.
+        with reading_ahead(() if self.output.resume else capture.frames):
+            result = self._reconstruct(capture, source)
+        seconds = time.perf_counter() - start
+        words = reconstruction_words(result, len(capture))
+        return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"
+
+    def _reconstruct(self, capture: "Capture", source: Path) -> "Reconstruction":
+        import scipy.spatial  # noqa: F401  # needed later, and the frames are being decoded now
+
+        from digs_warp.pipeline.reconstruct import check_machine, reconstruct
+
         config, chosen = self.reconstruct_config(self.seed, capture), None
         check_machine(config)  # a wrong flag is named first
         with (
@@ -120,10 +136,7 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
             if self.recommended is not None:
                 before = folder if self.output.resume else None
                 config, chosen = recommended_config(capture, config, self.recommended, before)
-            result = reconstruct(capture, config, folder, self.output.resume, watch, chosen)
-        seconds = time.perf_counter() - start
-        words = reconstruction_words(result, len(capture))
-        return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"
+            return reconstruct(capture, config, folder, self.output.resume, watch, chosen)
 
     def _reconstruct_many(self) -> str:
         from digs_warp.engines.results import RESULTS

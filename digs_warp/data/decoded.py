@@ -1,4 +1,7 @@
-"""Keeps decoded image files for a while: what precedes a training reads most of them several times."""
+"""Keeps decoded image files for a while: what precedes a training reads most of them several times.
+
+Threads that ask for a file while another one decodes it wait for that.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,7 +23,21 @@ class _Kept:
     def __init__(self) -> None:
         self.lock = Lock()
         self.blocks = 0
+        self.expected = False  # whether to keep files for a block that is still to come
         self.pixels: dict[_Key, np.ndarray] = {}
+        self.turns: dict[_Key, Lock] = {}  # who holds one decodes the file, or copies its pixels
+        self.bytes = 0
+
+    @property
+    def keeps(self) -> bool:
+        """Whether decoded files are kept now."""
+        return self.blocks > 0 or self.expected
+
+    def drop(self) -> None:
+        """Forget everything; the caller holds the lock."""
+        self.expected = False
+        self.pixels.clear()
+        self.turns.clear()
         self.bytes = 0
 
 
@@ -38,8 +55,25 @@ def decoded_once() -> Iterator[None]:
         with _kept.lock:
             _kept.blocks -= 1
             if not _kept.blocks:
-                _kept.pixels.clear()
-                _kept.bytes = 0
+                _kept.drop()
+
+
+@contextmanager
+def kept_for_later() -> Iterator[None]:
+    """Within the block, `decoded` keeps files until the next `decoded_once` is over."""
+    with _kept.lock:
+        _kept.expected = True
+    try:
+        yield
+    finally:
+        with _kept.lock:
+            if _kept.expected and not _kept.blocks:
+                _kept.drop()
+
+
+def room_left() -> int:
+    """Return how many bytes `decoded` can still keep."""
+    return MEMORY - _kept.bytes if _kept.keeps else 0
 
 
 def decoded(path: Path, read: Callable[[Path], np.ndarray]) -> np.ndarray:
@@ -50,17 +84,20 @@ def decoded(path: Path, read: Callable[[Path], np.ndarray]) -> np.ndarray:
         read: decodes it, or raises what is to be said about it.
     """
     key = _key(path)
-    if not _kept.blocks or key is None:
+    if not _kept.keeps or key is None:
         return read(path)
-    known = _kept.pixels.get(key)
-    if known is not None:
-        return known.copy()
-    pixels = read(path)
     with _kept.lock:
-        if _kept.blocks and _kept.bytes + pixels.nbytes <= MEMORY and key not in _kept.pixels:
-            _kept.pixels[key] = pixels.copy()
-            _kept.bytes += pixels.nbytes
-    return pixels
+        turn = _kept.turns.setdefault(key, Lock())
+    with turn:
+        known = _kept.pixels.get(key)
+        if known is not None:
+            return known.copy()
+        pixels = read(path)
+        with _kept.lock:
+            if _kept.keeps and _kept.bytes + pixels.nbytes <= MEMORY:
+                _kept.pixels[key] = pixels.copy()
+                _kept.bytes += pixels.nbytes
+        return pixels
 
 
 def _key(path: Path) -> _Key | None:

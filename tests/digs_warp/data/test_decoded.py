@@ -2,14 +2,16 @@
 
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.data import decoded as module
-from digs_warp.data.decoded import decoded, decoded_once
+from digs_warp.data.decoded import decoded, decoded_once, kept_for_later, room_left
 from digs_warp.data.images import read_image, write_image
 
 IMAGE = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
@@ -77,3 +79,38 @@ def test_no_more_is_kept_than_there_is_memory(path: Path, monkeypatch: pytest.Mo
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with decoded_once(), pytest.raises(DigsError, match=r"none\.png"):
         decoded(tmp_path / "none.png", read_image)
+
+
+def test_what_is_kept_for_later_is_there_until_the_next_block_ends(path: Path) -> None:
+    read, files = counting()
+    with kept_for_later():
+        decoded(path, read)
+        with decoded_once():
+            decoded(path, read)
+            assert room_left() == module.MEMORY - IMAGE.nbytes
+        assert room_left() == 0
+        decoded(path, read)
+    assert len(files) == 2
+    with kept_for_later():
+        decoded(path, read)
+    assert room_left() == 0
+    decoded(path, read)
+    assert len(files) == 4
+
+
+def test_threads_wait_for_the_one_that_decodes_the_file(path: Path) -> None:
+    read, files = counting()
+    begun, go_on = Event(), Event()
+
+    def slowly(path: Path) -> np.ndarray:
+        begun.set()
+        assert go_on.wait(10)
+        return read(path)
+
+    with decoded_once(), ThreadPoolExecutor(2) as pool:
+        first = pool.submit(decoded, path, slowly)
+        assert begun.wait(10)
+        second = pool.submit(decoded, path, read)
+        go_on.set()
+        np.testing.assert_array_equal(first.result(), second.result())
+    assert files == [path]
