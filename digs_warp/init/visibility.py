@@ -6,14 +6,15 @@ the view says nothing about it.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
+from digs_warp.device.eyes import eyes_of
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.init.visibility_kernel import Eye, says_kernel
+from digs_warp.init.visibility_kernel import says_kernel
 
 # Cameras and their depth maps [m], (height, width) each, at the image's size or a reduced one.
 Views = Sequence[tuple[Camera, np.ndarray]]
@@ -57,21 +58,12 @@ def what_views_say(points_world: np.ndarray, views: Views, voxel_size: float) ->
     count = len(points_world)
     found = wp.zeros((count, 3), dtype=int, device="cpu")
     if views:
-        starts = np.cumsum([0, *(depth.size for _, depth in views)])
-        form: Any = Eye.numpy_dtype()
-        eyes = [_eye(*view, int(start)) for view, start in zip(views, starts, strict=False)]
         depths = np.concatenate([depth.reshape(-1) for _, depth in views])
         inputs = [
             wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu"),
-            wp.array(np.array(eyes, dtype=form), dtype=Eye, device="cpu"),
+            eyes_of([camera for camera, _ in views], [depth.shape for _, depth in views]),
             wp.array(depths.astype(np.float32), dtype=float, device="cpu"),
             *(wp.float64(voxel_size), found),
         ]
         launch_parallel(says_kernel, count, inputs)
     return Said(*found.numpy().T)
-
-
-def _eye(camera: Camera, depth: np.ndarray, start: int) -> tuple[object, ...]:
-    height, width = depth.shape
-    k = camera.intrinsics.resized(width, height)
-    return (camera.cam_from_world, k.fx, k.fy, k.cx, k.cy, width, height, start)

@@ -1,9 +1,8 @@
-"""Kernel of `digs_warp.init.visibility`: what each view says about each point. One thread per point.
-
-In float64, so that it agrees with `digs_warp.camera.Camera.project` on the pixel that a point falls into.
-"""
+"""Kernel of `digs_warp.init.visibility`: what each view says about each point. One thread per point."""
 
 import warp as wp
+
+from digs_warp.device.eyes import Eye, pixel_seen, place_of, shows
 
 wp.set_module_options({"enable_backward": False})
 
@@ -13,28 +12,6 @@ TOLERANCE_SHARE = 0.01
 
 _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 _SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
-_NOTHING = wp.constant(wp.float64(0.0))
-
-
-@wp.struct
-class Eye:
-    """A camera and where its depth map begins.
-
-    Attributes:
-        cam_from_world: rigid transform.
-        fx, fy, cx, cy: of the depth map [px].
-        width, height: of the depth map [px].
-        start: of the depth map in the array of all.
-    """
-
-    cam_from_world: wp.mat44d
-    fx: wp.float64
-    fy: wp.float64
-    cx: wp.float64
-    cy: wp.float64
-    width: int
-    height: int
-    start: int
 
 
 @wp.kernel
@@ -54,16 +31,11 @@ def says_kernel(
     blind = int(0)
     for e in range(eyes.shape[0]):
         eye = eyes[e]
-        seen = wp.transform_point(eye.cam_from_world, points[i])
-        u = eye.fx * seen[0] / seen[2] + eye.cx
-        v = eye.fy * seen[1] / seen[2] + eye.cy
-        inside = seen[2] > _NOTHING and u >= _NOTHING and v >= _NOTHING
-        inside = inside and u < wp.float64(eye.width) and v < wp.float64(eye.height)
-        if not inside:
+        seen = pixel_seen(eye, points[i])
+        if not shows(eye, seen):
             blind += 1
         else:
-            place = eye.start + int(v) * eye.width + int(u)
-            measured = wp.float64(depth[place])
+            measured = wp.float64(depth[place_of(eye, seen)])
             nearer = measured - seen[2]
             tolerance = _VOXELS * voxel_size + _SHARE * measured
             # Comparisons with NaN, where nothing was measured, are False.

@@ -8,17 +8,18 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+import warp as wp
 
 from digs_warp.data.evenly import evenly
+from digs_warp.device.eyes import eyes_of
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import default_threads
 from digs_warp.plausibility.seen_through import in_hull, seen_through
-from digs_warp.plausibility.small_frames import SmallDepth, pixels_showing
+from digs_warp.plausibility.small_frames import SmallDepth
+from digs_warp.plausibility.votes_kernel import votes_kernel
 
 # This many other views vote: of the nearer half of all, every n-th.
 VOTERS = 12
-
-# A view votes on a point if it measures it at the same depth, within this share.
-SAME_DEPTH = 0.05
 
 # Fewer votes on a pixel say nothing, nor do votes on less than this share of the image.
 FEWEST_VOTES, LEAST_KNOWN = 3, 0.1
@@ -56,10 +57,11 @@ def mask_votes(frames: Sequence[SmallDepth]) -> list[MaskVotes]:
     There are two rounds: in the second one only the half votes that agreed best in the first. Where they
     contradict a mask, votes on what is seen through glass are left out.
     """
-    first = _round(frames, range(len(frames)))
+    views = Views.of(frames)
+    first = _round(frames, views, range(len(frames)))
     middle = np.median([each.agreement for each in first])
     voters = [number for number, each in enumerate(first) if each.agreement >= middle]
-    votes = _round(frames, voters)
+    votes = _round(frames, views, voters)
     for number, each in enumerate(votes):
         if each.agreement < AGREES:
             others = evenly([other for other in voters if other != number], VOTERS)
@@ -67,11 +69,43 @@ def mask_votes(frames: Sequence[SmallDepth]) -> list[MaskVotes]:
     return votes
 
 
-def _round(frames: Sequence[SmallDepth], voters: Sequence[int]) -> list[MaskVotes]:
+@dataclass(frozen=True, eq=False)
+class Views:
+    """All frames as the kernel looks them up: cameras, depth maps [m] and masks, one after the other."""
+
+    eyes: wp.array
+    depth: wp.array
+    masks: wp.array
+
+    @staticmethod
+    def of(frames: Sequence[SmallDepth]) -> "Views":
+        """Return the frames, all of which have masks, ready to be looked up."""
+        masks = [np.asarray(frame.mask, dtype=np.uint8).reshape(-1) for frame in frames]
+        depth = np.concatenate([frame.depth.reshape(-1) for frame in frames])
+        return Views(
+            eyes_of([frame.camera for frame in frames], [frame.depth.shape for frame in frames]),
+            wp.array(depth.astype(np.float32), dtype=float, device="cpu"),
+            wp.array(np.concatenate(masks), dtype=wp.uint8, device="cpu"),
+        )
+
+    def votes(self, points: np.ndarray, voters: Sequence[int]) -> np.ndarray:
+        """Return how many of the voters vote on each point, and how many for the object, (n, 2)."""
+        found = wp.zeros((len(points), 2), dtype=int, device="cpu")
+        inputs = [
+            wp.array(points, dtype=wp.vec3d, device="cpu"),
+            wp.array(np.array(voters, dtype=np.int32), dtype=int, device="cpu"),
+            *(self.eyes, self.depth, self.masks, found),
+        ]
+        # One thread: all cores have frames of their own.
+        launch_parallel(votes_kernel, len(points), inputs, threads=1)
+        return found.numpy()
+
+
+def _round(frames: Sequence[SmallDepth], views: Views, voters: Sequence[int]) -> list[MaskVotes]:
     centers = np.stack([frame.camera.center_world for frame in frames])
 
     def votes(number: int) -> MaskVotes:
-        return _votes(frames[number], [frames[n] for n in _nearer(centers, number, voters)])
+        return _votes(frames[number], views, _nearer(centers, number, voters))
 
     with ThreadPoolExecutor(default_threads()) as pool:
         return list(pool.map(votes, range(len(frames))))
@@ -110,18 +144,9 @@ def _without_glass(frame: SmallDepth, votes: MaskVotes, others: Sequence[SmallDe
     return replace(votes, known=known, is_object=is_object, without_glass=overlap)
 
 
-def _votes(frame: SmallDepth, others: Sequence[SmallDepth]) -> MaskVotes:
+def _votes(frame: SmallDepth, views: Views, others: Sequence[int]) -> MaskVotes:
     rows, columns = np.nonzero(np.isfinite(frame.depth))
-    points = frame.points_at(rows, columns)
-    votes, for_object = np.zeros((2, len(points)))
-    for other in others:
-        assert other.mask is not None
-        pixel, depth = pixels_showing(other.camera, points)
-        measured = other.depth.reshape(-1)[pixel]
-        with np.errstate(invalid="ignore"):
-            sees = (pixel >= 0) & (np.abs(measured - depth) < SAME_DEPTH * depth)
-        votes += sees
-        for_object += sees & other.mask.reshape(-1)[pixel]
+    votes, for_object = views.votes(frame.points_at(rows, columns), others).T
     known, is_object = np.zeros((2, *frame.depth.shape), dtype=bool)
     enough = votes >= FEWEST_VOTES
     known[rows[enough], columns[enough]] = True
