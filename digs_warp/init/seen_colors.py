@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import warp as wp
 
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
+from digs_warp.device.eyes import eyes_of
+from digs_warp.device.parallel import launch_parallel
 from digs_warp.device.threads import default_threads
+from digs_warp.init.seen_colors_kernel import seen_colors_kernel
 
 # Points and photographs that are looked up, evenly chosen: in a room, only one point in forty is seen often.
 POINTS, FRAMES = 20000, 64
-# A color is the mean of this many pixels squared: about a Gaussian's.
-BLOCK = 3
-# A photograph sees a point if its depth there agrees within this share of the distance.
-AGREEMENT = 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,34 +51,31 @@ def look_up(
     some = points_world[:: max(1, len(points_world) // points)].astype(np.float64)
     looked = frames[:: max(1, len(frames) // most)]
     with ThreadPoolExecutor(default_threads()) as pool:
-        seen = list(pool.map(partial(colors_in, some), looked))
+        seen = list(pool.map(partial(colors_in, some, threads=1), looked))
     colors = np.stack(seen, axis=1) if seen else np.zeros((len(some), 0, 3))
     centers = np.array([frame.camera.center_world for frame in looked]).reshape(-1, 3)
     return SeenColors(some, centers, colors)
 
 
-def colors_in(points_world: np.ndarray, frame: Frame) -> np.ndarray:
-    """Return the sRGB colors in which a frame sees points, (n, 3), NaN where it does not."""
+def colors_in(points_world: np.ndarray, frame: Frame, threads: int = 0) -> np.ndarray:
+    """Return the sRGB colors in which a frame sees points, (n, 3), NaN where it does not.
+
+    Args:
+        points_world: shape (n, 3).
+        frame: with an image.
+        threads: CPU threads; 0 means all cores.
+    """
     image = frame.load_image()
-    whole = frame.load_mask() == 255 if frame.has(Layer.MASK) else None
-    px, z = frame.camera.project(points_world)
-    height, width = image.shape[:2]
-    with np.errstate(invalid="ignore"):
-        place = np.floor(px)
-        margin = BLOCK // 2
-        inside = (z > 0) & np.all(
-            (place >= margin) & (place < [width - margin, height - margin]), axis=1
-        )
-    columns, rows = (place[inside, axis].astype(np.int64) for axis in (0, 1))
-    color, visible = np.zeros((len(rows), 3)), np.ones(len(rows), dtype=bool)
-    for dy in range(-margin, margin + 1):
-        for dx in range(-margin, margin + 1):
-            color += image[rows + dy, columns + dx].astype(np.float64) / 255.0
-            if whole is not None:
-                visible &= whole[rows + dy, columns + dx]
-    if frame.has(Layer.DEPTH):
-        apart = np.abs(frame.load_depth()[rows, columns] - z[inside])
-        visible &= apart <= AGREEMENT * z[inside]  # False where the depth is NaN
-    found = np.full((len(points_world), 3), np.nan)
-    found[np.flatnonzero(inside)[visible]] = color[visible] / BLOCK**2
-    return found
+    mask = frame.load_mask() if frame.has(Layer.MASK) else np.zeros((0, 0), np.uint8)
+    depth = frame.load_depth() if frame.has(Layer.DEPTH) else np.zeros((0, 0), np.float32)
+    found = wp.full(len(points_world), wp.vec3d(*[np.nan] * 3), dtype=wp.vec3d, device="cpu")
+    inputs = [
+        wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu"),
+        eyes_of([frame.camera], [image.shape[:2]]),
+        wp.array(image, dtype=wp.uint8, device="cpu"),
+        wp.array(mask, dtype=wp.uint8, device="cpu"),
+        wp.array(depth, dtype=float, device="cpu"),
+        found,
+    ]
+    launch_parallel(seen_colors_kernel, len(points_world), inputs, threads=threads)
+    return found.numpy()
