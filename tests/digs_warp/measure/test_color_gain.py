@@ -65,3 +65,19 @@ def test_constant_images() -> None:
     scene, photo = np.full((50, 3), 0.5), np.full((50, 3), 0.4)
     gain = fit_color_gain(scene, photo)
     np.testing.assert_allclose(gain.applied(scene), photo, atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [16, 17, 400, 401])
+def test_the_gain_is_that_of_huber_weights_around_the_median(count: int) -> None:
+    """Bit for bit: the medians are NumPy's, for odd and even numbers of pixels."""
+    scene, photo = colors(count), photographed(colors(count))
+    photo[::5] *= 0.7
+    for channel in range(3):
+        x, y = scene[:, channel] + 0.055, photo[:, channel] + 0.055
+        factor = np.median(y / x)
+        for _ in range(4):
+            residuals = np.abs(y - factor * x)
+            allowed = 1.345 * max(1.4826 * np.median(residuals), 1 / (255 * 12**0.5))
+            weighted = allowed / np.maximum(residuals, allowed) * x
+            factor = (weighted * y).sum() / (weighted * x).sum()
+        assert fit_color_gain(scene, photo).log_factors[channel] == np.log(factor)
