@@ -9,6 +9,9 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
+# Only loops of fixed length are vectorized: arrays are filled in pieces of this many values, then the rest.
+_PIECE = wp.constant(32)
+
 
 @wp.func
 def floats_from(values: wp.array[float], first: int, count: int) -> wp.array[float]:
@@ -20,6 +23,19 @@ def floats_from(values: wp.array[float], first: int, count: int) -> wp.array[flo
 def bytes_from(values: wp.array[wp.uint8], first: int, count: int) -> wp.array[wp.uint8]:
     """Return ``count`` bytes of a contiguous array, starting at ``first``."""
     return wp.array(ptr=values.ptr + wp.uint64(first), shape=(count,), dtype=wp.uint8)
+
+
+@wp.func
+def fill(plane: wp.array[float], start: int, count: int, value: float):
+    """Set ``count`` values of a contiguous array, starting at ``start``."""
+    whole = count // _PIECE
+    for piece in range(whole):
+        part = floats_from(plane, start + piece * _PIECE, _PIECE)
+        for x in range(_PIECE):
+            part[x] = value
+    tail = floats_from(plane, start + whole * _PIECE, count - whole * _PIECE)
+    for t in range(count - whole * _PIECE):
+        tail[t] = value
 
 
 def flat(array: wp.array) -> wp.array:

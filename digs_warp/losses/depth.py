@@ -17,6 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from digs_warp.device.contiguous import bytes_from, fill, floats_from
+from digs_warp.device.elementary import larger, log_of
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.geometry import PixelBox, mask_box
@@ -30,11 +32,47 @@ MIN_COVERAGE = 0.5
 # Mask values from this on belong to the object.
 OBJECT = 128
 
-_NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
+# Only loops of fixed length are vectorized: a row is compared in pieces of this many pixels, then the rest.
+_PIECE = wp.constant(32)
+# The logarithm of what is not below is what it is: infinity, or NaN.
+_LARGEST = wp.constant(3.0e38)
 _ERROR_SHARE = wp.constant(ERROR_SHARE)
 _MAX_TRANSMITTANCE = wp.constant(1.0 - MIN_COVERAGE)
 # Positions of the kernel inputs that change from step to step.
 _DEPTH, _WEIGHTS, _SLOPE, _BIAS = 4, 5, 7, 8
+
+
+@wp.struct
+class _Compared:
+    """What a pixel adds to the sum, and its gradient."""
+
+    term: float
+    gradient: float
+
+
+@wp.func
+def compared(
+    packed: wp.uint8,  # w * 255
+    transmittance: float,
+    measured: float,  # [m]
+    depth: float,  # [m]
+    slope: float,
+    bias: float,
+    before: float,  # the gradient of a pixel that does not count
+) -> _Compared:
+    """Compare a pixel, without branches."""
+    weight = float(packed) * (1.0 / 255.0)
+    true = measured / larger(1.0 - bias * measured, 0.1)
+    error = depth - true
+    apart = wp.abs(error)
+    scale = _ERROR_SHARE * true
+    ratio = 1.0 + apart / scale
+    counts = weight > 0.0 and transmittance <= _MAX_TRANSMITTANCE
+    steep = slope * weight * wp.where(error < 0.0, -1.0, 1.0) / (scale + apart)
+    found = _Compared()
+    found.term = wp.where(counts, weight * wp.where(ratio < _LARGEST, log_of(ratio), ratio), 0.0)
+    found.gradient = wp.where(counts, steep, before)
+    return found
 
 
 @wp.kernel
@@ -55,23 +93,39 @@ def depth_kernel(
 ):
     """Compare one row and write its gradient."""
     y = row + wp.tid()
-    total = float(0.0)
+    start = origin + y * pitch
     if y >= regions[1, 1] and y < regions[1, 3]:
-        start = (origin + y * pitch + regions[1, 0]) & _NOT_NEGATIVE
-        for z in range(regions[1, 2] - regions[1, 0]):
-            adj_depth[start + z] = 0.0
+        fill(adj_depth, start + regions[1, 0], regions[1, 2] - regions[1, 0], 0.0)
+    total = float(0.0)
     if y >= regions[0, 1] and y < regions[0, 3]:
-        count = regions[0, 2] - regions[0, 0]
-        here = (origin + y * pitch + regions[0, 0]) & _NOT_NEGATIVE
-        there = ((y - regions[0, 1]) * count) & _NOT_NEGATIVE
-        for x in range(count):
-            weight = float(weights[there + x]) * (1.0 / 255.0)
-            if weight > 0.0 and transmittance[here + x] <= _MAX_TRANSMITTANCE:
-                true = measured[there + x] / wp.max(1.0 - bias * measured[there + x], 0.1)
-                error = depth[here + x] - true
-                scale = _ERROR_SHARE * true
-                total += weight * wp.log(1.0 + wp.abs(error) / scale)
-                adj_depth[here + x] = slope * weight * wp.sign(error) / (scale + wp.abs(error))
+        width = regions[0, 2] - regions[0, 0]
+        terms = wp.zeros(shape=(_PIECE,), dtype=float)
+        whole = width // _PIECE
+        for piece in range(whole + 1):
+            at = start + regions[0, 0] + piece * _PIECE
+            source = (y - regions[0, 1]) * width + piece * _PIECE
+            count = wp.min(_PIECE, width - piece * _PIECE)
+            behind = floats_from(transmittance, at, count)
+            shown = floats_from(depth, at, count)
+            goal = floats_from(measured, source, count)
+            packed = bytes_from(weights, source, count)
+            gradient = floats_from(adj_depth, at, count)
+            if count == _PIECE:
+                for px in range(_PIECE):
+                    of_px = compared(
+                        packed[px], behind[px], goal[px], shown[px], slope, bias, gradient[px]
+                    )
+                    terms[px] = terms[px] + of_px.term
+                    gradient[px] = of_px.gradient
+            else:
+                for t in range(count):
+                    of_t = compared(
+                        packed[t], behind[t], goal[t], shown[t], slope, bias, gradient[t]
+                    )
+                    terms[t] = terms[t] + of_t.term
+                    gradient[t] = of_t.gradient
+        for column in range(_PIECE):
+            total += terms[column]
     sums[y] = total
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import check_shape
-from digs_warp.device.contiguous import bytes_from, floats_from
+from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.geometry import PixelBox
@@ -20,19 +20,6 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_
 # Only loops of fixed length are vectorized: a row is processed in pieces of this many pixels, then the rest.
 _PIECE = wp.constant(32)
 _SATURATED = wp.constant(SATURATED)
-
-
-@wp.func
-def fill(plane: wp.array[float], start: int, count: int, value: float):
-    """Set ``count`` floats."""
-    whole = count // _PIECE
-    for piece in range(whole):
-        part = floats_from(plane, start + piece * _PIECE, _PIECE)
-        for x in range(_PIECE):
-            part[x] = value
-    tail = floats_from(plane, start + whole * _PIECE, count - whole * _PIECE)
-    for t in range(count - whole * _PIECE):
-        tail[t] = value
 
 
 @wp.func

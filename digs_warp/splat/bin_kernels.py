@@ -2,8 +2,8 @@
 
 import warp as wp
 
+from digs_warp.device.elementary import larger, smaller
 from digs_warp.splat.config import TILE_SIZE
-from digs_warp.splat.elementary import larger, smaller
 from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,

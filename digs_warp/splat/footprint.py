@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
+from digs_warp.device.elementary import exp_of, larger, smaller
 from digs_warp.geometry import PixelBox
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
-from digs_warp.splat.elementary import exp_of, larger, smaller
 from digs_warp.splat.row_motion import STILL, RowMotion
 from digs_warp.splat.row_pose import RowPose, moment_of
 

@@ -8,6 +8,7 @@ antialiasing, the opacity is scaled by the square root of its share (Mip-Splatti
 
 import warp as wp
 
+from digs_warp.device.elementary import larger, log_of, sigmoid, smaller
 from digs_warp.splat.config import (
     EXTENT_SLACK,
     MAX_COLOR,
@@ -15,7 +16,6 @@ from digs_warp.splat.config import (
     MIN_COMPENSATION,
     TILE_SIZE,
 )
-from digs_warp.splat.elementary import larger, log_of, sigmoid, smaller
 from digs_warp.splat.footprint import ViewParams, facing_normal, footprint_of, spread_of
 from digs_warp.splat.records import (
     SPLAT_A,

@@ -7,8 +7,8 @@ that of `digs_warp.splat.footprint`.
 
 import warp as wp
 
+from digs_warp.device.elementary import sigmoid
 from digs_warp.splat.config import MIN_COMPENSATION
-from digs_warp.splat.elementary import sigmoid
 from digs_warp.splat.footprint import Footprint, ViewParams, rotation_adjoint, spread_of
 from digs_warp.splat.project import compensation
 from digs_warp.splat.records import (

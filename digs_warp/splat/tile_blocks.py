@@ -7,8 +7,8 @@ where all of them are saturated. What would be drawn there is exactly nothing: t
 import warp as wp
 
 from digs_warp.device.contiguous import floats_from
+from digs_warp.device.elementary import larger, smaller
 from digs_warp.splat.config import EXTENT_SLACK
-from digs_warp.splat.elementary import larger, smaller
 from digs_warp.splat.tile import (
     BLOCK,
     BLOCK_COLUMNS,

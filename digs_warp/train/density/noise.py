@@ -11,7 +11,7 @@ tuned its factor, so the noise does not depend on the unit of the scene.
 
 import warp as wp
 
-from digs_warp.splat.elementary import sigmoid
+from digs_warp.device.elementary import sigmoid
 from digs_warp.splat.footprint import rotation_of
 from digs_warp.train.density.relocation import DEAD_OPACITY
 

@@ -151,6 +151,22 @@ def test_depth(box: tuple[int, int, int, int], bias: float) -> None:
         assert gradient[index] == pytest.approx(expected, rel=1e-3, abs=1e-9)
 
 
+def test_depth_that_is_not_finite_shows_in_the_value() -> None:
+    """A training that diverges is found by the sums."""
+    target = DepthTarget(
+        wp.ones(WIDTH * HEIGHT, dtype=float, device="cpu"),
+        wp.full(WIDTH * HEIGHT, 255, dtype=wp.uint8, device="cpu"),
+        float(WIDTH * HEIGHT),
+    )
+    for broken in (np.nan, np.inf, -np.inf):
+        rendered = np.ones((HEIGHT, WIDTH), np.float32)
+        rendered[7, WIDTH - 1] = rendered[3, 5] = broken
+        behind, adj = planes(np.zeros_like(rendered)), planes(np.zeros_like(rendered))
+        term = DepthLoss(planes(rendered), behind, adj, weight=0.3)
+        term.run(target, EVERYTHING, EVERYTHING)
+        assert not np.isfinite(term.value())
+
+
 def test_depth_weights_distrust_edges_missing_values_and_low_confidence() -> None:
     image = np.zeros((4, 6, 3), np.uint8)
     image[:, 3:] = 255

@@ -63,6 +63,7 @@ MODULES = {
     "digs_warp.train.optimizer": "for i in range(_BLOCK):",
     "digs_warp.train.finite": "for i in range(_BLOCK):",
     "digs_warp.losses.target": "for xc in range(_PIECE):",
+    "digs_warp.losses.depth": "for px in range(_PIECE):",
 }
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from digs_warp.splat.elementary import exp_of, log_of, sigmoid
+from digs_warp.device.elementary import exp_of, log_of, sigmoid
 
 # Twice the rounding error of float32.
 RELATIVE = 2.5e-7
