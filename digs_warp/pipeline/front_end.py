@@ -5,6 +5,7 @@ masks; the depth maps inside them give the scale; from then on everything is met
 """
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,8 +65,24 @@ def front_end(
     config = replace(config, sfm=sfm_config)
     subject = subject_of(capture, config.subject, config.segment)
     say_subject(capture, config.subject, subject)
-    with log.stage("check"):
-        doubts = _doubts(capture, config)
+    # The check looks at a few small images with one core. It ends, and warns, also where the rest fails.
+    with ThreadPoolExecutor(1, thread_name_prefix="check") as beside:
+        check = beside.submit(_doubts, capture, config)
+        if config.needs_sfm or config.segment.source != "capture":
+            with log.stage("check"):
+                check.result()  # before what takes minutes
+        prepared = _prepared(capture, config, subject, folder, log)
+        with log.stage("check"):
+            doubts = check.result()
+    prepared = replace(prepared, doubts=(*doubts, *prepared.doubts), tracking=tracking)
+    prepared.save(capture, folder, log)
+    return prepared
+
+
+def _prepared(
+    capture: Capture, config: FrontEndConfig, subject: Subject, folder: Path, log: RunLog
+) -> Prepared:
+    """Return the frames of a recording whose poses are known, or are estimated from its images."""
     frames = PosedFrames.split(capture, config.test_every)
     recorded, sparse = _sparse_points(capture, frames, config, folder, log)
     if config.segment.source != "capture":
@@ -74,6 +91,7 @@ def front_end(
     if subject == "scene":
         frames = without_masks(frames)
     model: MetricModel | None = None
+    doubts: tuple[str, ...] = ()
     if sparse is not None:
         with log.stage("scale"):
             model = in_metres(sparse, capture, frames, config.init)
@@ -95,7 +113,7 @@ def front_end(
         frames, refinement = refined(frames, capture, config.sfm)
     start = _start(capture, frames, subject, model, recorded, config, log)
     logger.info("%s: starting from %s", capture, start.because)
-    prepared = Prepared(
+    return Prepared(
         frames,
         start,
         sfm=sparse.quality if sparse else None,
@@ -104,10 +122,7 @@ def front_end(
         subject=subject,
         metric_scale=metric_scale,
         refinement=refinement,
-        tracking=tracking,
     )
-    prepared.save(capture, folder, log)
-    return prepared
 
 
 def _with_poses(

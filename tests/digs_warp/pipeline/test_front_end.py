@@ -184,6 +184,18 @@ def test_a_capture_that_does_not_fit_together_is_doubted_and_the_doubt_recorded(
     assert Prepared.load(wrong, tmp_path / "wrong").doubts == (doubt,)
 
 
+def test_doubts_are_said_also_where_nothing_can_be_made(
+    capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    wrong = other_focal(capture, 1.3)
+    k = wrong.frames[0].camera.intrinsics
+    nothing = np.zeros((k.height, k.width), np.uint8)
+    frames = tuple(frame.with_layer(Layer.MASK, nothing) for frame in wrong.frames)
+    with pytest.raises(DigsError, match="0 pixels inside the masks"):
+        front_end(replace(wrong, frames=frames), FrontEndConfig(), tmp_path, RunLog("test", {}))
+    assert "focal length (about 0.77 times the given one fits)" in caplog.text
+
+
 def test_frames_that_were_not_registered_are_left_out(
     capture: Capture, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
