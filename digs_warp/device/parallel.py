@@ -64,9 +64,11 @@ class ParallelLaunch:
         ]
 
     def set_param(self, index: int, value: Any) -> None:
-        """Change argument ``index`` of ``inputs`` for the next runs; an unchanged number costs nothing."""
+        """Change argument ``index`` of ``inputs`` for the next runs; an unchanged number or array is free."""
         before = self._inputs[index]
         if isinstance(value, (int, float)) and value == before:
+            return
+        if isinstance(value, wp.array) and value is before:
             return
         self._inputs[index] = value
         for launch in self.chunks:

@@ -55,6 +55,7 @@ def compose_kernel(
     factors: wp.array[float],  # [6] factor on each color of the photograph, then the shift
     takes_gain: int,  # 1: the photograph has a gain, and its clipped pixels are lower bounds
     rendered: wp.array[float],  # 3 padded planes of the same layout, read only with a gain
+    with_mask: int,  # 1: the mask is written, too
     # outputs
     target: wp.array[float],  # 3 padded planes
     mask: wp.array[float],  # 1 padded plane
@@ -70,8 +71,9 @@ def compose_kernel(
         first = wp.clamp(box[0], region[0], region[2])
         last = wp.clamp(box[2], first, region[2])
     start = origin + y * pitch
-    fill(mask, start + region[0], first - region[0], 0.0)
-    fill(mask, start + last, region[2] - last, 0.0)
+    if with_mask != 0:
+        fill(mask, start + region[0], first - region[0], 0.0)
+        fill(mask, start + last, region[2] - last, 0.0)
     width = last - first
     size = (box[2] - box[0]) * (box[3] - box[1])
     source = (y - box[1]) * (box[2] - box[0]) + first - box[0]
@@ -80,14 +82,15 @@ def compose_kernel(
         at = start + first + piece * _PIECE
         taken = source + piece * _PIECE
         count = wp.min(_PIECE, width - piece * _PIECE)
-        shares = floats_from(mask, at, count)
-        packed = bytes_from(pixels, taken + 3 * size, count)
-        if count == _PIECE:
-            for xm in range(_PIECE):
-                shares[xm] = unit(packed[xm])
-        else:
-            for tm in range(count):
-                shares[tm] = unit(packed[tm])
+        share = bytes_from(pixels, taken + 3 * size, count)
+        if with_mask != 0:
+            written = floats_from(mask, at, count)
+            if count == _PIECE:
+                for xm in range(_PIECE):
+                    written[xm] = unit(share[xm])
+            else:
+                for tm in range(count):
+                    written[tm] = unit(share[tm])
         for channel in range(3):
             back = background[channel]
             factor = factors[channel]
@@ -98,13 +101,13 @@ def compose_kernel(
             if count == _PIECE:
                 for xc in range(_PIECE):
                     mixed_xc = blend(
-                        factor * unit(photo[xc]) + shift, back, shares[xc], keeps_color
+                        factor * unit(photo[xc]) + shift, back, unit(share[xc]), keeps_color
                     )
                     goal[xc] = at_least(mixed_xc, shown[xc], photo[xc], takes_gain)
             else:
                 for tc in range(count):
                     mixed_tc = blend(
-                        factor * unit(photo[tc]) + shift, back, shares[tc], keeps_color
+                        factor * unit(photo[tc]) + shift, back, unit(share[tc]), keeps_color
                     )
                     goal[tc] = at_least(mixed_tc, shown[tc], photo[tc], takes_gain)
     for side in range(3):
@@ -128,12 +131,25 @@ def pack_view(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
 class Target:
     """The target of a step, on the device, for images up to the given size.
 
+    Args:
+        width, height: of the largest view [px].
+        device: Warp device.
+        threads: CPU threads; 0 means all cores.
+        with_mask: whether anybody reads ``mask``; otherwise it is not filled.
+
     Attributes:
         image: three padded planes, the composited photograph.
         mask: one padded plane, the mask in 0..1.
     """
 
-    def __init__(self, width: int, height: int, device: str = "cpu", threads: int = 0) -> None:
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        device: str = "cpu",
+        threads: int = 0,
+        with_mask: bool = True,
+    ) -> None:
         self.image = ImagePlanes(width, height, 3, device)
         self.mask = ImagePlanes(width, height, 1, device)
         self._background = wp.zeros(3, dtype=float, device=device)
@@ -146,7 +162,7 @@ class Target:
             compose_kernel,
             height,
             [*layout, wp.zeros(4, dtype=wp.uint8, device=device), self._box, 0, self._background]
-            + [self._factors, 0, self.image.data, self.image.data, self.mask.data],
+            + [self._factors, 0, self.image.data, int(with_mask), self.image.data, self.mask.data],
             device,
             threads,
         )
@@ -187,11 +203,13 @@ class Target:
         self._compose.run()
 
     def _take_off(self, gain: ColorGain | None, rendered: ImagePlanes | None) -> None:
-        if gain is None or rendered is None:
-            if self._has_gain:
-                self._factors.assign(_UNCHANGED)
-        else:
-            self._factors.assign(np.concatenate(gain.removal()).astype(np.float32))
+        if (
+            rendered is not None
+        ):  # also without a gain: a loop that reads what it writes is not vectorized
             self._compose.set_param(_RENDERED, rendered.data)
+        if gain is not None and rendered is not None:
+            self._factors.assign(np.concatenate(gain.removal()).astype(np.float32))
+        elif self._has_gain:
+            self._factors.assign(_UNCHANGED)
         self._has_gain = gain is not None
         self._compose.set_param(_TAKES_GAIN, int(self._has_gain))

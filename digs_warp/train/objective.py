@@ -41,7 +41,8 @@ class Objective:
         width, height = r.image.max_width, r.image.max_height
         self._renderer = renderer
         self._keeps_color = config.mask_role == "ignore"
-        self._target = Target(width, height, device)
+        with_mask = self._keeps_color or config.coverage_weight > 0
+        self._target = Target(width, height, device, with_mask=with_mask)
         self._photometric = PhotometricLoss(
             r.image, self._target.image, self._target.mask, r.adj_image, config.dssim_weight
         )

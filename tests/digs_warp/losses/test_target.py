@@ -51,6 +51,17 @@ def test_the_target_is_composited_over_the_background(border: int) -> None:
     )
 
 
+def test_a_mask_that_nobody_reads_is_not_filled() -> None:
+    image, mask = photograph(3)
+    pixels = wp.array(pack_view(image, mask), dtype=wp.uint8, device="cpu")
+    whole = (0, 0, 31, 19)
+    target = Target(31, 19, with_mask=False)
+    target.compose(pixels, whole, BACKGROUND, whole, (31, 19))
+    assert not target.mask.to_numpy().any()
+    with_mask, _ = composed(image, mask, whole)
+    np.testing.assert_array_equal(target.image.to_numpy(), with_mask)
+
+
 def test_only_the_region_is_filled() -> None:
     image, mask = photograph(3)
     whole, _ = composed(image, mask, (0, 0, 31, 19))
