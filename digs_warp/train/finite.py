@@ -12,8 +12,6 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_
 
 # Values that one kernel thread checks.
 BLOCK = 4096
-# Below this many values, waking up other threads takes longer than the check.
-PARALLEL_FROM = 1_000_000
 
 _BLOCK = wp.constant(BLOCK)
 # Only NaN and infinity have all bits of the exponent set.
@@ -80,8 +78,7 @@ class FiniteCheck:
                 self._flag,
             ],
             device,
-            threads=1 if sum(counts) < PARALLEL_FROM else 0,
-            even=True,
+            threads=1,  # the sums of a loss are few: waking up others takes longer
         )
 
     def passes(self) -> bool:

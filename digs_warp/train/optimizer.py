@@ -1,4 +1,7 @@
-"""Adam (Kingma and Ba 2015) for all parameters of the Gaussians, with one rate per group."""
+"""Adam (Kingma and Ba 2015) for all parameters of the Gaussians, with one rate per group.
+
+Parameters that are no longer finite are noticed when they are written: to read all again would take longer.
+"""
 
 import numpy as np
 import warp as wp
@@ -7,6 +10,7 @@ from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.parallel import ParallelLaunch, run_together
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
+from digs_warp.train.finite import is_broken
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
 
@@ -45,14 +49,16 @@ def adam_step(
     value: wp.array[float],
     moment_1: wp.array[float],
     moment_2: wp.array[float],
-):
-    """Update one value."""
+) -> int:
+    """Update one value; return 1 if it is NaN or infinite then, else 0."""
     g = gradient[i]
     m = _BETA_1 * moment_1[i] + _REST_1 * g
     v = _BETA_2 * moment_2[i] + _REST_2 * g * g
     moment_1[i] = m
     moment_2[i] = v
-    value[i] = value[i] - rate * share[i] * m / (wp.sqrt(v) * correction + _EPSILON)
+    updated = value[i] - rate * share[i] * m / (wp.sqrt(v) * correction + _EPSILON)
+    value[i] = updated
+    return is_broken(wp.cast(updated, wp.int32))
 
 
 @wp.kernel
@@ -69,6 +75,7 @@ def adam_kernel(
     values: wp.array[float],
     moments_1: wp.array[float],
     moments_2: wp.array[float],
+    flag: wp.array[int],  # [1] set to 1 where a value is not finite; all threads write the same
 ):
     """Update one block of values."""
     begin = (first + wp.tid()) * _BLOCK
@@ -80,13 +87,20 @@ def adam_kernel(
     moment_2 = floats_from(moments_2, begin, size)
     rate = rates[0]
     correction = rates[1]
+    broken = int(0)
     # Only a loop of fixed length becomes vector code.
     if size == _BLOCK:
         for i in range(_BLOCK):
-            adam_step(i, rate, correction, share, gradient, value, moment_1, moment_2)
+            broken = broken | adam_step(
+                i, rate, correction, share, gradient, value, moment_1, moment_2
+            )
     else:
         for j in range(size):
-            adam_step(j, rate, correction, share, gradient, value, moment_1, moment_2)
+            broken = broken | adam_step(
+                j, rate, correction, share, gradient, value, moment_1, moment_2
+            )
+    if broken != 0:
+        flag[0] = 1
 
 
 class Adam:
@@ -109,6 +123,7 @@ class Adam:
         self.moments_2 = gaussians.zeros_like()
         device = gaussians.device
         self._rates = [wp.zeros(2, dtype=float, device=device) for _ in gaussians.arrays]
+        self._flag = wp.zeros(1, dtype=int, device=device)
         self._launches = []
         groups = zip(
             gaussians.arrays,
@@ -124,7 +139,7 @@ class Adam:
             pattern = _color_shares(gaussians) if value is gaussians.sh else np.ones(1)
             shares = np.resize(pattern, BLOCK + len(pattern)).astype(np.float32)
             shares = wp.array(shares, dtype=float, device=device)
-            inputs = [count, len(pattern), shares, rates, *arrays]
+            inputs = [count, len(pattern), shares, rates, *arrays, self._flag]
             blocks = -(-count // BLOCK)
             self._launches.append(
                 ParallelLaunch(adam_kernel, blocks, inputs, device, threads, even=True)
@@ -153,6 +168,11 @@ class Adam:
     def means_rate(self) -> float:
         """Return the current rate of the centers, in units of the scene's extent."""
         return self.config.learning_rates.means * FINAL_MEANS_SHARE**self._progress
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all parameters were finite after every `update`; waits for the device."""
+        return int(self._flag.numpy()[0]) == 0
 
     @property
     def _progress(self) -> float:

@@ -179,11 +179,11 @@ class Trainer:
         gradients = self.renderer.gradients
         self.optimizer = Adam(self.gaussians, gradients, self.config, self._extent)
         self.optimizer.step = step
-        self._finite = FiniteCheck([*self.gaussians.arrays, *self.objective.sums])
+        self._finite = FiniteCheck(self.objective.sums)
 
     def _require_finite(self, view: View) -> None:
         """Raise if the loss or a parameter is not finite; the renderer would just skip such a Gaussian."""
-        if self._finite.passes():
+        if self.optimizer.is_finite and self._finite.passes():
             return
         broken = [
             f"{name} of {counted(len(rows), 'Gaussian')} (the first is {rows[0]})"

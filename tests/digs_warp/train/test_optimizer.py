@@ -6,7 +6,7 @@ import pytest
 from digs_warp.checks import DigsError
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import Density, Rates, Stop, TrainConfig
-from digs_warp.train.optimizer import Adam
+from digs_warp.train.optimizer import BLOCK, Adam
 from reference.adam_twin import adam_twin
 from reference.splat_scenes import random_gaussians
 
@@ -120,3 +120,23 @@ def test_held_gaussians_stay_where_they_are_and_the_others_do_not_notice() -> No
         np.testing.assert_array_equal(values[held], getattr(start, name)[held])
         np.testing.assert_array_equal(values[~held], getattr(free, name)[~held])
         assert (values[~held] != getattr(start, name)[~held]).any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", ["means", "log_scales", "quats", "opacity_logits", "sh"])
+def test_a_parameter_that_is_no_longer_finite_is_noticed(name: str, value: float) -> None:
+    start = random_gaussians(BLOCK + 3, seed=0, degree=0)
+    for row in (0, len(start) - 1):
+        gaussians = DeviceGaussians.from_numpy(start)
+        adam = Adam(gaussians, gaussians.zeros_like(), TrainConfig(), extent=2.0)
+        adam.update()
+        assert adam.is_finite
+        array = getattr(gaussians, name)
+        values = array.numpy().copy()
+        values[row] = value
+        array.assign(values)
+        adam.update()
+        assert not adam.is_finite
+        array.assign(getattr(start, name))
+        adam.update()
+        assert not adam.is_finite, "once False, it stays False"
