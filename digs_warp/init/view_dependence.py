@@ -73,12 +73,12 @@ class ViewDependence:
 def view_dependence(seen: SeenColors) -> ViewDependence:
     """Choose the degree of the color by what the photographs show."""
     colors = seen.colors
-    directions = seen.points_world[:, None] - seen.centers_world
     often = np.flatnonzero(np.isfinite(colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
     if not len(often):
         return ViewDependence(USUAL_DEGREE)
     often = often[evenly(range(len(often)), POINTS)]
-    return chosen(directions[often], evenly_exposed(colors[often]))
+    directions = seen.points_world[often][:, None] - seen.centers_world
+    return chosen(directions, evenly_exposed(colors[often]))
 
 
 def evenly_exposed(colors: np.ndarray) -> np.ndarray:
@@ -99,9 +99,16 @@ def evenly_exposed(colors: np.ndarray) -> np.ndarray:
 
 
 def _median(values: np.ndarray) -> np.ndarray:
-    """Return the median over the points (n, m, 3) of each photograph, (1, m, 3); 0 where it has none."""
-    seen = np.isfinite(values).any(axis=0)
-    return np.nanmedian(np.where(seen, values, 0.0), axis=0, keepdims=True)
+    """Return the median over the points (n, m, 3) of each photograph, (1, m, 3); 0 where it has none.
+
+    NaN, which sorts last, does not count. NumPy's own median without NaN takes twice as long.
+    """
+    ordered = np.ascontiguousarray(values.reshape(len(values), -1).T)
+    ordered.sort(axis=1)
+    counts = np.isfinite(ordered).sum(axis=1)[:, None]
+    middle = (np.maximum(counts - 1, 0) // 2, counts // 2)
+    low, high = (np.take_along_axis(ordered, each, axis=1) for each in middle)
+    return np.where(counts > 0, (low + high) / 2, 0.0).reshape(1, *values.shape[1:])
 
 
 def chosen(directions: np.ndarray, colors: np.ndarray) -> ViewDependence:
