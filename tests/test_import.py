@@ -68,6 +68,12 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     assert f"usage: {' '.join(['digs-warp', *arguments[:-1]])} [-h]" in run_python(code)
 
 
+def test_a_command_starts_without_the_others() -> None:
+    code = "from digs_warp.cli import parse\nparse(['reconstruct', 'capture', '--out', 'result'])"
+    others = ("simulate", "bench", "plan", "mesh", "render", "sensor")
+    assert loaded_after(code, tuple(f"digs_warp.commands.{name}" for name in others)) == set()
+
+
 def test_images_can_be_written_after_pycolmap_was_loaded(tmp_path: Path) -> None:
     # Loaded before Python's own zlib, pycolmap makes every later PNG write abort the process.
     code = """

@@ -1,25 +1,31 @@
 """The commands, in the order in which the help shows them."""
 
-from digs_warp.commands.bench import BENCH
-from digs_warp.commands.check import Check
-from digs_warp.commands.command import Group
-from digs_warp.commands.convert import Convert
-from digs_warp.commands.export_usd import ExportUsd
-from digs_warp.commands.info import Info
-from digs_warp.commands.masks import Masks
-from digs_warp.commands.mesh import Mesh
-from digs_warp.commands.plan import Plan
-from digs_warp.commands.preference import PREFERENCE
-from digs_warp.commands.recommend import Recommend
-from digs_warp.commands.reconstruct import Reconstruct
-from digs_warp.commands.render import Render
-from digs_warp.commands.report import Report
-from digs_warp.commands.run import Run
-from digs_warp.commands.sensor import SENSOR
-from digs_warp.commands.simulate import Simulate
-from digs_warp.commands.study import STUDY
-from digs_warp.commands.usd_scene import USD
-from digs_warp.commands.view import View
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+
+from digs_warp.commands.command import Group, Node
+
+
+class _Places(Mapping[str, Node]):
+    """Commands by name, each imported when it is asked for: one command starts without the others.
+
+    Args:
+        places: by name, "module.NAME" in this folder.
+    """
+
+    def __init__(self, places: Mapping[str, str]) -> None:
+        self._places = places
+
+    def __getitem__(self, name: str) -> Node:
+        module, _, kind = self._places[name].partition(".")
+        return getattr(import_module(f"digs_warp.commands.{module}"), kind)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
 
 COMMANDS = Group(
     """Simulate a handheld stereo depth camera, reconstruct what it recorded as
@@ -30,25 +36,27 @@ and ends by saying where the results are.
 
 Every command explains its flags with --help. --quiet shows no progress, --verbose logs
 details, --version prints the version.""",
-    {
-        "run": Run,
-        "plan": Plan,
-        "simulate": Simulate,
-        "check": Check,
-        "reconstruct": Reconstruct,
-        "export-usd": ExportUsd,
-        "convert": Convert,
-        "view": View,
-        "report": Report,
-        "render": Render,
-        "mesh": Mesh,
-        "info": Info,
-        "usd": USD,
-        "masks": Masks,
-        "sensor": SENSOR,
-        "bench": BENCH,
-        "study": STUDY,
-        "recommend": Recommend,
-        "preference": PREFERENCE,
-    },
+    _Places(
+        {
+            "run": "run.Run",
+            "plan": "plan.Plan",
+            "simulate": "simulate.Simulate",
+            "check": "check.Check",
+            "reconstruct": "reconstruct.Reconstruct",
+            "export-usd": "export_usd.ExportUsd",
+            "convert": "convert.Convert",
+            "view": "view.View",
+            "report": "report.Report",
+            "render": "render.Render",
+            "mesh": "mesh.Mesh",
+            "info": "info.Info",
+            "usd": "usd_scene.USD",
+            "masks": "masks.Masks",
+            "sensor": "sensor.SENSOR",
+            "bench": "bench.BENCH",
+            "study": "study.STUDY",
+            "recommend": "recommend.Recommend",
+            "preference": "preference.PREFERENCE",
+        }
+    ),
 )
