@@ -1,6 +1,7 @@
 """Distance of the surface that the Gaussians show to the true one: no mesh is made, so it takes no Open3D."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -38,22 +39,29 @@ def surface_error(
     Returns:
         None if no view shows a surface.
     """
-    from scipy.spatial import KDTree
-
     chosen = evenly(frames, VIEWS)
-    center = gaussians.means.mean(axis=0)
-    views = depth_views(gaussians, [frame.camera for frame in chosen], center, device)
+    cameras = [frame.camera for frame in chosen]
+    views = depth_views(gaussians, cameras, gaussians.means.mean(axis=0), device)
     points = np.concatenate([_points(v, f) for v, f in zip(views, chosen, strict=True)])
     if not len(points) or not len(truth):
         return None
-    some = points[:: -(-len(points) // POINTS)]
-    accuracy = float(distances_to_surface(some, truth).mean())
     places, normals = sample_with_normals(truth, DEFAULT_SAMPLES)
-    # All points: with few of them, the distance to the nearest would be mostly that between neighbors.
-    missing, _ = KDTree(points).query(places, workers=-1)
-    seen = visible_places(places, normals, truth, [frame.camera for frame in chosen])
+    with ThreadPoolExecutor(1) as beside:
+        # All points: with few of them, the distance to the nearest would be mostly that between neighbors.
+        nearest = beside.submit(_nearest, points, places)  # building the tree takes one core
+        some = points[:: -(-len(points) // POINTS)]
+        accuracy = float(distances_to_surface(some, truth).mean())
+        seen = visible_places(places, normals, truth, cameras)
+        missing = nearest.result()
     of_seen = float(missing[seen].mean()) if seen.any() else None
     return SurfaceError(accuracy, float(missing.mean()), of_seen)
+
+
+def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the distance from each place to the nearest point, (m,)."""
+    from scipy.spatial import KDTree
+
+    return KDTree(points).query(places, workers=-1)[0]
 
 
 def _points(view: DepthView, frame: Frame) -> np.ndarray:
