@@ -10,6 +10,7 @@ import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.device.small_arrays import put
 from digs_warp.geometry import PixelBox
 from digs_warp.losses.regions import union
 
@@ -85,7 +86,7 @@ class CoverageLoss:
     def run(self, size: tuple[int, int], content: PixelBox, drawn: PixelBox) -> None:
         """Compute the term and its gradient; arguments as in `PhotometricLoss.run`."""
         self._scale = self.weight / (size[0] * size[1])
-        self._region.assign(np.array(union(content, drawn), dtype=np.int32))
+        put(self._region, union(content, drawn))
         self._launch.set_param(_SLOPE, self._scale)
         self._launch.run()
 

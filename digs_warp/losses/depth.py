@@ -21,6 +21,7 @@ from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.elementary import larger, log_of
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.device.small_arrays import put
 from digs_warp.geometry import PixelBox, mask_box
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
@@ -221,6 +222,7 @@ class DepthLoss:
             + [depth.data, 0.0, 0.0, adj_depth.data, self.sums],
             device,
             threads,
+            even=True,  # few launches: setting what changes takes longer than an idle moment of a core
         )
 
     def run(
@@ -243,7 +245,7 @@ class DepthLoss:
             slope_factor: factor on the gradient alone, for a view that is a mean of several renderings.
         """
         self._scale = trust * self.weight / target.total if target.total > 0 else 0.0
-        self._regions.assign(np.array([box, drawn], dtype=np.int32))
+        put(self._regions, np.array([box, drawn]))
         self._launch.set_param(_DEPTH, target.depth)
         self._launch.set_param(_WEIGHTS, target.weights)
         self._launch.set_param(_SLOPE, slope_factor * self._scale)

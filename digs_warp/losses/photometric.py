@@ -11,6 +11,7 @@ import warp as wp
 
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.device.small_arrays import put
 from digs_warp.measure.ssim import BLOCK_COLUMNS, BLOCK_ROWS, SEGMENT_ROWS, similarity_kernel
 
 # lambda of the 3DGS reference.
@@ -80,7 +81,7 @@ class PhotometricLoss:
         self._similarity.set_param(_WEIGHTED, int(weighted))
         active = np.zeros(self._active.shape, dtype=np.int32)
         active[: blocks.shape[0], : blocks.shape[1]] = blocks
-        self._active.assign(active)
+        put(self._active, active)
         self._similarity.run()
 
     def value(self) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ from digs_warp.checks import check_shape
 from digs_warp.device.contiguous import bytes_from, fill, floats_from
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch
+from digs_warp.device.small_arrays import put
 from digs_warp.geometry import PixelBox
 from digs_warp.measure.color_gain import SATURATED, ColorGain
 
@@ -165,6 +166,7 @@ class Target:
             + [self._factors, 0, self.image.data, int(with_mask), self.image.data, self.mask.data],
             device,
             threads,
+            even=True,  # few launches: setting what changes takes longer than an idle moment of a core
         )
 
     def compose(
@@ -194,9 +196,9 @@ class Target:
             # SSIM windows read past the edge of a view, so no pixels of a larger view may remain there.
             self.image.resize(*size)
             self.mask.resize(*size)
-        self._background.assign(np.asarray(background, dtype=np.float32))
-        self._region.assign(np.array(region, dtype=np.int32))
-        self._box.assign(np.array(box, dtype=np.int32))
+        put(self._background, background)
+        put(self._region, region)
+        put(self._box, box)
         self._compose.set_param(_PIXELS, pixels)
         self._compose.set_param(_KEEPS_COLOR, int(keep_color))
         self._take_off(gain, rendered)
@@ -208,8 +210,8 @@ class Target:
         ):  # also without a gain: a loop that reads what it writes is not vectorized
             self._compose.set_param(_RENDERED, rendered.data)
         if gain is not None and rendered is not None:
-            self._factors.assign(np.concatenate(gain.removal()).astype(np.float32))
+            put(self._factors, np.concatenate(gain.removal()))
         elif self._has_gain:
-            self._factors.assign(_UNCHANGED)
+            put(self._factors, _UNCHANGED)
         self._has_gain = gain is not None
         self._compose.set_param(_TAKES_GAIN, int(self._has_gain))

@@ -9,6 +9,7 @@ from digs_warp.camera import Camera
 from digs_warp.device.contiguous import flat
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch, run_together
+from digs_warp.device.small_arrays import put
 from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.splat.background import tiles_with_background
 from digs_warp.splat.blur import Blur
@@ -177,7 +178,7 @@ class BlurRenderer:
         boxes = None if content is None else [self.drawn_box(), content]
         tiles = tiles_with_background(boxes, middle.binner.columns, middle.binner.rows)
         x0, x1, y0, y1 = np.maximum(TILE_SIZE * tiles, 0).tolist()
-        self._box.assign(np.array([x0, y0, min(x1, size[0]), min(y1, size[1])], dtype=np.int32))
+        put(self._box, (x0, y0, min(x1, size[0]), min(y1, size[1])))
         for planes in (self.image, self.transmittance):
             planes.resize(*size)
         for launches in self._shares[: self.moments]:

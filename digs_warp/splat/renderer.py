@@ -12,6 +12,7 @@ from digs_warp.camera import Camera
 from digs_warp.checks import check_finite, check_positive, check_shape
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import packed
+from digs_warp.device.small_arrays import put
 from digs_warp.geometry import PixelBox
 from digs_warp.splat.backend import RasterBackend, RasterJob, backend_for
 from digs_warp.splat.background import add_background, tiles_with_background
@@ -163,11 +164,11 @@ class SplatRenderer:
             )
         if (k.width, k.height) != (self.image.width, self.image.height):
             self._resize(k.width, k.height)
-        self._views.assign(view_params(camera, near, self.options, window, rows))
+        put(self._views, view_params(camera, near, self.options, window, rows))
         behind = background if isinstance(background, ImagePlanes) else None
         color = np.zeros(3) if isinstance(background, ImagePlanes) else background
         color = np.asarray(color, dtype=np.float32)
-        self._background.assign(check_finite("background", check_shape("background", color, (3,))))
+        put(self._background, check_finite("background", check_shape("background", color, (3,))))
         self._record(self._degree_of(sh_degree))
         self._launches.project.run()
         self.binner.bin()
@@ -177,7 +178,7 @@ class SplatRenderer:
         if self.backend.skips_empty_tiles:
             boxes = None if content is None else [self.binner.drawn_box(), content]
             filled = tiles_with_background(boxes, self.binner.columns, self.binner.rows)
-            self._filled.assign(filled)
+            put(self._filled, filled)
         self._launches.forward.run()
         if behind is not None:
             add_background(behind, self._drawn, self._views, self.device, self.threads)

@@ -8,6 +8,7 @@ import warp as wp
 
 from digs_warp.device.contiguous import flat, floats_from
 from digs_warp.device.parallel import ParallelLaunch, run_together
+from digs_warp.device.small_arrays import put
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.finite import is_broken
@@ -185,7 +186,7 @@ class Adam:
         bias_1 = 1.0 - BETA_1**self.step
         bias_2 = 1.0 / np.sqrt(1.0 - BETA_2**self.step)
         for rate, buffer in zip(rates, self._rates, strict=True):
-            buffer.assign(np.array([rate / bias_1, bias_2], dtype=np.float32))
+            put(buffer, (rate / bias_1, bias_2))
         run_together(self._launches)
 
 

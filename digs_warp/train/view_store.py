@@ -6,7 +6,7 @@ next views as fit, and reads one more while the trainer works. If all views fit,
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -65,7 +65,12 @@ def open_views(
 def view_index(seed: int, count: int, step: int) -> int:
     """Return which of ``count`` views ``step`` uses: every epoch is a new shuffle."""
     epoch, position = divmod(step, count)
-    return int(np.random.default_rng([seed, VIEW_ORDER, epoch]).permutation(count)[position])
+    return int(_order(seed, count, epoch)[position])
+
+
+@lru_cache(maxsize=8)
+def _order(seed: int, count: int, epoch: int) -> np.ndarray:
+    return np.random.default_rng([seed, VIEW_ORDER, epoch]).permutation(count)
 
 
 class ViewStore:
