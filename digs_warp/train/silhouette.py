@@ -67,8 +67,9 @@ def _object_colors(
     room, has_room = _mean(colors, on_room)
     unmixed = share * (photo - (1.0 - share) * room) + NEIGHBORS * near
     found = np.where(has_room, unmixed / (share**2 + NEIGHBORS), near)
-    least = np.where(on_object[..., None], colors, 255.0).min(axis=1)
-    most = np.where(on_object[..., None], colors, 0.0).max(axis=1)
+    planes = np.ascontiguousarray(np.moveaxis(colors, -1, 0))  # extremes along rows are far faster
+    least = np.where(on_object, planes, np.float32(255.0)).min(axis=-1).T
+    most = np.where(on_object, planes, np.float32(0.0)).max(axis=-1).T
     found = np.clip(np.clip(found, least - MARGIN, most + MARGIN), 0.0, 255.0)
     return np.rint(np.where(has_object, found, photo)).astype(np.uint8)
 

@@ -154,11 +154,23 @@ def halved(k: Intrinsics) -> Intrinsics:
 
 def half_size(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return image and mask at half the size: means of 2x2 blocks, colors weighted by the mask."""
-    share = mask[..., None].astype(np.float32)
+    half = np.zeros((mask.shape[0] // 2, mask.shape[1] // 2), np.uint8)
+    colors = np.zeros((*half.shape, 3), np.uint8)
+    # Only around the mask: elsewhere both are 0.
+    x0, y0, x1, y1 = (edge // 2 for edge in mask_box(mask))
+    inside = np.s_[y0 : y1 + 1, x0 : x1 + 1]
+    share = _blocks(mask, inside)[..., None].astype(np.float32)
     # Whole numbers below 2^24: the sums are exact.
-    total, weighted = _sum_of_four(share), _sum_of_four(image * share)
+    total, weighted = _sum_of_four(share), _sum_of_four(_blocks(image, inside) * share)
     mixed = np.where(total > 0, weighted / np.maximum(total, 1e-6), 0.0)
-    return np.rint(mixed).astype(np.uint8), np.rint(total[..., 0] / 4.0).astype(np.uint8)
+    colors[inside], half[inside] = np.rint(mixed), np.rint(total[..., 0] / 4.0)
+    return colors, half
+
+
+def _blocks(values: np.ndarray, places: tuple[slice, slice]) -> np.ndarray:
+    """Return the pixels of the 2x2 blocks at some places of an image at half the size."""
+    rows, columns = (slice(2 * each.start, 2 * each.stop) for each in places)
+    return values[rows, columns]
 
 
 def half_depth(depth: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
