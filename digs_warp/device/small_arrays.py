@@ -10,7 +10,7 @@ def put(array: wp.array, values: np.ndarray | tuple[float, ...]) -> None:
     On a CPU they are written where they are: the arrays that `wp.array.assign` makes on the way take five
     times as long, and a step of the training sets a dozen.
     """
-    if array.device.is_cpu:
+    if str(array.device) == "cpu":
         array.numpy()[...] = values
     else:
         array.assign(np.asarray(values))

@@ -11,7 +11,7 @@ def colors_seen(points_world: np.ndarray, frame: Frame) -> np.ndarray:
     image = frame.load_image()
     mask = frame.load_mask() if frame.has(Layer.MASK) else np.full(image.shape[:2], 255, np.uint8)
     depth = frame.load_depth() if frame.has(Layer.DEPTH) else None
-    height, width = mask.shape
+    height, width = image.shape[:2]
     found = np.full((len(points_world), 3), np.nan)
     for i, ((u, v), z) in enumerate(zip(*frame.camera.project(points_world), strict=True)):
         if not (z > 0 and 1 <= np.floor(u) < width - 1 and 1 <= np.floor(v) < height - 1):

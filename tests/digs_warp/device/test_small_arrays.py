@@ -1,5 +1,7 @@
 """Small arrays are set where they are: with the type of the array, whatever the values have."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import warp as wp
@@ -27,11 +29,11 @@ def test_matrices_and_structures_are_set() -> None:
     matrix = wp.zeros((2, 4), dtype=int, device="cpu")
     put(matrix, np.arange(8).reshape(2, 4))
     assert matrix.numpy().tolist() == [[0, 1, 2, 3], [4, 5, 6, 7]]
-    record = np.zeros(1, dtype=Pair.numpy_dtype())
-    record["number"], record["share"] = 3, 0.25
-    pairs = wp.zeros(1, dtype=Pair, device="cpu")
+    form: Any = Pair
+    record = np.array([(3, 0.25)], dtype=form.numpy_dtype())
+    pairs = wp.zeros(1, dtype=form, device="cpu")
     put(pairs, record)
-    assert pairs.numpy()["number"][0] == 3 and pairs.numpy()["share"][0] == 0.25
+    assert pairs.numpy().tolist() == [(3, 0.25)]
 
 
 def test_another_number_of_values_is_an_error() -> None:
