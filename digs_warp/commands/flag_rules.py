@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection
 from dataclasses import is_dataclass, replace
-from functools import wraps
+from functools import partial, wraps
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import tyro
@@ -33,17 +33,24 @@ class FlagRules(ConstructorRegistry):
         hidden: flags that the help leaves for --help-all; filled while tyro reads the command.
     """
 
-    def __init__(self, shown: Collection[str] = (), useless: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        shown: Collection[str] = (),
+        useless: Collection[str] = (),
+        describes_groups: bool = True,
+    ) -> None:
         """Make the rules.
 
         Args:
             shown: the flags that the help shows; empty: all. The others cannot be parsed.
             useless: flags that make no sense for this command.
+            describes_groups: whether the help is shown, in which groups of flags have a description.
         """
         super().__init__()
         self.hidden: set[str] = set()
         self._shown = shown
         self._useless = useless
+        self._describes_groups = describes_groups
         self._inside = False
         self.struct_rule(self._struct)
         self.primitive_rule(_choice)
@@ -66,6 +73,8 @@ class FlagRules(ConstructorRegistry):
     def _field(self, field: StructFieldSpec) -> StructFieldSpec:
         is_annotated = get_origin(field.type) is Annotated
         kind, *markers = get_args(field.type) if is_annotated else (field.type,)
+        if is_dataclass(kind) and not self._describes_groups:
+            return replace(field, helptext="")
         if is_dataclass(kind) or tyro.conf.Suppress in markers:
             return field
         is_switch = field.default is False and tyro.conf.FlagCreatePairsOff in markers
@@ -80,9 +89,14 @@ class FlagRules(ConstructorRegistry):
         elif self._shown and flag not in self._shown:
             markers.append(tyro.conf.Suppress)
             self.hidden.add(flag)
-        text = field.helptext() if callable(field.helptext) else field.helptext
         kind = Annotated[(kind, *markers)] if markers else kind
-        return replace(field, type=kind, helptext=text and paragraphs(text))
+        return replace(field, type=kind, helptext=partial(_text_of, field))
+
+
+def _text_of(field: StructFieldSpec) -> str | None:
+    """Return the help of a field. Only a help is worth reading the source for docstrings of fields."""
+    text = field.helptext() if callable(field.helptext) else field.helptext
+    return text and paragraphs(text)
 
 
 def paragraphs(text: str) -> str:

@@ -44,8 +44,8 @@ def read_command(words: Sequence[str], common: CommonFlags) -> Command:
             raise DigsError(f"'{program}' takes no --config; leave it out")
         default = read_defaults(kind, common.config)
     _check_flags(kind, rest, program)
-    is_short_help = not common.help_all and any(word in HELP for word in rest)
-    rules = _rules(kind, is_short_help)
+    is_help = any(word in HELP for word in rest)
+    rules = _rules(kind, is_help, is_short=not common.help_all)
     try:
         return _read_flags(kind, default, rest, rules, program, about(node))
     except RefusedSettings as error:
@@ -111,11 +111,11 @@ def _check_flags(kind: type[Command], words: Sequence[str], program: str) -> Non
             raise DigsError(f"'{program}' has no flag '{word}'{did_you_mean(flag, flags)}")
 
 
-def _rules(kind: type[Command], is_short_help: bool) -> FlagRules:
+def _rules(kind: type[Command], is_help: bool, is_short: bool) -> FlagRules:
     shown: tuple[str, ...] = ()
-    if is_short_help and issubclass(kind, SettingsCommand):
+    if is_help and is_short and issubclass(kind, SettingsCommand):
         shown = (*kind.main_flags, *COMMON_FLAGS)
-    return FlagRules(shown, useless=_useless(kind))
+    return FlagRules(shown, _useless(kind), describes_groups=is_help)
 
 
 def _useless(kind: type[Command]) -> tuple[str, ...]:
