@@ -55,15 +55,17 @@ def load_views(
         DigsError: bad views, or a broken checkpoint.
     """
     frames = prepared.frames.training
-    with ThreadPoolExecutor(1) as beside:
+    with ThreadPoolExecutor(2) as beside:
         opening = None
         if trains:
             opening = beside.submit(open_data, frames, config, folder, resume, shutter)
         held_out = load_test_views(prepared.frames.held_out, shutter)
-        points, color = prepared.start.points, None
+        points, judging = prepared.start.points, None
         evens = trains and config.fit_exposure == "on"
         if evens or config.sh_degree is None:
             seen = look_up(frames, points.points_world)
-            color = view_dependence(seen) if config.sh_degree is None else None
+            if config.sh_degree is None:
+                judging = beside.submit(view_dependence, seen)
             points = without_exposure(points, frames, seen) if evens else points
-        return LoadedViews(opening.result() if opening else None, held_out, color, points)
+        data = opening.result() if opening else None
+        return LoadedViews(data, held_out, judging.result() if judging else None, points)
