@@ -5,7 +5,7 @@ masks; the depth maps inside them give the scale; from then on everything is met
 """
 
 import logging
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,22 +65,25 @@ def front_end(
     config = replace(config, sfm=sfm_config)
     subject = subject_of(capture, config.subject, config.segment)
     say_subject(capture, config.subject, subject)
-    # The check looks at a few small images with one core. It ends, and warns, also where the rest fails.
+    # The check looks at small images with one core. It ends, and warns, also where other stages fail.
     with ThreadPoolExecutor(1, thread_name_prefix="check") as beside:
         check = beside.submit(_doubts, capture, config)
         if config.needs_sfm or config.segment.source != "capture":
             with log.stage("check"):
                 check.result()  # before what takes minutes
-        prepared = _prepared(capture, config, subject, folder, log)
-        with log.stage("check"):
-            doubts = check.result()
-    prepared = replace(prepared, doubts=(*doubts, *prepared.doubts), tracking=tracking)
+        prepared = _prepared(capture, config, subject, check, folder, log)
+    prepared = replace(prepared, tracking=tracking)
     prepared.save(capture, folder, log)
     return prepared
 
 
 def _prepared(
-    capture: Capture, config: FrontEndConfig, subject: Subject, folder: Path, log: RunLog
+    capture: Capture,
+    config: FrontEndConfig,
+    subject: Subject,
+    check: "Future[tuple[str, ...]]",
+    folder: Path,
+    log: RunLog,
 ) -> Prepared:
     """Return the frames of a recording whose poses are known, or are estimated from its images."""
     frames = PosedFrames.split(capture, config.test_every)
@@ -111,6 +114,8 @@ def _prepared(
         logger.warning("%s: the scale is %s", capture, metric_scale)
     with log.stage("refine poses"):
         frames, refinement = refined(frames, capture, config.sfm)
+    with log.stage("check"):
+        doubts = (*check.result(), *doubts)  # before the initialization, which counts its CPU time
     start = _start(capture, frames, subject, model, recorded, config, log)
     logger.info("%s: starting from %s", capture, start.because)
     return Prepared(
