@@ -11,13 +11,15 @@ adapts to the light, they differ more than any gloss.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from digs_warp.data.evenly import evenly
-from digs_warp.init.seen_colors import SeenColors
 from digs_warp.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
+
+if TYPE_CHECKING:  # results name the decision, and need no kernels
+    from digs_warp.init.seen_colors import SeenColors
 
 # The most points that are compared.
 POINTS = 2000
@@ -70,7 +72,7 @@ class ViewDependence:
         return f"{found} than degree {USUAL_DEGREE}, and are used from {WORTH_DB:g} dB on"
 
 
-def view_dependence(seen: SeenColors) -> ViewDependence:
+def view_dependence(seen: "SeenColors") -> ViewDependence:
     """Choose the degree of the color by what the photographs show."""
     colors = seen.colors
     often = np.flatnonzero(np.isfinite(colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
