@@ -2,13 +2,14 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
 from digs_warp.checks import DigsError
 
+_I = TypeVar("_I")
 _T = TypeVar("_T")
 
 # Rows per slice. Enough that threads rarely wait for the interpreter lock, which costs more than arrays that
@@ -74,3 +75,34 @@ def over_rows(count: int, work: Callable[[slice], _T], chunk: int = CHUNK) -> li
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def over_items(items: Sequence[_I], work: Callable[[_I], _T]) -> list[_T]:
+    """Return ``work(item)`` for all items, in order, computed on all cores.
+
+    Each item has one core for itself, so the results do not depend on the number of threads: those of matrix
+    products would. The first error of ``work`` is raised; items that have not started by then are skipped.
+    """
+    if getattr(_own, "alone", False):
+        return [work(item) for item in items]
+
+    def alone(item: _I) -> _T:
+        _own.alone = True
+        try:
+            with limited_threads(1):
+                return work(item)
+        finally:
+            _own.alone = False
+
+    from threadpoolctl import threadpool_limits
+
+    threads = min(len(items), default_threads())
+    with threadpool_limits(1, user_api="blas"):
+        if threads <= 1:
+            return [alone(item) for item in items]
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                return list(pool.map(alone, items))
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise

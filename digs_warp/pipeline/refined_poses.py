@@ -34,7 +34,8 @@ def refined(
     if config.refine_poses == "auto" and capture.about.tier and config.poses == "capture":
         return frames, PoseRefinement(False, "the poses are those of a simulation")
     if config.refine_poses == "auto" and config.poses == "rgbd":
-        return frames, PoseRefinement(False, "the poses were aligned when they were found")
+        because = "the poses were aligned when they were found"
+        return frames, PoseRefinement(False, because, in_training=True)
     readout_time = config.readout_time
     if readout_time is None:
         readout_time = capture.readout_time or 0.0

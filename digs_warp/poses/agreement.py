@@ -1,10 +1,11 @@
 """How much two frames contradict each other under a motion: their depth, and their color where it agrees."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
 from digs_warp.poses.views import Picture
 
@@ -73,7 +74,7 @@ def got_worse(
     pictures: Sequence[Picture],
     before: np.ndarray,
     after: np.ndarray,
-    pairs: Iterable[tuple[int, int]],
+    pairs: np.ndarray,
 ) -> np.ndarray:
     """Return for each of n frames whether it would agree better with its old pose, (n,), bool.
 
@@ -84,13 +85,18 @@ def got_worse(
         pictures: of the frames.
         before: their ``world_from_cam``, (n, 4, 4).
         after: the same after the alignment.
-        pairs: numbers of two frames that see the same.
+        pairs: numbers of frames that see the same, (k, 2).
     """
-    old, new = np.zeros(len(before)), np.zeros(len(before))
-    for i, j in pairs:
+
+    def compared(number: int) -> np.ndarray:
+        i, j = pairs[number]
         placings = ((after[i], after[j]), (before[i], after[j]), (after[i], before[j]))
         motions = [invert_rigid(second) @ first for first, second in placings]
-        together, i_old, j_old = disagreements(pictures[i], pictures[j], motions)
+        return disagreements(pictures[i], pictures[j], motions)
+
+    old, new = np.zeros(len(before)), np.zeros(len(before))
+    for (i, j), found in zip(pairs, over_items(range(len(pairs)), compared), strict=True):
+        together, i_old, j_old = found
         new[[i, j]] += together
         old[[i, j]] += i_old, j_old
     return old < new

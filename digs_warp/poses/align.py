@@ -1,14 +1,15 @@
 """Poses of all frames at once, from nearly right ones: coarse to fine, each pair's color and depth."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.geometry import laid_over, matrix_from_rotation_vector, rigid
+from digs_warp.device.threads import over_items
+from digs_warp.geometry import invert_rigid, laid_over, matrix_from_rotation_vector, rigid
 from digs_warp.poses.equations import ANY_ERROR, PairComparison, solve
 from digs_warp.poses.pairs import overlapping_pairs
-from digs_warp.poses.views import Picture, view_of
+from digs_warp.poses.views import Picture, View, view_of
 
 # Sizes, each half of the next; steps at each; and the relative difference of depth that hides a point there:
 # at first, poses are off by the slope of a surface over several pixels.
@@ -49,16 +50,46 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
         given: ``world_from_cam``, (n, 4, 4); errors of about one degree and a centimetre are mended.
         threads: that share the work; 0: as many as usual; 1 is faster for two frames.
     """
-    pyramid = [list(pictures)]
-    while len(pyramid) < len(HIDDEN) and pyramid[-1][0].intrinsics.width >= 2 * LEAST_WIDTH:
-        pyramid.append([picture.halved() for picture in pyramid[-1]])
-    pairs = overlapping_pairs(pyramid[-1], given)
+    levels = list(zip(*map(_sizes, pictures), strict=True))
+    views = (over_items(level, view_of) for level in levels)
+    return _coarse_to_fine(levels, views, given, threads)
+
+
+def pyramid_of(picture: Picture) -> tuple[View, ...]:
+    """Return a picture at the sizes at which it is aligned, the smallest first, for `align_pair`."""
+    return tuple(view_of(each) for each in _sizes(picture))
+
+
+def align_pair(
+    first: Sequence[View], second: Sequence[View], second_from_first: np.ndarray
+) -> np.ndarray:
+    """Return the motion between two frames after `align`; the same where they have nothing in common.
+
+    Args:
+        first: `pyramid_of` a frame.
+        second: that of the other.
+        second_from_first: (4, 4).
+    """
+    levels = list(zip(first, second, strict=True))
+    given = np.stack([np.eye(4), invert_rigid(second_from_first)])
+    pictures = [[view.picture for view in level] for level in levels]
+    found = _coarse_to_fine(pictures, levels, given, threads=1)
+    return second_from_first if found is None else invert_rigid(found.poses[1]) @ found.poses[0]
+
+
+def _coarse_to_fine(
+    pictures: Sequence[Sequence[Picture]],
+    levels: Iterable[Sequence[View]],
+    given: np.ndarray,
+    threads: int,
+) -> Alignment | None:
+    """Align all frames from small to large; each level of views may be made when it is asked for."""
+    pairs = overlapping_pairs(pictures[0], given)
     if not len(pairs):
         return None
-    poses, error = given, (0.0, 0.0)
-    for level, hidden in zip(reversed(pyramid), HIDDEN[-len(pyramid) :], strict=True):
-        comparison = PairComparison([view_of(picture) for picture in level], pairs)
-        before = comparison.sums(given, ANY_ERROR, hidden, threads).scales.color
+    poses, before, after = given, 0.0, 0.0
+    for views, hidden in zip(levels, HIDDEN[-len(pictures) :], strict=True):
+        comparison = PairComparison(views, pairs)
         sums = comparison.sums(poses, ANY_ERROR, hidden, threads)
         for _ in range(STEPS):
             sums = comparison.sums(poses, sums.scales, hidden, threads)
@@ -66,9 +97,17 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
             poses = _moved(poses, steps)
             if np.abs(steps).max() < SMALL:
                 break
-        after = comparison.sums(poses, sums.scales, hidden, threads)
-        error = (before, after.scales.color)
-    return Alignment(in_place(poses, given, _distance(pictures)), *error, pairs)
+        if views[0].picture is pictures[-1][0]:  # the largest
+            before = comparison.sums(given, ANY_ERROR, hidden, threads).scales.color
+            after = comparison.sums(poses, sums.scales, hidden, threads).scales.color
+    return Alignment(in_place(poses, given, _distance(pictures[-1])), before, after, pairs)
+
+
+def _sizes(picture: Picture) -> list[Picture]:
+    sizes = [picture]
+    while len(sizes) < len(HIDDEN) and sizes[-1].intrinsics.width >= 2 * LEAST_WIDTH:
+        sizes.append(sizes[-1].halved())
+    return sizes[::-1]
 
 
 def in_place(poses: np.ndarray, given: np.ndarray, distance: float) -> np.ndarray:

@@ -5,13 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
-from digs_warp.poses.edges import Edge, Sight, edge_between
+from digs_warp.poses.edges import Edge, FramePair, Sight, edge_between
 
-# Frames that disagree more were not placed: right motions of 3 to 48 degrees have 0.3 to 1.1.
+# Frames that disagree more were not placed, unless something else speaks for their motion: right ones of 3 to
+# 48 degrees have 0.3 to 1.2, most where the exposure changes and depth is missing.
 BROKEN = 1.1
-# With at least this many matching features they count as placed all the same: wrong motions have up to 20.
+# With at least this many matching features they are placed all the same: wrong motions have up to 20.
 CERTAIN = 30
+# So are frames whose details correlate by this much: right motions of a room with changing exposure have 0.76 and
+# more, wrong ones that do not hold otherwise up to 0.4, others 0.58 (opposite sides of a cabinet); a pattern
+# that repeats has more, as it has matches.
+CORRELATED = 0.65
 # Frames before and after a step that breaks, from which it is bridged.
 BRIDGE = 2
 # What a bridge may disagree: of several wrong ones the best looks better than a wrong one.
@@ -21,11 +27,19 @@ DOUBTED = 1.0
 
 
 def measured_chain(sights: Sequence[Sight]) -> list[Edge]:
-    """Return the motion from each frame to the next."""
+    """Return the motion from each frame to the next.
+
+    Where features tell it, all are measured at once; else the step before is likely to go on.
+    """
+
+    def measured(number: int) -> FramePair | Edge:
+        pair = FramePair.of(sights, number, number + 1)
+        return pair.edge(np.eye(4)) if pair.is_certain else pair
+
     edges: list[Edge] = []
     before = np.eye(4)
-    for number in range(len(sights) - 1):
-        edge = edge_between(sights, number, number + 1, before)
+    for each in over_items(range(len(sights) - 1), measured):
+        edge = each if isinstance(each, Edge) else each.edge(before)
         edges.append(edge)
         before = edge.target_from_source if holds(edge) else np.eye(4)
     return edges
@@ -49,7 +63,7 @@ def bridged(sights: Sequence[Sight], chain: Sequence[Edge]) -> list[Edge]:
             if j - i == 1 or not all(holds(each) for each in (*before, *after)):
                 continue
             bridge = edge_between(sights, i, j, _motion([*before, *after]))
-            if bridge.disagreement <= BRIDGED or bridge.matches >= CERTAIN:
+            if bridge.disagreement <= BRIDGED or _certain(bridge):
                 edges[number] = _step(bridge, before, after)
                 break
     return edges
@@ -84,19 +98,24 @@ def measured_again(
     sights: Sequence[Sight], chain: Sequence[Edge], placed: np.ndarray
 ) -> list[Edge]:
     """Return the motions between neighbors; what all together contradict is measured from their poses."""
-    edges: list[Edge] = []
-    for edge in chain:
+
+    def again(edge: Edge) -> Edge:
         likely = invert_rigid(placed[edge.target]) @ placed[edge.source]
-        if turn_deg(invert_rigid(edge.target_from_source) @ likely) > DOUBTED:
-            again = edge_between(sights, edge.source, edge.target, likely, search=False)
-            edge = min((edge, again), key=lambda each: each.disagreement)
-        edges.append(edge)
-    return edges
+        if turn_deg(invert_rigid(edge.target_from_source) @ likely) <= DOUBTED:
+            return edge
+        other = edge_between(sights, edge.source, edge.target, likely, search=False)
+        return min((edge, other), key=lambda each: each.disagreement)
+
+    return over_items(chain, again)
 
 
 def holds(edge: Edge) -> bool:
     """Return whether the frames show the same under their motion."""
-    return edge.disagreement <= BROKEN or edge.matches >= CERTAIN
+    return edge.disagreement <= BROKEN or _certain(edge)
+
+
+def _certain(edge: Edge) -> bool:
+    return edge.matches >= CERTAIN or edge.correlation >= CORRELATED
 
 
 def turn_deg(motion: np.ndarray) -> float:

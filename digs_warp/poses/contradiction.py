@@ -4,10 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
+from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
+from digs_warp.poses import pair_kernel
 from digs_warp.poses.agreement import disagreements
 from digs_warp.poses.chain import holds, turn_deg
 from digs_warp.poses.edges import Sight, edge_between
@@ -51,13 +54,15 @@ def contradiction(frames: Sequence[Frame], readout_time: float) -> Contradiction
     seen = [number for number, each in enumerate(pictures) if np.isfinite(each.depth).any()]
     poses = [frames[number].camera.world_from_cam for number in seen]
     steps = evenly(range(len(seen) - 1), MOST)
-    contradicted = 0
-    for number in steps:
+
+    def contradicted(number: int) -> bool:
         given = invert_rigid(poses[number + 1]) @ poses[number]
         sights = [Sight.of(pictures[seen[each]]) for each in (number, number + 1)]
         edge = edge_between(sights, 0, 1, given)
         first, second = (each.picture for each in sights)
         before, after = disagreements(first, second, [given, edge.target_from_source])
         other = turn_deg(invert_rigid(edge.target_from_source) @ given) > OTHER_TURN
-        contradicted += bool(other and holds(edge) and before - after > BETTER)
-    return Contradiction(len(steps), contradicted)
+        return bool(other and holds(edge) and before - after > BETTER)
+
+    wp.load_module(pair_kernel, device="cpu")  # once, before several threads launch
+    return Contradiction(len(steps), sum(over_items(steps, contradicted)))

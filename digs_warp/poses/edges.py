@@ -5,24 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from digs_warp.device.libraries import import_open3d
-from digs_warp.geometry import invert_rigid
+from digs_warp.device.threads import over_items
 from digs_warp.poses.agreement import disagreement
-from digs_warp.poses.align import align
+from digs_warp.poses.align import align_pair, pyramid_of
+from digs_warp.poses.correlation import correlation
 from digs_warp.poses.features import Features, Matches, features_of, matched
+from digs_warp.poses.information import information
+from digs_warp.poses.odometry import odometry
 from digs_warp.poses.starts import likely_starts
-from digs_warp.poses.views import Picture
+from digs_warp.poses.views import Picture, View
 
-# The widest images of the odometry and of the search for starts [px].
+# The widest images of the alignment and of the search for starts [px].
 WIDEST, WIDEST_OF_STARTS = 320, 100
 # Starts that are tried at a fourth of the size, and the best of them that are followed.
 TRIED, FOLLOWED = 6, 2
-# Steps of the odometry at each size, from the smallest image.
-ODOMETRY_STEPS = (20, 15, 10)
-# Depths that differ by more than this share of the usual distance belong to different surfaces.
-SAME_SURFACE = 0.05
-# Farther than this many usual distances, depth is too noisy to place a camera.
-FARTHEST = 3.0
 # Matched features that agree with a motion make up for disagreement: MATCHES of them, or more, for WORTH.
 # With MATCHES, no other start is tried.
 MATCHES, WORTH = 40, 0.15
@@ -33,22 +29,28 @@ class Sight:
     """A frame as its motion is measured.
 
     Attributes:
-        picture: at most `WIDEST` columns.
-        coarse: the same at most `WIDEST_OF_STARTS` wide.
+        pyramid: views from small ones to at most `WIDEST` columns.
+        coarse: the same to at most `WIDEST_OF_STARTS`.
         features: of ``large``.
         large: the frame as it was given.
     """
 
-    picture: Picture
-    coarse: Picture
+    pyramid: tuple[View, ...]
+    coarse: tuple[View, ...]
     features: Features
     large: Picture
+
+    @property
+    def picture(self) -> Picture:
+        """At most `WIDEST` columns."""
+        return self.pyramid[-1].picture
 
     @staticmethod
     def of(picture: Picture) -> "Sight":
         """Return a frame at its sizes, with its features."""
         small = picture.at_most(WIDEST)
-        return Sight(small, small.at_most(WIDEST_OF_STARTS), features_of(picture), picture)
+        coarse = pyramid_of(small.at_most(WIDEST_OF_STARTS))
+        return Sight(pyramid_of(small), coarse, features_of(picture), picture)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ class Edge:
         disagreement: of the frames under it, up to 2; see `digs_warp.poses.agreement`; less where features
             match.
         matches: features that match under it.
+        correlation: of the frames' details under it; see `digs_warp.poses.correlation`.
     """
 
     source: int
@@ -71,11 +74,89 @@ class Edge:
     information: np.ndarray
     disagreement: float
     matches: int
+    correlation: float
 
 
-def usual_distance(picture: Picture) -> float:
-    """Return the harmonic mean of the depth [m]: near things place a camera best."""
-    return float(1 / np.nanmean(1 / picture.depth))
+@dataclass(frozen=True, eq=False)
+class FramePair:
+    """Two frames whose motion is measured.
+
+    Attributes:
+        source: number of the first frame.
+        target: number of the second.
+        first, second: the frames.
+        matches: their features.
+        by_features: ``target_from_source`` on which most matches agree; None if they are few.
+    """
+
+    source: int
+    target: int
+    first: Sight
+    second: Sight
+    matches: Matches
+    by_features: np.ndarray | None
+
+    @staticmethod
+    def of(sights: Sequence[Sight], source: int, target: int) -> "FramePair":
+        """Match the features of two frames of a recording; both have depth."""
+        first, second = sights[source], sights[target]
+        matches = matched(first.features, second.features, second.large.intrinsics)
+        return FramePair(source, target, first, second, matches, matches.motion())
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether so many features match that no other start is tried."""
+        return self.by_features is not None and self.matches.agreeing(self.by_features) >= MATCHES
+
+    def edge(self, before: np.ndarray, search: bool = True) -> Edge:
+        """Return the motion under which the frames agree best; see `edge_between`."""
+        if self.by_features is not None and self.is_certain:
+            starts = [self.by_features]
+        else:
+            starts = [before] if self.by_features is None else [before, self.by_features]
+            starts += self._searched(before) if search else []
+        candidates = [
+            motion for motions in over_items(starts, self._followed) for motion in motions
+        ]
+        return min(map(self._edge, candidates), key=lambda edge: edge.disagreement)
+
+    def _searched(self, before: np.ndarray) -> list[np.ndarray]:
+        """Return the best motions of a hand or a head, tried in small images."""
+        first, second = self.first.coarse, self.second.coarse
+        small = first[-1].picture, second[-1].picture
+        likely = likely_starts(*small, before, TRIED)
+        followed = over_items(likely, lambda motion: align_pair(first, second, motion))
+        return sorted(followed, key=lambda motion: self._doubt(*small, motion))[:FOLLOWED]
+
+    def _followed(self, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a start, or what odometry makes of it where few features match, and where it is aligned.
+
+        Both may slide where little holds them.
+        """
+        first, second = self.first.pyramid, self.second.pyramid
+        if not self.is_certain:
+            pictures = first[-1].picture, second[-1].picture
+            moved = odometry(*pictures, start)
+            start = min((start, moved), key=lambda motion: self._doubt(*pictures, motion))
+        return start, align_pair(first, second, start)
+
+    def _edge(self, motion: np.ndarray) -> Edge:
+        first, second = self.first.pyramid[-1], self.second.pyramid[-1]
+        pictures = first.picture, second.picture
+        return Edge(
+            source=self.source,
+            target=self.target,
+            target_from_source=motion,
+            information=information(first, second, motion),
+            disagreement=self._doubt(*pictures, motion),
+            matches=self.matches.agreeing(motion),
+            correlation=correlation(first, second, motion),
+        )
+
+    def _doubt(self, first: Picture, second: Picture, motion: np.ndarray) -> float:
+        """Return the disagreement of both frames, less what matched features speak for the motion."""
+        agreeing = min(1.0, self.matches.agreeing(motion) / MATCHES)
+        return disagreement(first, second, motion) - WORTH * agreeing
 
 
 def edge_between(
@@ -84,9 +165,8 @@ def edge_between(
     """Return the motion under which two frames agree best.
 
     It starts from the motion on which many matched features with depth agree. If they are few, it starts from
-    ``before`` as well, and from motions of a hand or a head under which both frames agree best. From there go
-    Open3D's odometry (color and depth together; Park et al., "Colored point cloud registration revisited",
-    ICCV 2017) and the package's own alignment, which knows that the noise of depth grows with distance.
+    ``before`` as well, and from motions of a hand or a head under which both frames agree best, and odometry
+    goes on from there. `align` has the last word; it knows that the noise of depth grows with distance.
 
     Args:
         sights: of the recording; both frames have depth.
@@ -95,77 +175,4 @@ def edge_between(
         before: ``target_from_source`` that is likely, (4, 4).
         search: whether to look for other starts.
     """
-    first, second = sights[source], sights[target]
-    matches = matched(first.features, second.features, second.large.intrinsics)
-    by_features = matches.motion()
-    if by_features is not None and matches.agreeing(by_features) >= MATCHES:
-        starts = [by_features]
-    else:
-        starts = [before] if by_features is None else [before, by_features]
-        starts += _searched(first, second, before, matches) if search else []
-    found: list[Edge] = []
-    for start in starts:
-        moved, information = _odometry(first.picture, second.picture, start)
-        # Where little holds it, the odometry runs away.
-        best = min(
-            (start, moved),
-            key=lambda motion: _doubt(first.picture, second.picture, motion, matches),
-        )
-        for motion in (best, _aligned(first.picture, second.picture, best)):
-            apart = _doubt(first.picture, second.picture, motion, matches)
-            found.append(Edge(source, target, motion, information, apart, matches.agreeing(motion)))
-    return min(found, key=lambda edge: edge.disagreement)
-
-
-def _searched(
-    first: Sight, second: Sight, before: np.ndarray, matches: Matches
-) -> list[np.ndarray]:
-    likely = likely_starts(first.coarse, second.coarse, before, TRIED)
-    followed = [_aligned(first.coarse, second.coarse, motion) for motion in likely]
-    return sorted(followed, key=lambda m: _doubt(first.coarse, second.coarse, m, matches))[
-        :FOLLOWED
-    ]
-
-
-def _doubt(first: Picture, second: Picture, motion: np.ndarray, matches: Matches) -> float:
-    """Return the disagreement of two frames, less what matched features speak for the motion."""
-    agreeing = min(1.0, matches.agreeing(motion) / MATCHES)
-    return disagreement(first, second, motion) - WORTH * agreeing
-
-
-def _aligned(first: Picture, second: Picture, motion: np.ndarray) -> np.ndarray:
-    """Return the motion after `align` of the two; the same where they have nothing in common."""
-    found = align([first, second], np.stack([np.eye(4), invert_rigid(motion)]), threads=1)
-    return motion if found is None else invert_rigid(found.poses[1]) @ found.poses[0]
-
-
-def _odometry(first: Picture, second: Picture, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``second_from_first`` and its information by Open3D; the start where that fails."""
-    open3d = import_open3d()
-    odometry = open3d.pipelines.odometry
-    near = usual_distance(first)
-    option = odometry.OdometryOption(
-        iteration_number_per_pyramid_level=open3d.utility.IntVector(ODOMETRY_STEPS),
-        depth_diff_max=SAME_SURFACE * near,
-        depth_min=0.0,
-        depth_max=FARTHEST * near,
-    )
-    k = first.intrinsics
-    # Open3D puts integers at the centers of pixels.
-    camera = open3d.camera.PinholeCameraIntrinsic(
-        k.width, k.height, k.fx, k.fy, k.cx - 0.5, k.cy - 0.5
-    )
-    term = odometry.RGBDOdometryJacobianFromHybridTerm()
-    good, motion, information = odometry.compute_rgbd_odometry(
-        _rgbd_image(first), _rgbd_image(second), camera, start, term, option
-    )
-    return (motion, information) if good else (start, np.eye(6))
-
-
-def _rgbd_image(picture: Picture):
-    geometry = import_open3d().geometry
-    image = geometry.RGBDImage()
-    image.color = geometry.Image(np.ascontiguousarray(picture.brightness, np.float32))
-    depth = np.nan_to_num(picture.depth, nan=0.0).astype(np.float32)
-    image.depth = geometry.Image(np.ascontiguousarray(depth))
-    return image
+    return FramePair.of(sights, source, target).edge(before, search)

@@ -17,6 +17,8 @@ SIDE = 21
 COLOR_SUM, COLOR_COUNT, DEPTH_SUM, DEPTH_COUNT = 27, 28, 29, 30
 COLUMNS = 31
 
+Sums = wp.types.vector(length=COLUMNS, dtype=wp.float64)
+
 _COLUMNS = wp.constant(COLUMNS)
 _SIDE = wp.constant(SIDE)
 _COLOR_SUM = wp.constant(COLOR_SUM)
@@ -93,8 +95,7 @@ def pair_kernel(
     source = sources[pair]
     target = frames[targets[pair]]
     motion = target_from_source[pair]
-    for column in range(_COLUMNS):
-        sums[pair, column] = wp.float64(0.0)
+    found = Sums()
     for index in range(starts[source], starts[source + 1]):
         middle = wp.transform_point(motion, points[index])
         if middle[2] <= 0.0:
@@ -120,36 +121,51 @@ def pair_kernel(
         slope = across * du + down * dv
         ratio = color / limits.color
         weight = 1.0 / (limits.color * limits.color * (1.0 + ratio * ratio))
-        add(sums, pair, q, slope, color, weight)
-        sums[pair, _COLOR_SUM] += wp.float64(wp.abs(color))
-        sums[pair, _COLOR_COUNT] += wp.float64(1.0)
+        found[_COLOR_SUM] += wp.float64(wp.abs(color))
+        found[_COLOR_COUNT] += wp.float64(1.0)
         right = bilinear(depth, target, u + 0.5, v) - bilinear(depth, target, u - 0.5, v)
         below = bilinear(depth, target, u, v + 0.5) - bilinear(depth, target, u, v - 0.5)
+        away = wp.vec3(0.0, 0.0, 0.0)
+        trust = float(0.0)
         if right == right and below == below:
             ratio = apart / limits.depth
-            weight = 1.0 / (limits.depth * limits.depth * (1.0 + ratio * ratio))
+            trust = 1.0 / (limits.depth * limits.depth * (1.0 + ratio * ratio))
             nearer = -1.0 / (measured * measured)
             away = wp.vec3(0.0, 0.0, per_z * per_z) + nearer * (right * du + below * dv)
-            add(sums, pair, q, away, apart, weight)
-            sums[pair, _DEPTH_SUM] += wp.float64(wp.abs(apart))
-            sums[pair, _DEPTH_COUNT] += wp.float64(1.0)
+            found[_DEPTH_SUM] += wp.float64(wp.abs(apart))
+            found[_DEPTH_COUNT] += wp.float64(1.0)
+        found += equations(q, slope, color, weight, away, apart, trust)
+    for column in range(_COLUMNS):
+        sums[pair, column] = found[column]
 
 
 @wp.func
-def add(
-    sums: wp.array2d[wp.float64],
-    pair: int,
+def equations(
     q: wp.vec3,
     slope: wp.vec3,
-    residual: float,
+    color: float,
     weight: float,
+    away: wp.vec3,
+    apart: float,
+    trust: float,
 ):
-    """Add a residual with its slope per motion of the point q."""
-    turn = wp.cross(q, slope)
-    row = wp.spatial_vector(turn[0], turn[1], turn[2], slope[0], slope[1], slope[2])
+    """Return what both residuals add; ``slope`` and ``away`` are per motion of the point q."""
+    sums = Sums()
+    a = row_of(q, slope)
+    b = row_of(q, away)
     column = int(0)
     for i in range(6):
+        of_color = weight * a[i]
+        of_depth = trust * b[i]
         for j in range(i, 6):
-            sums[pair, column] += wp.float64(weight * row[i] * row[j])
+            sums[column] = wp.float64(of_color * a[j] + of_depth * b[j])
             column += 1
-        sums[pair, _SIDE + i] -= wp.float64(weight * row[i] * residual)
+        sums[_SIDE + i] = -wp.float64(of_color * color + of_depth * apart)
+    return sums
+
+
+@wp.func
+def row_of(q: wp.vec3, slope: wp.vec3):
+    """Return the slope of a residual per motion (w, t) of the source frame."""
+    turn = wp.cross(q, slope)
+    return wp.spatial_vector(turn[0], turn[1], turn[2], slope[0], slope[1], slope[2])

@@ -5,15 +5,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
+from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
+from digs_warp.poses import pair_kernel
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.chain import along, bridged, holds, measured_again, measured_chain, turn_deg
-from digs_warp.poses.edges import Edge, Sight, edge_between, usual_distance
+from digs_warp.poses.edges import Edge, Sight, edge_between
+from digs_warp.poses.information import usual_distance
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.tracking import Tracking, check_depth, some_of
 from digs_warp.poses.views import Picture, load_pictures
@@ -68,7 +72,8 @@ def track(frames: Sequence[Frame], readout_time: float) -> Tracked:
     check_depth(frames)
     pictures = load_pictures(frames, readout_time)
     _check_measured(frames, pictures)
-    sights = [Sight.of(picture) for picture in pictures]
+    sights = over_items(pictures, Sight.of)
+    wp.load_module(pair_kernel, device="cpu")  # once, before several threads launch
     small = [sight.picture for sight in sights]
     chain = bridged(sights, measured_chain(sights))
     _check_whole(frames, chain)
@@ -98,7 +103,7 @@ def _closed(
     found = align(pictures, placed)
     if found is None:
         return placed, loops
-    pairs = [(edge.source, edge.target) for edge in (*chain, *loops)]
+    pairs = np.array([(edge.source, edge.target) for edge in (*chain, *loops)])
     worse = got_worse([sight.picture for sight in sights], placed, found.poses, pairs)
     return np.where(worse[:, None, None], placed, found.poses), loops
 
@@ -152,15 +157,17 @@ def _loops(sights: Sequence[Sight], poses: np.ndarray, least: int, most: int) ->
         (i, j) for i, j in overlapping_pairs(pictures, poses).tolist() if least <= j - i <= most
     ]
     taken = np.zeros(len(sights), np.intp)
-    found: list[Edge] = []
+    chosen: list[tuple[int, int]] = []
     for i, j in sorted(pairs, key=lambda pair: (pair[0] - pair[1], pair)):
-        if max(taken[i], taken[j]) >= LOOPS_PER_FRAME:
-            continue
-        taken[[i, j]] += 1
-        edge = edge_between(sights, i, j, invert_rigid(poses[j]) @ poses[i], search=False)
-        if holds(edge):
-            found.append(edge)
-    return found
+        if max(taken[i], taken[j]) < LOOPS_PER_FRAME:
+            taken[[i, j]] += 1
+            chosen.append((i, j))
+
+    def measured(pair: tuple[int, int]) -> Edge:
+        likely = invert_rigid(poses[pair[1]]) @ poses[pair[0]]
+        return edge_between(sights, *pair, likely, search=False)
+
+    return [edge for edge in over_items(chosen, measured) if holds(edge)]
 
 
 def _optimized(rough: np.ndarray, chain: Sequence[Edge], loops: Sequence[Edge]) -> np.ndarray:

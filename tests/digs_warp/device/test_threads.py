@@ -4,9 +4,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 from digs_warp.checks import DigsError
-from digs_warp.device.threads import default_threads, limited_threads, over_rows
+from digs_warp.device.threads import default_threads, limited_threads, over_items, over_rows
 
 
 @pytest.mark.parametrize("threads", ["1", "3"])
@@ -55,3 +56,40 @@ def test_a_limit_holds_in_its_block_and_its_thread_only(monkeypatch):
     with limited_threads(9):
         assert default_threads() == 6
     assert default_threads() == 6
+
+
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_items_keep_their_order_and_each_has_one_core(monkeypatch, threads: str):
+    monkeypatch.setenv("DIGS_WARP_THREADS", threads)
+
+    def work(item: int) -> tuple[int, int, set[int]]:
+        inner = over_items([item, item], lambda each: threading.get_ident())
+        assert set(inner) == {threading.get_ident()}  # nothing is left to share out
+        blas = {each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"}
+        return item, default_threads(), blas
+
+    assert over_items(range(50), work) == [(number, 1, {1}) for number in range(50)]
+    assert default_threads() == int(threads)
+    assert over_items([], work) == []
+
+
+def test_several_items_are_worked_on_at_the_same_time(monkeypatch):
+    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
+    both = threading.Barrier(2)
+    over_items([0, 1], lambda _: both.wait(timeout=60))  # breaks where only one comes
+
+
+def test_an_error_of_an_item_is_handed_on_and_ends_the_work(monkeypatch):
+    monkeypatch.setenv("DIGS_WARP_THREADS", "2")
+    done: list[int] = []
+
+    def work(item: int) -> None:
+        if item == 0:
+            raise DigsError("item 0")
+        time.sleep(0.002)
+        done.append(item)
+
+    with pytest.raises(DigsError, match="item 0"):
+        over_items(range(5000), work)
+    assert len(done) < 4999
+    assert over_items([1], lambda item: item) == [1]  # the thread may share out again

@@ -68,6 +68,9 @@ def test_hidden_poses_are_found_and_the_record_says_how_well_they_fit(
     low, high = prepared.start.points.bounds
     assert (low < 0.3).all() and (high > -0.3).all()
     assert prepared.tracking is not None and prepared.tracking.loops > 0
+    # What color and depth leave, the training takes off.
+    assert prepared.refinement is not None
+    assert prepared.refinement.in_training and not prepared.refinement.refined
     record = RunRecord.find(tmp_path)
     assert record is not None
     assert Results.read(record, tmp_path / RUN_RECORD).tracking == prepared.tracking

@@ -12,9 +12,11 @@ from digs_warp.data.layers import Layer
 from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
 from digs_warp.poses.agreement import disagreement
 from digs_warp.poses.align import in_place
-from digs_warp.poses.edges import Sight, edge_between
+from digs_warp.poses.chain import BROKEN, CERTAIN, CORRELATED, holds, measured_chain
+from digs_warp.poses.edges import FramePair, Sight, edge_between
 from digs_warp.poses.track import track
 from digs_warp.poses.tracking import check_depth
+from digs_warp.poses.views import Picture
 from reference.optional import open3d_or_skip
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
 
@@ -113,3 +115,61 @@ def test_a_motion_is_found_from_a_start_several_degrees_off() -> None:
     edge = edge_between(sights, 0, 1, np.eye(4))
     assert np.abs(edge.target_from_source - true).max() < 0.005
     assert edge.information.shape == (6, 6)
+
+
+def in_bad_light(seen: Picture, exposure: float, seed: int) -> Picture:
+    """The picture with another exposure and noise, and without half of its depth."""
+    rng = np.random.default_rng(seed)
+    noisy = exposure * seen.brightness + rng.normal(0, 0.08, seen.brightness.shape)
+    missing = (rng.uniform(size=(15, 20)) < 0.55).repeat(8, 0).repeat(8, 1)
+    depth = np.where(missing, np.nan, seen.depth).astype(np.float32)
+    return replace(seen, brightness=noisy.clip(0, 1).astype(np.float32), depth=depth)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 7])
+def test_a_step_holds_where_the_light_changes_and_half_of_the_depth_is_missing(seed: int) -> None:
+    open3d_or_skip()
+    pair = [in_bad_light(PICTURES[0], 1.0, seed), in_bad_light(PICTURES[1], 0.5, seed + 10)]
+    edge = edge_between([Sight.of(each) for each in pair], 0, 1, np.eye(4))
+    # Neither of these tells the motion from a wrong one.
+    assert edge.disagreement > BROKEN and edge.matches < CERTAIN
+    true = invert_rigid(TRUTH[1]) @ TRUTH[0]
+    assert np.degrees(np.abs(edge.target_from_source - true)[:3, :3].max()) < 0.6
+    # Their details do, and by far.
+    assert edge.correlation > CORRELATED + 0.1
+    assert holds(edge)
+
+
+def test_a_step_to_another_place_does_not_hold_in_any_light() -> None:
+    open3d_or_skip()
+    for seed, exposure in enumerate((0.7, 1.0, 1.4)):
+        pair = [
+            in_bad_light(PICTURES[0], 1.0, seed),
+            in_bad_light(ELSEWHERE[0], exposure, seed + 10),
+        ]
+        edge = edge_between([Sight.of(each) for each in pair], 0, 1, np.eye(4))
+        assert edge.correlation < CORRELATED - 0.2
+        assert not holds(edge)
+
+
+def test_the_same_poses_come_from_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    open3d_or_skip()
+    frames = frames_in([0, 1, 2, 3, 2, 1])
+    found = []
+    for threads in ("1", "2", "3"):
+        monkeypatch.setenv("DIGS_WARP_THREADS", threads)
+        found.append(track(frames, 0.0))
+    assert all((each.poses == found[0].poses).all() for each in found)
+    assert all(each.tracking == found[0].tracking for each in found)
+
+
+def test_so_do_the_same_steps_where_few_features_match(monkeypatch: pytest.MonkeyPatch) -> None:
+    open3d_or_skip()
+    sights = [Sight.of(in_bad_light(PICTURES[number], 0.5, number)) for number in range(4)]
+    assert not any(FramePair.of(sights, i, i + 1).is_certain for i in range(3))
+    found = []
+    for threads in ("1", "2", "2"):
+        monkeypatch.setenv("DIGS_WARP_THREADS", threads)
+        found.append(np.stack([edge.target_from_source for edge in measured_chain(sights)]))
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])

@@ -1,0 +1,42 @@
+"""How firmly what two frames share holds the motion between them, in the form of Open3D's pose graphs."""
+
+import numpy as np
+
+from digs_warp.geometry import transform_points
+from digs_warp.poses.views import Picture, View
+
+# Depths that differ by more than this share of the usual distance belong to different surfaces.
+SAME_SURFACE = 0.05
+# Farther than this many usual distances, depth is too noisy to place a camera.
+FARTHEST = 3.0
+
+
+def usual_distance(picture: Picture) -> float:
+    """Return the harmonic mean of the depth [m]: near things place a camera best."""
+    return float(1 / np.nanmean(1 / picture.depth))
+
+
+def information(first: View, second: View, second_from_first: np.ndarray) -> np.ndarray:
+    """Return the information of a motion, (6, 6), rotation first: each point on the same surface counts 1.
+
+    A small motion (w, t) moves a point q, in the axes of the second frame, by w x q + t (Choi et al., "Robust
+    reconstruction of indoor scenes", CVPR 2015, section 4).
+    """
+    points = transform_points(second_from_first, first.points.astype(np.float64))
+    near, k = usual_distance(first.picture), second.picture.intrinsics
+    points = points[(points[:, 2] > 0) & (points[:, 2] < FARTHEST * near)]
+    x, y, z = points.T
+    u, v = x / z * k.fx + k.cx, y / z * k.fy + k.cy
+    inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+    measured = second.picture.depth[v[inside].astype(np.intp), u[inside].astype(np.intp)]
+    x, y, z = points[inside][np.abs(measured - z[inside]) < SAME_SURFACE * near].T
+    zero, one = np.zeros_like(z), np.ones_like(z)
+    moves = np.array(
+        [
+            [zero, z, -y, one, zero, zero],
+            [-z, zero, x, zero, one, zero],
+            [y, -x, zero, zero, zero, one],
+        ]
+    )
+    # Nothing is held by less than by one point at a distance of 1 m.
+    return np.eye(6) + np.einsum("rin,rjn->ij", moves, moves)
