@@ -5,6 +5,7 @@ Everything is metric. With poses from structure from motion, the model was scale
 structure from motion are divided by the same factor.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -26,6 +27,9 @@ from digs_warp.init.scene_points import scene_points
 from digs_warp.init.shell import shell_points
 from digs_warp.init.start import Initialization, Subject
 from digs_warp.init.unseen import fills_unseen, unseen_points
+from digs_warp.words import counted
+
+logger = logging.getLogger(__name__)
 
 
 def initial_points(frames: Sequence[Frame], config: InitConfig) -> PointCloud:
@@ -59,7 +63,8 @@ def initialize(
     if config.strategy in ("default", "random", "hull"):
         start = _without_depth(frames, config, sfm, recorded, subject)
     else:
-        start = _from_depth(frames, config, sfm, sfm_per_metre, baseline, subject)
+        measured = _with_depth(frames)
+        start = _from_depth(measured, config, sfm, sfm_per_metre, baseline, subject)
     has_depth = any(frame.has(Layer.DEPTH) for frame in frames)
     start = replace(start, because=start_reason(config.strategy, start.sources, has_depth))
     if subject == "object":
@@ -67,6 +72,19 @@ def initialize(
     shell = shell_points(start.points, [frame.camera for frame in frames])
     points = PointCloud.joined([start.points, shell])
     return replace(start, points=points, sources={**start.sources, "shell": len(shell)})
+
+
+def _with_depth(frames: Sequence[Frame]) -> Sequence[Frame]:
+    """Return the frames that have depth, or all where none has any; single ones may lack it."""
+    measured = [frame for frame in frames if frame.has(Layer.DEPTH)]
+    if not measured or len(measured) == len(frames):
+        return frames
+    first = next(frame.name for frame in frames if not frame.has(Layer.DEPTH))
+    logger.warning(
+        "%s of %d without depth, first '%s': no points from there, only photographs to train on",
+        *(counted(len(frames) - len(measured), "frame"), len(frames), first),
+    )
+    return measured
 
 
 def _without_depth(

@@ -31,6 +31,9 @@ CONTRADICT, AGREE = 0.5, 0.75
 # Where the depth of neighbors agrees less than this (median), single frames cannot be told from noise.
 TELLING = 0.4
 
+# This many frames of two parts are compared with each other.
+LOOKS = 8
+
 # More names than this make no list.
 NAMED = 6
 
@@ -80,8 +83,11 @@ def odd_frames(capture: Capture) -> list[Finding]:
         return []
     odd = alone(links)
     found = [_odd_finding([names[i] for i in odd], len(names))] if odd else []
-    gaps = [i for i in breaks(links) if not {i, i + 1} & set(odd)]
-    return [*found, *([_break_finding([(names[i], names[i + 1]) for i in gaps])] if gaps else [])]
+    if gaps := [i for i in breaks(links) if not {i, i + 1} & set(odd)]:
+        found.append(_break_finding([(names[i], names[i + 1]) for i in gaps]))
+    if len(parts := parts_apart([*frames.values()], links)) > 1:
+        found.append(_parts_finding([(names[part[0]], names[part[-1]]) for part in parts]))
+    return found
 
 
 def alone(links: Links) -> list[int]:
@@ -107,6 +113,33 @@ def breaks(links: Links) -> list[int]:
         if sides and against >= 2 and not any(links.agree(*pair) for pair in across):
             found.append(i)
     return found
+
+
+def parts_apart(frames: Sequence[SmallFrame], links: Links) -> list[list[int]]:
+    """Return the numbers of the frames in parts of the recording that see nothing in common.
+
+    A part ends where no frame has anything in common with the next `REACH` ones. Parts are joined where any
+    of a few frames of both have.
+    """
+    parts: list[list[int]] = [[0]]
+    for i in range(1, links.count):
+        before = [links.between(i - 1 - k, i + j) for k in range(REACH) for j in range(REACH - k)]
+        if all(share is None for share in before):
+            parts.append([])
+        parts[-1].append(i)
+    parts = [part for part in parts if len(part) > REACH]
+    joined: list[list[int]] = []
+    for part in parts:
+        near = [other for other in joined if _meet(frames, part, other)]
+        joined = [other for other in joined if other not in near]
+        joined.append(sorted(sum(near, part)))
+    return joined
+
+
+def _meet(frames: Sequence[SmallFrame], first: Sequence[int], second: Sequence[int]) -> bool:
+    """Whether any of a few frames of two parts have something in common."""
+    some = [part[:: -(-len(part) // LOOKS)] for part in (first, second)]
+    return any(_share(frames[a], frames[b]) is not None for a in some[0] for b in some[1])
 
 
 def _links(frames: Sequence[SmallFrame]) -> Links:
@@ -144,3 +177,13 @@ def _break_finding(places: Sequence[tuple[str, str]]) -> Finding:
         "the poses again with --poses rgbd."
     )
     return Finding("break", what, mend)
+
+
+def _parts_finding(parts: Sequence[tuple[str, str]]) -> Finding:
+    listed = "; ".join(f"{first} to {last}" for first, last in parts[:NAMED])
+    what = f"The recording has {len(parts)} parts that see nothing in common: frames {listed}."
+    mend = (
+        "If these are two recordings in one, reconstruct each alone: nothing tells where one is beside the "
+        "other. If not, record what lies between."
+    )
+    return Finding("parts", what, mend)

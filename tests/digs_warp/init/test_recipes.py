@@ -166,13 +166,24 @@ def test_depth_too_sparse_for_the_edge_filter_says_so(tmp_path: Path, views: lis
     assert len(initial_points(capture.frames, replace(CONFIG, edge_filter=False))) > 20
 
 
-@pytest.mark.parametrize(("key", "advice"), [(Layer.DEPTH, "EXR"), (Layer.MASK, "8-bit PNG")])
-def test_frames_without_depth_or_mask_are_named(
-    tmp_path: Path, views: list[View], key: Layer, advice: str
+def test_frames_without_a_mask_are_named(tmp_path: Path, views: list[View]) -> None:
+    first, second, third = write_capture(tmp_path, views[:3]).frames
+    expected = r"1 of 3 frames have no 'mask_path' .*'0001'.*8-bit PNG"
+    with pytest.raises(DigsError, match=expected):
+        initial_points([first, without(second, Layer.MASK), third], CONFIG)
+
+
+def test_a_frame_without_depth_only_gives_no_points(
+    tmp_path: Path, views: list[View], caplog: pytest.LogCaptureFixture
 ) -> None:
     first, second, third = write_capture(tmp_path, views[:3]).frames
-    with pytest.raises(DigsError, match=rf"1 of 3 frames have no '{key.value}' .*'0001'.*{advice}"):
-        initial_points([first, without(second, key), third], CONFIG)
+    found = initial_points([first, without(second, Layer.DEPTH), third], CONFIG)
+    assert "1 frame of 3 without depth, first '0001'" in caplog.text
+    expected = initial_points([first, third], CONFIG)
+    np.testing.assert_array_equal(found.points_world, expected.points_world)
+    bare = [without(frame, Layer.DEPTH) for frame in (first, second)]
+    with pytest.raises(DigsError, match=r"2 of 2 frames have no 'depth_file_path' .*EXR"):
+        initial_points(bare, CONFIG)
 
 
 def test_an_unreadable_file_is_named_although_threads_read_it(

@@ -68,6 +68,28 @@ def test_two_recordings_in_one_break_between_them(good: Capture) -> None:
     assert f"between frames {good.frames[7].name} and {good.frames[8].name}." in found.what
 
 
+def test_parts_that_see_nothing_in_common_are_told(good: Capture) -> None:
+    far = np.eye(4)
+    far[:3, 3] = (50.0, 0.0, 0.0)
+    frames = list(good.frames)
+    for number in range(9, FRAMES):
+        camera = frames[number].camera
+        other = replace(camera, world_from_cam=far @ camera.world_from_cam)
+        frames[number] = replace(frames[number], camera=other)
+    (found,) = odd_frames(replace(good, frames=tuple(frames)))
+    assert found.kind == "parts" and not found.is_error
+    names = [good.frames[i].name for i in (0, 8, 9, FRAMES - 1)]
+    assert "frames {} to {}; {} to {}.".format(*names) in found.what
+
+
+def test_a_camera_that_comes_back_has_one_part(good: Capture) -> None:
+    """Looking away at once, and back at what was seen before."""
+    half = FRAMES // 2
+    order = [*range(0, FRAMES, half), *range(1, FRAMES, half), *range(2, FRAMES, half)]
+    there_and_back = replace(good, frames=tuple(good.frames[i] for i in order))
+    assert odd_frames(there_and_back) == []
+
+
 def test_without_depth_or_poses_nothing_is_said(good: Capture) -> None:
     broken = moved(good, range(7, 8), 40.0)
     bare = [frame.without_layer(Layer.DEPTH) for frame in broken.frames]
