@@ -14,9 +14,9 @@ from digs_warp.poses.edges import Edge, FramePair, Sight, edge_between
 BROKEN = 1.1
 # With at least this many matching features they are placed all the same: wrong motions have up to 20.
 CERTAIN = 30
-# So are frames whose details correlate by this much: right motions of a room with changing exposure have 0.76 and
-# more, wrong ones that do not hold otherwise up to 0.4, others 0.58 (opposite sides of a cabinet); a pattern
-# that repeats has more, as it has matches.
+# So are frames whose details correlate by this much: right motions of a room of changing exposure have 0.76
+# and more, wrong ones that do not hold otherwise up to 0.4, others 0.58 (opposite sides of a cabinet); a
+# pattern that repeats has more, as it has matches.
 CORRELATED = 0.65
 # Frames before and after a step that breaks, from which it is bridged.
 BRIDGE = 2
