@@ -21,6 +21,13 @@ def mask_box(mask: np.ndarray) -> PixelBox:
     return int(xs[0]), int(ys[0]), int(xs[-1]) + 1, int(ys[-1]) + 1
 
 
+def grown(mask: np.ndarray, radius: float) -> np.ndarray:
+    """Return a mask grown by squares that reach at least ``radius`` [px] to all sides."""
+    from scipy.ndimage import maximum_filter
+
+    return maximum_filter(mask, size=2 * int(np.ceil(radius)) + 1)
+
+
 def transform_points(b_from_a: np.ndarray, points_a: np.ndarray) -> np.ndarray:
     """Apply a (4, 4) transform to points, shape (..., 3)."""
     return points_a @ b_from_a[:3, :3].T + b_from_a[:3, 3]

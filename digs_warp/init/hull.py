@@ -17,6 +17,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.device.parallel import default_threads
+from digs_warp.geometry import grown
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, drawn, require_layers
 from digs_warp.init.in_order import in_order
@@ -219,13 +220,7 @@ def _mask_grown(view: _View, slack: float, center: np.ndarray) -> np.ndarray:
     """Return the mask, grown by a length at the distance of ``center`` [m]."""
     if slack == 0:
         return view.mask
-    return _grown(view.mask, slack / _pixel_at(view.camera, center))
-
-
-def _grown(mask: np.ndarray, radius: float) -> np.ndarray:
-    from scipy.ndimage import maximum_filter
-
-    return maximum_filter(mask, size=2 * int(np.ceil(radius)) + 1)
+    return grown(view.mask, slack / _pixel_at(view.camera, center))
 
 
 def _colors(points: np.ndarray, normals: np.ndarray, frames: Sequence[Frame]) -> np.ndarray:

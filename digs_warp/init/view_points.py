@@ -7,7 +7,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
-from digs_warp.geometry import mask_box
+from digs_warp.geometry import grown, mask_box
 from digs_warp.init.back_project import back_project
 from digs_warp.init.config import InitConfig
 from digs_warp.init.edges import Box, smooth_depth
@@ -19,6 +19,11 @@ from digs_warp.init.voxel import VoxelSums
 
 # The visibility check uses every n-th row and column, so that a map has about this many pixels.
 KEPT_PIXELS = 100_000
+# How far from its mask the object may still be, as a share of the image's width: rims are soft, and poses and
+# depth a little off.
+MASK_MARGIN = 0.02
+# Depth where a ray meets nothing of the object [m]: it sees through everything.
+NOTHING = 1e6
 
 # Conditions of eq. 9 in the order in which they are applied.
 FILTERS = ("in the mask", "with depth", "away from edges", "in the foreground")
@@ -33,7 +38,7 @@ class ViewPoints:
         camera: of the frame.
         voxels: sums over the remaining pixels.
         pixels: how many remained after each of `FILTERS`.
-        thinned_depth: every n-th row and column of the depth map, for the visibility check; or None.
+        thinned_depth: of the object, see `thinned_object_depth`, for the visibility check; or None.
         seconds: CPU time of each stage [s]; "read" is the time for the files.
     """
 
@@ -98,7 +103,7 @@ def view_points(
     laps.lap("weights")
     voxels = back_project(camera, image[box], near, weights, voxel_size, extra)
     laps.lap("back-project")
-    kept = thinned(depth) if config.visibility_check else None
+    kept = thinned_object_depth(depth, in_mask, unknown) if config.visibility_check else None
     return ViewPoints(frame.name, frame.camera, voxels, pixels, kept, laps.seconds)
 
 
@@ -106,6 +111,29 @@ def thinned(depth: np.ndarray) -> np.ndarray:
     """Return every n-th row and column of a depth map, so that it has about `KEPT_PIXELS`."""
     stride = int(np.ceil(np.sqrt(depth.size / KEPT_PIXELS)))
     return depth[::stride, ::stride].copy()
+
+
+def thinned_object_depth(
+    depth: np.ndarray, in_mask: np.ndarray, unknown: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the thinned depth map with `NOTHING` where the mask shows no object.
+
+    What was measured there is the surround. Pixels at the rim of a mask may have its depth, too: their points
+    lie on the ground, where the other views would confirm them. A view without mask pixels may just lack its
+    mask: its depth stays.
+
+    Args:
+        depth: planar depth [m], shape (height, width), NaN where unknown.
+        in_mask: the object according to the mask, same shape, bool.
+        unknown: where another object may hide this one, likewise; None: nowhere.
+    """
+    kept, mask = thinned(depth), thinned(in_mask)
+    if not mask.any():
+        return kept
+    known = grown(mask, MASK_MARGIN * mask.shape[1])
+    if unknown is not None:
+        known |= thinned(unknown)
+    return np.where(known, kept, np.float32(NOTHING))
 
 
 def box_of(in_mask: np.ndarray) -> Box:

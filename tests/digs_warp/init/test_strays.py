@@ -1,12 +1,15 @@
 """Points alone in the air are dropped; surfaces, however thin or coarse, are not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from digs_warp.data.capture import Capture
 from digs_warp.init.recipes import InitConfig, initial_points
 from digs_warp.init.strays import in_company
+from digs_warp.init.view_points import NOTHING, thinned_object_depth
 from reference.ball_capture import RADIUS, ball_views, write_capture
 
 VOXEL = 0.004
@@ -65,3 +68,43 @@ def test_a_wrong_pixel_of_a_recording_leaves_no_point_in_the_air(tmp_path: Path)
     off = dict.fromkeys(("edge_filter", "foreground_filter", "visibility_check"), False)
     points = initial_points(capture.frames, InitConfig(voxel_size=0.02, min_support=0.0, **off))
     assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
+
+
+def leaking_capture(folder: Path) -> Capture:
+    """A ball before a wall, a patch of which is in the mask of one view."""
+    views = ball_views(24)
+    views[0][1].mask[5:12, 30:50] = 255
+    return write_capture(folder, views)
+
+
+def test_a_wall_that_leaks_into_one_mask_leaves_no_points(tmp_path: Path) -> None:
+    """Other views measure the wall at the same place, and only their masks tell that it is no object."""
+    capture = leaking_capture(tmp_path)
+    config = InitConfig(voxel_size=0.02, foreground_filter=False, min_support=0.0)
+    unchecked = initial_points(capture.frames, replace(config, visibility_check=False))
+    points = initial_points(capture.frames, config)
+    far = np.linalg.norm(unchecked.points_world, axis=1) > 2 * RADIUS
+    assert far.sum() > 20
+    assert np.linalg.norm(points.points_world, axis=1).max() < RADIUS * (1 + 1e-5)
+    assert len(points) > 0.98 * (~far).sum()
+
+
+def test_a_view_without_its_mask_takes_no_points_away(tmp_path: Path) -> None:
+    views = ball_views()
+    for _, images in views[1:]:
+        images.mask[:] = 0
+    capture = write_capture(tmp_path, views)
+    config = InitConfig(voxel_size=0.02, min_support=0.0)
+    assert len(initial_points(capture.frames, config)) > 50
+
+
+def test_what_another_object_hides_is_not_taken_for_empty() -> None:
+    _, images = ball_views(1)[0]
+    inside = images.mask > 0
+    half = inside & (np.arange(80) < 40)
+    empty = thinned_object_depth(images.depth, half) == NOTHING
+    assert (empty & inside).sum() > 200
+    hidden = inside & ~half
+    kept = thinned_object_depth(images.depth, half, hidden)
+    np.testing.assert_array_equal(kept[inside], images.depth[inside])
+    assert (kept == NOTHING).sum() > 2000
