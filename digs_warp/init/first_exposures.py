@@ -1,4 +1,4 @@
-"""The exposure of the photographs before the training, and the first colors without it.
+"""The exposure of the photographs before the training, and colors without it.
 
 A camera that adapts to the light makes one side of an object brighter than the other. The colors of the first
 points are those of the photographs that see them: taken as they are, most of the exposure looks like the
@@ -52,10 +52,28 @@ def without_exposure(
         return points
     if seen is None or seen.colors.shape[1] < len(frames):
         seen = look_up(frames, points.points_world, POINTS, len(frames))
-    factors = log_factors(_by_channel(seen.colors[:: max(1, len(seen.colors) // POINTS)]))
-    if STOPS_PER_LOG * float(np.sqrt(np.mean(factors**2))) <= NOISE_STOPS:
+    factors = exposures(seen.colors)
+    if not factors.any():
         return points
     return replace(points, colors=_evened(points, frames, factors))
+
+
+def exposures(colors: np.ndarray) -> np.ndarray:
+    """Return the logarithms of the factors of m photographs, (m,); all are 0 where the exposure is constant.
+
+    Args:
+        colors: of points in the photographs, as of `SeenColors`, shape (n, m, 3).
+    """
+    some = colors[:: max(1, len(colors) // POINTS)]
+    factors = log_factors(np.concatenate([some[..., channel] for channel in range(3)]))
+    varies = STOPS_PER_LOG * float(np.sqrt(np.mean(factors**2))) > NOISE_STOPS
+    return factors if varies else np.zeros_like(factors)
+
+
+def in_one_exposure(colors: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Return colors (..., 3) without the factors (...) of their photographs; not clipped."""
+    scale, shift = ColorGain(factors[..., None]).removal()
+    return scale * colors + shift
 
 
 def log_factors(values: np.ndarray) -> np.ndarray:
@@ -86,17 +104,11 @@ def log_factors(values: np.ndarray) -> np.ndarray:
     return found - found.mean()
 
 
-def _by_channel(colors: np.ndarray) -> np.ndarray:
-    """Return the channels of n points in m photographs as 3 n points of one channel, (3 n, m)."""
-    return np.concatenate([colors[..., channel] for channel in range(3)])
-
-
 def _evened(points: PointCloud, frames: Sequence[Frame], factors: np.ndarray) -> np.ndarray:
     """Return the mean color of each point in its photographs, all of one exposure, (n, 3)."""
     sums, counts = np.zeros((len(points), 3)), np.zeros((len(points), 1))
     for frame, factor in zip(frames, factors, strict=True):
-        scale, shift = ColorGain(np.full(3, factor)).removal()
-        colors = scale * colors_in(points.points_world, frame) + shift
+        colors = in_one_exposure(colors_in(points.points_world, frame), factor)
         is_seen = np.isfinite(colors[:, :1])
         sums += np.where(is_seen, colors, 0.0)
         counts += is_seen

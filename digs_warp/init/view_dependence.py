@@ -5,8 +5,12 @@ degree, and each photograph is predicted from the others: noise, and points that
 dependence on the view in a fit, but predict nothing. The prediction for a photograph that is left out of a
 ridge regression follows from the fit with it (Allen's PRESS): residual / (1 - leverage).
 
-The exposure and white balance of each photograph are taken off first, as the training does: where a camera
-adapts to the light, they differ more than any gloss.
+Points that lie off by more, as the depth of a camera puts them, show another place of the surface to each
+photograph. Where it has texture, that does predict: it changes smoothly with the direction, like gloss. So
+points in plain surroundings are compared.
+
+The exposure of each photograph is taken off first (`digs_warp.init.first_exposures`): where a camera adapts
+to the light, it differs more than any gloss.
 """
 
 from collections.abc import Sequence
@@ -25,8 +29,8 @@ if TYPE_CHECKING:  # results name the decision, and need no kernels
 POINTS = 2000
 # A point is seen often enough for a prediction.
 FEWEST_VIEWS = 8
-# Rounds of fitting exposures and colors in turns; darker colors than this tell no exposure.
-ROUNDS, DARKEST = 20, 2 / 255
+# The share of the points seen often that is compared: those with the least texture among so many neighbors.
+PLAIN, NEIGHBORS = 0.25, 16
 # Weight of the ridge, in photographs: what a higher band has to explain before it is believed.
 RIDGE = 0.3
 # By how much a higher degree has to predict better [dB]. Then all bands are trained: their slow learning
@@ -74,43 +78,35 @@ class ViewDependence:
 
 def view_dependence(seen: "SeenColors") -> ViewDependence:
     """Choose the degree of the color by what the photographs show."""
-    colors = seen.colors
-    often = np.flatnonzero(np.isfinite(colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
+    from digs_warp.init.first_exposures import exposures, in_one_exposure
+
+    often = np.flatnonzero(np.isfinite(seen.colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
     if not len(often):
         return ViewDependence(USUAL_DEGREE)
-    often = often[evenly(range(len(often)), POINTS)]
-    directions = seen.points_world[often][:, None] - seen.centers_world
-    return chosen(directions, evenly_exposed(colors[often]))
+    colors = in_one_exposure(seen.colors[often], exposures(seen.colors))
+    points = seen.points_world[often]
+    some = np.array(evenly(plainest(points, colors), POINTS))
+    return chosen(points[some, None] - seen.centers_world, colors[some])
 
 
-def evenly_exposed(colors: np.ndarray) -> np.ndarray:
-    """Return colors as if all photographs had one exposure and white balance.
+def plainest(points_world: np.ndarray, colors: np.ndarray) -> np.ndarray:
+    """Return which points lie where the surface has the least texture, their numbers in order.
 
-    A photograph's factor is the median over its points of its color over the mean color of the point.
+    Among them are a `PLAIN` share of the points, but at least `POINTS` if there are as many.
 
     Args:
-        colors: of n points in m photographs, in 0..1, NaN where a point is not seen, shape (n, m, 3).
+        points_world: shape (n, 3), n at least 1.
+        colors: of the points in the photographs, NaN where a point is not seen, shape (n, m, 3).
     """
-    logs = np.log(np.maximum(colors, DARKEST))
-    gains = np.zeros((1, *logs.shape[1:]))
-    for _ in range(ROUNDS):
-        means = np.nanmean(logs - gains, axis=1, keepdims=True)
-        gains = _median(logs - means)
-        gains -= gains.mean(axis=1, keepdims=True)
-    return colors * np.exp(-gains)
+    from scipy.spatial import KDTree
 
-
-def _median(values: np.ndarray) -> np.ndarray:
-    """Return the median over the points (n, m, 3) of each photograph, (1, m, 3); 0 where it has none.
-
-    NaN, which sorts last, does not count. NumPy's own median without NaN takes twice as long.
-    """
-    ordered = np.ascontiguousarray(values.reshape(len(values), -1).T)
-    ordered.sort(axis=1)
-    counts = np.isfinite(ordered).sum(axis=1)[:, None]
-    middle = (np.maximum(counts - 1, 0) // 2, counts // 2)
-    low, high = (np.take_along_axis(ordered, each, axis=1) for each in middle)
-    return np.where(counts > 0, (low + high) / 2, 0.0).reshape(1, *values.shape[1:])
+    count = len(points_world)
+    wanted = max(POINTS, int(PLAIN * count))
+    if count <= wanted:
+        return np.arange(count)
+    means = np.nanmean(colors, axis=1)
+    _, around = KDTree(points_world).query(points_world, k=NEIGHBORS, workers=-1)
+    return np.sort(np.argsort(means[around].var(axis=1).sum(axis=1), kind="stable")[:wanted])
 
 
 def chosen(directions: np.ndarray, colors: np.ndarray) -> ViewDependence:

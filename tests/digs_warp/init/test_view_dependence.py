@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from digs_warp.data.layers import Layer
-from digs_warp.init.seen_colors import look_up
+from digs_warp.init.first_exposures import exposures, in_one_exposure
+from digs_warp.init.seen_colors import SeenColors, look_up
 from digs_warp.init.view_dependence import (
+    POINTS,
     chosen,
-    evenly_exposed,
+    plainest,
     prediction_error,
     view_dependence,
 )
+from digs_warp.measure.color_gain import OFFSET
 from digs_warp.sh import sh_basis
 from reference.tiny_capture import RADIUS, ball, write_tiny_capture
 
@@ -55,21 +58,20 @@ def test_noise_is_no_dependence_on_the_view() -> None:
 def adapting(
     directions: np.ndarray, colors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Directions of points that are seen, their colors where the exposure varies, and its factors."""
+    """Directions of points that are seen, their colors where the exposure varies, and its log factors."""
     some = np.isfinite(colors[..., 0]).any(axis=1)
     angle = np.linspace(0, 6 * np.pi, colors.shape[1], endpoint=False)
-    factors = np.exp(0.3 * np.sin(2 * angle)[:, None] * [1.0, 1.1, 0.9])
-    return directions[some], colors[some] * factors, factors
+    factors = 0.3 * np.sin(2 * angle)
+    gains = np.exp(factors)[:, None]
+    return directions[some], gains * (colors[some] + OFFSET) - OFFSET, factors
 
 
 def test_a_camera_that_adapts_to_the_light_is_no_gloss() -> None:
     directions, changed, factors = adapting(*seen(1, points=200))
     assert chosen(directions, changed).degree == 3
-    even = evenly_exposed(changed)
-    assert chosen(directions, even).degree == 1
-    found = np.nanmedian(np.log(changed / even), axis=0)
-    expected = np.log(factors) - np.log(factors).mean(axis=0)
-    np.testing.assert_allclose(found, expected, atol=0.06)
+    found = exposures(changed)
+    assert chosen(directions, in_one_exposure(changed, found)).degree == 1
+    np.testing.assert_allclose(found, factors - factors.mean(), atol=0.06)
 
 
 def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
@@ -84,10 +86,54 @@ def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
 
 def test_the_exposure_of_photographs_hides_no_gloss() -> None:
     directions, changed, _ = adapting(*seen(3, points=200))
-    assert chosen(directions, evenly_exposed(changed)).degree == 3
-    black = np.where(np.isfinite(changed), 0.0, np.nan)
-    black[:, 3] = np.nan  # a photograph that sees nothing
-    np.testing.assert_array_equal(evenly_exposed(black), black)
+    assert chosen(directions, in_one_exposure(changed, exposures(changed))).degree == 3
+
+
+def off_the_surface(points: int = 12000, off: float = 0.01) -> SeenColors:
+    """A matte ball, of which a half has texture, and points beside its surface by about ``off``.
+
+    Each camera sees such a point where its ray meets the ball.
+    """
+    random = np.random.default_rng(0)
+    normals = random.normal(size=(points, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    places = RADIUS * normals + off * random.normal(size=(points, 1)) * normals
+    eyes = 5 * RADIUS * walk(24)
+    rays = places[:, None] - eyes
+    rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+    along = -(rays * eyes).sum(axis=2)
+    deep = along**2 - (eyes**2).sum(axis=1) + RADIUS**2
+    met = eyes + (along - np.sqrt(np.maximum(deep, 0)))[..., None] * rays
+    stripes = np.sin(met * 2 * np.pi / (0.3 * RADIUS)) * (met[..., :1] > 0)
+    facing = (normals[:, None] * -rays).sum(axis=2) > 0.3
+    seen_there = facing & (deep > 0)
+    return SeenColors(places, eyes, np.where(seen_there[..., None], 0.5 + 0.3 * stripes, np.nan))
+
+
+def test_texture_seen_by_points_off_the_surface_is_no_gloss() -> None:
+    matte = off_the_surface()
+    often = np.flatnonzero(np.isfinite(matte.colors[..., 0]).sum(axis=1) >= 8)
+    anywhere = often[:: len(often) // POINTS]
+    directions = matte.points_world[:, None] - matte.centers_world
+    assert chosen(directions[anywhere], matte.colors[anywhere]).degree == 3
+    assert view_dependence(matte).degree == 1
+    # Gloss is found in plain surroundings, too.
+    highlight = np.exp(-20 * (1 - directions[..., 2] / -np.linalg.norm(directions, axis=2)))
+    shiny = SeenColors(
+        matte.points_world, matte.centers_world, matte.colors + 0.4 * highlight[..., None]
+    )
+    assert view_dependence(shiny).degree == 3
+
+
+def test_plain_surroundings_are_found_and_few_points_are_all_taken() -> None:
+    matte = off_the_surface(off=0.0)
+    is_seen = np.isfinite(matte.colors[..., 0]).any(axis=1)
+    points, colors = matte.points_world[is_seen], matte.colors[is_seen]
+    some = plainest(points, colors)
+    assert len(some) == len(points) // 4 > POINTS and (np.diff(some) > 0).all()
+    assert (points[some, 0] < 0.1 * RADIUS).all()
+    few = plainest(points[:50], colors[:50])
+    np.testing.assert_array_equal(few, np.arange(50))
 
 
 def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
