@@ -38,7 +38,8 @@ def main() -> None:
     if given.results:
         if len(chosen) != 1:
             parser.error("--results belongs to one benchmark; name it")
-        publish(chosen[0], [each for path in given.results for each in read_json_lines(path)])
+        parts = [each for path in given.results for each in read_json_lines(path)]
+        publish(chosen[0], chosen[0].joined(parts))
         return
     show_progress()
     for benchmark in chosen:

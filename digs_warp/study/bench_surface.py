@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from digs_warp.checks import DigsError
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.triangle_mesh import TriangleMesh
@@ -25,7 +26,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import objects
+from digs_warp.study.scenes import objects, sample_data
 from digs_warp.surface.depth_views import DepthView
 from digs_warp.surface.extract import BALL_MARGIN, remove_floaters, within_mask
 from digs_warp.surface.fuse import fuse_views
@@ -35,7 +36,7 @@ from digs_warp.train.config import DEPTH_WEIGHT, Stop, TrainConfig
 # What users get without a flag: smaller images and fewer steps leave the surface farther off.
 RECORDING = SimulateConfig()
 STEPS = Stop().iterations
-OBJECTS = 4
+OBJECTS = 6
 # Exact depth with the noise of stereo alone, and the default sensor.
 TIERS = ("law", "guided")
 WEIGHTS = (0.0, DEPTH_WEIGHT)
@@ -47,6 +48,9 @@ _NEAR = 0.005
 FUSED = "fused depth"
 MILLIMETERS = "mesh to truth [mm]"
 RATIO = "times fused depth"
+
+# The table with a row for each object; the other one has the medians over them.
+OF_OBJECTS = "objects"
 
 
 @dataclass(frozen=True)
@@ -68,10 +72,23 @@ class Scope:
     iterations: int = STEPS
 
 
-def bench_surface(scope: Scope | None = None) -> list[Result]:
-    """Return PSNR and distances to the true surface by object, sensor and weight; then their medians."""
+def bench_surface(only: Sequence[str] = (), scope: Scope | None = None) -> list[Result]:
+    """Return PSNR and distances to the true surface by object, sensor and weight; then their medians.
+
+    Args:
+        only: names of objects; none: all of them.
+        scope: how much is measured; None: the published table.
+
+    Raises:
+        DigsError: the mesh of one of ``only`` is not there.
+    """
     scope = scope or Scope()
     found = objects(scope.objects)
+    if missing := [name for name in only if name not in found]:
+        raise DigsError(
+            f"bench surface: no object '{missing[0]}' in '{sample_data()}'; set DIGS_WARP_SAMPLE_DATA"
+        )
+    found = {name: settings for name, settings in found.items() if not only or name in only}
     results = []
     with progress(len(found) * len(scope.tiers), "Measuring", "recording") as bar:
         for tier in scope.tiers:
@@ -82,7 +99,15 @@ def bench_surface(scope: Scope | None = None) -> list[Result]:
                     labels = _settings(capture, scope) | {"sensor": tier, "object": name}
                     results += _measured(labels, capture, scope)
                 bar.update()
-    return [*results, *_medians(results)]
+    return with_medians(results)
+
+
+def with_medians(results: Sequence[Result]) -> list[Result]:
+    """Return the rows of all objects by sensor, and the medians over these; other medians are dropped."""
+    rows = [result for result in results if result.table == OF_OBJECTS]
+    sensors = list(dict.fromkeys(row.labels["sensor"] for row in rows))
+    by_sensor = sorted(rows, key=lambda row: sensors.index(row.labels["sensor"]))
+    return [*by_sensor, *_medians(by_sensor)]
 
 
 def measure_capture(
@@ -149,7 +174,7 @@ def _measured(labels: dict[str, Any], capture: Capture, scope: Scope) -> list[Re
     for surface, values in measure_capture(capture, scope.weights, scope.iterations):
         fused = fused or values[MILLIMETERS]
         values = values | {RATIO: values[MILLIMETERS] / fused}
-        rows.append(Result({**labels, "surface": surface}, values, "objects"))
+        rows.append(Result({**labels, "surface": surface}, values, OF_OBJECTS))
     return rows
 
 

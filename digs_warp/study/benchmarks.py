@@ -24,6 +24,8 @@ class Benchmark:
         page: file in docs/ that shows its tables (`scripts/pages.py`).
         chart_function: takes the results and returns charts; empty: there are none.
         cases: names of the cases, where one can measure some of them.
+        join_function: takes results that were measured in parts and returns those of all cases together;
+            empty: they stand one after the other.
     """
 
     name: str
@@ -32,10 +34,15 @@ class Benchmark:
     page: str
     chart_function: str = ""
     cases: tuple[str, ...] = ()
+    join_function: str = ""
 
     def run(self, only: Sequence[str] = ()) -> "list[Result]":
         """Import the module and measure all cases, or ``only`` some of `cases`."""
         return _load(self.function)(*([only] if only else []))
+
+    def joined(self, results: "Sequence[Result]") -> "Sequence[Result]":
+        """Return the results of parts as if all cases had been measured at once."""
+        return _load(self.join_function)(results) if self.join_function else results
 
     def charts(self, results: "Sequence[Result]") -> "Sequence[Chart]":
         """Return what the results look like."""
@@ -113,9 +120,14 @@ BENCHMARKS = (
     ),
     Benchmark(
         "surface",
-        "the trained surface against the true one, beside fused depth: four objects, two sensors",
+        "the trained surface against the true one, beside fused depth: six objects, two sensors",
         "bench_surface:bench_surface",
         "training.md",
+        cases=(
+            *("ycb_mustard_bottle", "avocado", "spot"),
+            *("ycb_cracker_box", "armchair", "flight_helmet"),
+        ),
+        join_function="bench_surface:with_medians",
     ),
     Benchmark(
         "blur",
