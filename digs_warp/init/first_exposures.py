@@ -21,7 +21,7 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.seen_colors import SeenColors, colors_in, look_up
+from digs_warp.init.seen_colors import colors_in, look_up
 from digs_warp.measure.color_gain import DARK, OFFSET, SATURATED, STOPS_PER_LOG, ColorGain
 
 # Points that tell the exposures.
@@ -36,7 +36,7 @@ USUAL, LEAST = 2.0, 0.02
 
 
 def without_exposure(
-    points: PointCloud, frames: Sequence[Frame], seen: SeenColors | None = None
+    points: PointCloud, frames: Sequence[Frame], factors: np.ndarray | None = None
 ) -> PointCloud:
     """Return points in the colors that they have in photographs of one exposure.
 
@@ -46,13 +46,12 @@ def without_exposure(
     Args:
         points: the first ones.
         frames: to train on.
-        seen: some of the points in some of the frames; None: they are looked up.
+        factors: logarithms of the exposures of the frames, as of `exposures`; None: they are sought.
     """
     if not len(points) or not all(frame.has(Layer.DEPTH) for frame in frames):
         return points
-    if seen is None or seen.colors.shape[1] < len(frames):
-        seen = look_up(frames, points.points_world, POINTS, len(frames))
-    factors = exposures(seen.colors)
+    if factors is None or len(factors) < len(frames):  # these are of some of the frames
+        factors = exposures(look_up(frames, points.points_world, POINTS, len(frames)).colors)
     if not factors.any():
         return points
     return replace(points, colors=_evened(points, frames, factors))

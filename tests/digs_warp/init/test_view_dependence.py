@@ -10,6 +10,7 @@ from digs_warp.init.first_exposures import exposures, in_one_exposure
 from digs_warp.init.seen_colors import SeenColors, look_up
 from digs_warp.init.view_dependence import (
     POINTS,
+    ViewDependence,
     chosen,
     plainest,
     prediction_error,
@@ -55,6 +56,11 @@ def test_noise_is_no_dependence_on_the_view() -> None:
     assert "used from 0.8 dB on" in matte.because
 
 
+def decided(seen: SeenColors) -> ViewDependence:
+    """What the photographs show, whatever their exposure."""
+    return view_dependence(seen, exposures(seen.colors))
+
+
 def adapting(
     directions: np.ndarray, colors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,7 +86,7 @@ def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
         darker = np.exp(-0.4 * (1 + np.sin(0.5 * number)))
         image = np.rint(frame.load_image() * darker).astype(np.uint8)
         frames.append(frame.with_layer(Layer.IMAGE, image))
-    found = view_dependence(look_up(frames, ball(400).means))
+    found = decided(look_up(frames, ball(400).means))
     assert found.degree == 1 and found.points > 40
 
 
@@ -116,13 +122,13 @@ def test_texture_seen_by_points_off_the_surface_is_no_gloss() -> None:
     anywhere = often[:: len(often) // POINTS]
     directions = matte.points_world[:, None] - matte.centers_world
     assert chosen(directions[anywhere], matte.colors[anywhere]).degree == 3
-    assert view_dependence(matte).degree == 1
+    assert decided(matte).degree == 1
     # Gloss is found in plain surroundings, too.
     highlight = np.exp(-20 * (1 - directions[..., 2] / -np.linalg.norm(directions, axis=2)))
     shiny = SeenColors(
         matte.points_world, matte.centers_world, matte.colors + 0.4 * highlight[..., None]
     )
-    assert view_dependence(shiny).degree == 3
+    assert decided(shiny).degree == 3
 
 
 def test_plain_surroundings_are_found_and_few_points_are_all_taken() -> None:
@@ -139,7 +145,7 @@ def test_plain_surroundings_are_found_and_few_points_are_all_taken() -> None:
 def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
     elsewhere = np.full((19000, 3), 10 * RADIUS)
-    found = view_dependence(look_up(capture.frames, np.concatenate([elsewhere, ball(800).means])))
+    found = decided(look_up(capture.frames, np.concatenate([elsewhere, ball(800).means])))
     assert found.points > 60  # every tenth point would show 12
 
 
@@ -160,7 +166,7 @@ def test_predictions_are_those_of_fits_without_the_color() -> None:
 
 def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
-    found = view_dependence(look_up(capture.frames, ball(400).means))
+    found = decided(look_up(capture.frames, ball(400).means))
     assert found.degree == 1
     assert found.points > 40
 
@@ -168,8 +174,8 @@ def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
 def test_points_that_few_views_see_decide_nothing(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture", frames=4)
     for frames, points in ((capture.frames, ball(50).means), (capture.frames[:1], ball(50).means)):
-        found = view_dependence(look_up(frames, points))
+        found = decided(look_up(frames, points))
         assert found.degree == 1 and found.errors == ()
         assert "too few points" in found.because
     away = np.full((5, 3), 10 * RADIUS)
-    assert view_dependence(look_up(capture.frames, away)).degree == 1
+    assert decided(look_up(capture.frames, away)).degree == 1
