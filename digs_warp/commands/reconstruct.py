@@ -18,6 +18,7 @@ from digs_warp.commands.output import ANY_FOLDER, OutputFolder
 from digs_warp.commands.reconstruction_options import ReconstructionOptions
 from digs_warp.commands.result_files import reconstruction_files
 from digs_warp.commands.watched import watched_training
+from digs_warp.device.libraries import loading
 from digs_warp.engines.config import EngineConfig
 from digs_warp.record import layout
 from digs_warp.record.durations import DURATION
@@ -123,9 +124,10 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
         return f"{self.output.out / layout.GAUSSIANS}: {words}, {seconds:.1f} s"
 
     def _reconstruct(self, capture: "Capture", source: Path) -> "Reconstruction":
-        import scipy.spatial  # noqa: F401  # needed later, and the frames are being decoded now
+        with loading():
+            import scipy.spatial  # noqa: F401  # needed later, and the frames are being decoded now
 
-        from digs_warp.pipeline.reconstruct import check_machine, reconstruct
+            from digs_warp.pipeline.reconstruct import check_machine, reconstruct
 
         config, chosen = self.reconstruct_config(self.seed, capture), None
         check_machine(config)  # a wrong flag is named first
