@@ -1,8 +1,9 @@
 """Write what changed between two results of a study into docs/studies.md, for the cases that both have.
 
-Usage: python scripts/study_change.py NAME BEFORE [NOW]
+Usage: python scripts/study_change.py NAME BEFORE [NOW [WORDS]]
 
 BEFORE and NOW are files of results; NOW is by default the published one, docs/study/NAME/results.jsonl.
+WORDS keep only the cases that have them in their name, as it is shown in the table.
 Git has the older ones: git show COMMIT:docs/study/NAME/results.jsonl > before.jsonl
 """
 
@@ -26,11 +27,13 @@ def main(arguments: Sequence[str]) -> None:
     Raises:
         SystemExit: wrong arguments.
     """
-    if len(arguments) not in (2, 3):
+    if len(arguments) not in (2, 3, 4):
         sys.exit(__doc__)
     name, before = arguments[0], Path(arguments[1])
-    now = Path(arguments[2]) if len(arguments) == 3 else DOCS / "study" / name / RESULTS
-    fill(PAGE, f"change {name}", change_table(cases_of(before), cases_of(now)))
+    now = Path(arguments[2]) if len(arguments) > 2 else DOCS / "study" / name / RESULTS
+    words = arguments[3] if len(arguments) == 4 else ""
+    chosen = {case: record for case, record in cases_of(now).items() if words in case}
+    fill(PAGE, f"change {name}", change_table(cases_of(before), chosen))
 
 
 def cases_of(path: Path) -> dict[str, dict[str, Any]]:
@@ -64,7 +67,7 @@ def change_table(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any
     if not shared:
         raise ValueError("no case is in both files; expected results of the same study")
     lines = [
-        "| | PSNR before [dB] | now | error of the scale before | now |",
+        "| | PSNR on the object before [dB] | now | error of the scale before | now |",
         "|---|--:|--:|--:|--:|",
     ]
     for case in sorted(shared):

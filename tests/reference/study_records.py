@@ -46,6 +46,6 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
             "alpha_cuts": [{"value": 0.0039, "seconds": 0.01, "psnr": 30.0}],
             "precisions": [{"value": "half", "megabytes": 1.5, "psnr": 29.9}],
         },
-        "recording_seconds": {"render": 20.0, "sense": 500.0},
+        "recording_seconds": {"render": 15.0, "sense": 5.0},
         "results": {"initial_points": 1000 + number, "gaussians": 900},
     }

@@ -43,5 +43,9 @@ def test_cases_of_both_files_stand_side_by_side(
         "| cow, 300 steps, strength 0.5, seed 1 | 31.00 | 31.50 |  |  |",
     ]
     assert lines[-1] == "rest" and "old" not in lines
+    study_change.main(["toy", str(before), str(now), "seed 1"])
+    lines = page.read_text().splitlines()
+    assert lines[5] == "| cow, 300 steps, strength 0.5, seed 1 | 31.00 | 31.50 |  |  |"
+    assert lines[6:] == ["<!-- end -->", "rest"]
     with pytest.raises(ValueError, match="no case"):
         study_change.change_table({}, study_change.cases_of(now))

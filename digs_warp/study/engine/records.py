@@ -70,8 +70,7 @@ def at_iteration(iteration: int, metric: str) -> Value:
     return value
 
 
-# PSNR on the object [dB] in views of a perfect camera: the same views for all recordings of an object.
-final_psnr = number("yardstick", "psnr_object")
+_as_it_lies = number("yardstick", "psnr_object")
 # The same where a recording with automatic exposure leaves brightness and white balance of the scene open:
 # they are fitted, to all views together.
 one_gain_psnr = number("yardstick", "psnr_object_one_gain")
@@ -80,9 +79,12 @@ _gain_of_each = number("yardstick", "psnr_object_aligned")
 placed_psnr = number("yardstick", "psnr_object_in_place")
 
 
-def aligned_psnr(record: Record) -> float | None:
-    """Return `placed_psnr`; of earlier records PSNR as the result lies, or with a gain for each view."""
-    values = (each(record) for each in (placed_psnr, one_gain_psnr, _gain_of_each))
+def final_psnr(record: Record) -> float | None:
+    """Return PSNR on the object [dB] in views of a perfect camera, the same for all recordings of an object.
+
+    It is `placed_psnr`; of earlier records `one_gain_psnr`, or with a gain for each view, or without any.
+    """
+    values = (each(record) for each in (placed_psnr, one_gain_psnr, _gain_of_each, _as_it_lies))
     return next((value for value in values if value is not None), None)
 
 

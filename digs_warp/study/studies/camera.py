@@ -15,7 +15,7 @@ from digs_warp.study.engine.case import Case
 from digs_warp.study.engine.records import (
     Record,
     Value,
-    aligned_psnr,
+    final_psnr,
     group_by,
     number,
     one_gain_psnr,
@@ -155,7 +155,7 @@ class Figure:
 
 
 FIGURES = (
-    Figure("PSNR [dB]", "PSNR gained [dB]", 2, aligned_psnr),
+    Figure("PSNR [dB]", "PSNR gained [dB]", 2, final_psnr),
     Figure("surface to truth [mm]", "distance added [mm]", 2, placed_accuracy),
     Figure("CPU [s]", "CPU added [s]", 1, number("cpu_seconds")),
 )
@@ -218,7 +218,7 @@ def _compared(records: Sequence[Record]) -> Section:
 
 def _places(by_source: Mapping[str, Sequence[Pair]]) -> list[Table]:
     """Return the medians of PSNR as the results lie and in their places, where poses were found."""
-    values = {"as it lies": one_gain_psnr, "in its place": aligned_psnr}
+    values = {"as it lies": one_gain_psnr, "in its place": final_psnr}
     figures = [Figure("", "", 2, value) for value in values.values()]
     rows = [
         [source, *(_median([pair[i] for pair in pairs], f) for i in (0, 1) for f in figures)]
@@ -238,7 +238,7 @@ def _chart(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> Chart:
     points: dict[str, list[tuple[float, int]]] = {}
     for (source, name), found in pairs.items():
         row = COMPARED.index(source)
-        points.setdefault(name, []).extend((x, row) for x in differences(found, aligned_psnr))
+        points.setdefault(name, []).extend((x, row) for x in differences(found, final_psnr))
     curves = [
         Curve(name, [x for x, _ in found], [row for _, row in found], line=False)
         for name, found in points.items()
@@ -268,7 +268,7 @@ def _left_out(records: Sequence[Record]) -> Section:
         for source in row.matters:
             own = {name: found for (where, name), found in pairs.items() if where == source}
             together = [pair for found in own.values() for pair in found]
-            gains = differences(together, aligned_psnr)
+            gains = differences(together, final_psnr)
             if not gains:
                 continue
             spread = [f"{v:+.2f}" for v in (median(gains), min(gains), max(gains))]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from statistics import median
 
-from digs_warp.study.engine.records import Record, Value, aligned_psnr, number, placed_psnr
+from digs_warp.study.engine.records import Record, Value, final_psnr, number, placed_psnr
 from digs_warp.study.studies.held_surface import ACCURACY
 
 # Two records of the same recording: without and with something.
@@ -32,7 +32,7 @@ def made_worse(pairs: Mapping[tuple[str, str], Sequence[Pair]]) -> str:
     """Name what the defaults make worse."""
     images, surfaces = [], []
     for (source, name), found in pairs.items():
-        gains = differences(found, aligned_psnr)
+        gains = differences(found, final_psnr)
         if gains and median(gains) < -NAMED_DB:
             images.append(f"{name}, {source} ({median(gains):+.2f} dB)")
         known = [(placed_accuracy(one), placed_accuracy(other)) for one, other in found]

@@ -127,7 +127,8 @@ def _quality(records: Sequence[Record]) -> Section:
     text = (
         "The training views are spread over the whole walk around the object, so three of them are a third "
         "of a turn apart. The first columns are measured on the same eight views of a perfect camera for "
-        "every number of views; the held-out views lie between the training views of the recording. Poses "
+        "every number of views, with one brightness and white balance fitted to all of them; the held-out "
+        "views lie between the training views of the recording. Poses "
         f"are those of the recording for all strategies. Up to {FEW_VIEWS} views, highdepth closes the "
         f"object where no view saw it; '{OPEN}' leaves it open. Default triangulates what it matches in the "
         "images: where too few views match, it has no start, and its case is among those that failed. Means "

@@ -10,9 +10,9 @@ from digs_warp.study.engine.records import (
     Groups,
     Record,
     Spread,
-    aligned_psnr,
     at_iteration,
     curve,
+    final_psnr,
     group_by,
     number,
     spread,
@@ -91,7 +91,7 @@ COLUMNS = (
     Column("scale error [%]", 3, number("scale_error", factor=100)),
     Column("points: Chamfer [mm]", 2, number("surface", "points", "chamfer", factor=1e3)),
     *(Column(f"PSNR after {i} [dB]", 2, at_iteration(i, "psnr_object")) for i in ITERATIONS),
-    Column("PSNR at the end [dB]", 2, aligned_psnr),
+    Column("PSNR at the end [dB]", 2, final_psnr),
 )
 
 
@@ -107,7 +107,7 @@ def _strategies(groups: Groups) -> Section:
         curve(
             strategy,
             {x: found for (name, x), found in rows.items() if name == strategy},
-            aligned_psnr,
+            final_psnr,
         )
         for strategy in STRATEGIES
     ]
@@ -172,7 +172,7 @@ def _by_harm(groups: Groups) -> list[str]:
     idle = _idle(groups)
     strongest: dict[str, tuple[float, float]] = {}
     for (effect, strength, strategy), found in groups.items():
-        quality = spread(found, aligned_psnr)
+        quality = spread(found, final_psnr)
         if effect in (ALL, NONE, *idle) or strategy != MAIN or not quality:
             continue
         strongest[effect] = max(strongest.get(effect, (0.0, 0.0)), (strength, quality.mean))
@@ -200,7 +200,7 @@ def _chart(groups: Groups) -> Chart:
     for effect in _by_harm(groups)[:6]:
         points = {0.0: groups.get((NONE, 0.0, MAIN), [])}
         points |= {s: groups.get((effect, s, MAIN), []) for s in sorted(STRENGTHS)}
-        curves.append(curve(effect, points, aligned_psnr))
+        curves.append(curve(effect, points, final_psnr))
     title = "The six most harmful effects"
     labels = ("strength (1: a real camera)", "PSNR on views of a perfect camera [dB]")
     return Chart("effects", title, curves, *labels)
