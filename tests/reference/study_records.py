@@ -30,7 +30,7 @@ def record_of(case: Case, number: int) -> dict[str, Any]:
         ],
         "yardstick": {
             "psnr_object": psnr - 1,
-            "psnr_object_aligned": psnr - 1,
+            "psnr_object_in_place": psnr - 1,
             "psnr_frame": psnr + 5,
         },
         "surface": {

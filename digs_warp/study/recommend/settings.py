@@ -19,7 +19,7 @@ NO_CHOICE = ("poses", "SH degree", *OF_SFM)
 # What a setting changes from the start that depth gives: no choice where there is none.
 OF_DEPTH = ("voxel size [mm]", "initialization", "density control", "weight of depth")
 # Stages whose time grows as the frames' pixels do.
-PIXEL_STAGES = ("load views", "prepare kernels", "measure course", "evaluate")
+PIXEL_STAGES = ("mask agreement", "load views", "prepare kernels", "measure course", "evaluate")
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ class Times:
         time += setting.rest * here.counts()[pixels] / there.counts()[pixels]
         if self.matches:
             time += self.laws["structure from motion"].at(here)
-        # The study is from before captures were checked.
+        # The check was measured here: it has no law.
         return self.machine * time + self.look.check_seconds
 
     def _here(self, setting: Setting) -> Load:

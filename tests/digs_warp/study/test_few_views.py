@@ -59,8 +59,8 @@ def test_the_gain_of_depth_is_that_of_the_same_object() -> None:
         if not first:
             if labels["depth loss"] == "off":
                 continue
-            record["yardstick"]["psnr_object"] += 10
-        record["yardstick"]["psnr_object"] += 1.25 * (labels["depth loss"] == "on")
+            record["yardstick"]["psnr_object_in_place"] += 10
+        record["yardstick"]["psnr_object_in_place"] += 1.25 * (labels["depth loss"] == "on")
         records.append(record)
     quality, loss, *_ = few_views.sections(records)
     assert quality.tables[0].headings[-1] == "objects"

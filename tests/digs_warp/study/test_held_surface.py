@@ -13,7 +13,7 @@ def measured() -> list[dict[str, Any]]:
     records = [record_of(case, number) for number, case in enumerate(cases(objects_count=1))]
     for record in records:
         weight = record["reconstruction"].get("train.depth_weight", DEPTH_WEIGHT)
-        record["yardstick"]["psnr_object"] = 30.0 - 10 * weight
+        record["yardstick"]["psnr_object_in_place"] = 30.0 - 10 * weight
         surface = {"accuracy": 0.001 / (1 + 100 * weight), "completeness": 0.004}
         record["results"] |= {"surface": surface, "adherence": 0.0015}
     return records

@@ -42,11 +42,11 @@ def test_settings_are_recommended_within_a_time(
         record = record_of(case, 0)
         if case.labels["value"] == 2000:
             record["seconds"]["train"] = 60.0
-            record["yardstick"]["psnr_object"] = 35.0
+            record["yardstick"]["psnr_object_in_place"] = 35.0
         if case.labels["value"] == 24:
-            record["yardstick"]["psnr_object"] = 30.0
+            record["yardstick"]["psnr_object_in_place"] = 30.0
         if case.labels["value"] == "truth":  # no answer to how good a recording comes out
-            record["yardstick"]["psnr_object"] = 45.0
+            record["yardstick"]["psnr_object_in_place"] = 45.0
         store.add(record)
     folder = ["--study", str(tmp_path)]
     assert main(["recommend", "--time-budget", "50s", *folder]) == 0
@@ -71,7 +71,7 @@ def test_without_a_study_of_ones_own_the_published_one_is_taken(
     for folder, psnr in (("published/tradeoff", 20.0), ("out/study/tradeoff", 40.0)):
         case = BY_NAME["tradeoff"].cases(1, 1, 500)[0]
         record = record_of(case, 0) | {"recording": {"frames": 40}, "reconstruction": {}}
-        record["yardstick"]["psnr_object"] = psnr
+        record["yardstick"]["psnr_object_in_place"] = psnr
         Store(tmp_path / folder).add(record)
         assert main(["recommend", "--time-budget", "50s"]) == 0
         assert f"{psnr:.2f} dB" in capsys.readouterr().out

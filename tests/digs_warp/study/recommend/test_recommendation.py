@@ -19,20 +19,25 @@ from reference.recorded import small_capture
 
 # The laws of one study predict the cases of the other within this factor.
 FACTOR = 1.5
-# As the recordings of the study are.
-LIKE_STUDY = Look(40, 480, 270, "object", True, True, True, looked_at=35, points=74_785)
 
 
 @pytest.fixture(scope="module")
-def studies() -> Studies:
-    found = read_studies()
-    assert "published" in str(found.folder)
-    return found
+def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("without_own_studies"))
+        return read_studies()
 
 
 @pytest.fixture(scope="module")
 def settings(studies: Studies) -> list[Setting]:
     return measured_settings(studies.tradeoff, has_depth=True)
+
+
+@pytest.fixture(scope="module")
+def like_study(settings: list[Setting]) -> Look:
+    """The look of a recording as those of the study are."""
+    points = round(usual_of(settings).points)
+    return Look(40, 480, 270, "object", True, True, True, looked_at=35, points=points)
 
 
 @pytest.fixture
@@ -45,8 +50,10 @@ def times_of(look: Look, settings: list[Setting], studies: Studies, machine: flo
     return times(look, settings, studies.tradeoff, studies.scaling, training, machine, False)
 
 
-def test_what_the_study_measured_is_predicted(studies: Studies, settings: list[Setting]) -> None:
-    found = times_of(LIKE_STUDY, settings, studies, 1.0)
+def test_what_the_study_measured_is_predicted(
+    studies: Studies, settings: list[Setting], like_study: Look
+) -> None:
+    found = times_of(like_study, settings, studies, 1.0)
     for setting in settings:
         measured = setting.train + setting.initialize + setting.rest
         assert found.seconds(setting) == pytest.approx(measured, rel=1e-3)
@@ -54,11 +61,15 @@ def test_what_the_study_measured_is_predicted(studies: Studies, settings: list[S
 
 
 def test_cases_of_the_other_study_are_predicted(studies: Studies, settings: list[Setting]) -> None:
-    """Other images, frames and points: 16 to 128 frames, 320 to 1280 wide, 7,000 to 230,000 points."""
+    """Other images, frames and points: 16 to 128 frames, 320 to 1280 wide, 7,000 to 230,000 points.
+
+    The studies were measured at different times: one factor between them is that of the machine.
+    """
     usual = usual_of(settings)
     stages = ("train", "initialize", "load views", "measure course", "evaluate")
     cases = [r for r in studies.scaling if r["labels"]["curve"] != ONE_THREAD]
     assert len(cases) == 10
+    ratios = []
     for record in cases:
         load = load_of(record)
         points = record["results"]["initial_points"]
@@ -69,8 +80,9 @@ def test_cases_of_the_other_study_are_predicted(studies: Studies, settings: list
         )
         shorter = replace(usual, steps=load.steps, train=usual.train * load.steps / usual.steps)
         predicted = times_of(look, settings, studies, 1.0).seconds(shorter)
-        measured = sum(record["seconds"][stage] for stage in stages)
-        assert 1 / FACTOR < measured / predicted < FACTOR, record["labels"]
+        ratios.append(sum(record["seconds"][stage] for stage in stages) / predicted)
+    machine = np.median(ratios)
+    assert 1 / FACTOR < min(ratios) / machine and max(ratios) / machine < FACTOR
 
 
 @pytest.mark.parametrize(
@@ -79,42 +91,46 @@ def test_cases_of_the_other_study_are_predicted(studies: Studies, settings: list
     ids=str,
 )
 def test_more_work_takes_longer(
-    more: dict[str, int], studies: Studies, settings: list[Setting]
+    more: dict[str, int], studies: Studies, settings: list[Setting], like_study: Look
 ) -> None:
-    less = times_of(LIKE_STUDY, settings, studies, 1.0)
-    longer = times_of(replace(LIKE_STUDY, **more), settings, studies, 1.0)
+    less = times_of(like_study, settings, studies, 1.0)
+    longer = times_of(replace(like_study, **more), settings, studies, 1.0)
     for setting in settings:
         assert longer.seconds(setting) > less.seconds(setting)
-    of_a_slow_machine = times_of(LIKE_STUDY, settings, studies, 3.0)
+    of_a_slow_machine = times_of(like_study, settings, studies, 3.0)
     assert of_a_slow_machine.seconds(settings[0]) == pytest.approx(3 * less.seconds(settings[0]))
 
 
 def test_the_check_takes_its_time_whatever_is_chosen(
-    studies: Studies, settings: list[Setting]
+    studies: Studies, settings: list[Setting], like_study: Look
 ) -> None:
-    checked = replace(LIKE_STUDY, check_seconds=1.25)
+    checked = replace(like_study, check_seconds=1.25)
     for setting in settings:
         usual, longer = (
             times_of(look, settings, studies, 2.0).seconds(setting)
-            for look in (LIKE_STUDY, checked)
+            for look in (like_study, checked)
         )
         assert longer == pytest.approx(usual + 1.25)
 
 
-def test_matching_images_takes_its_time(studies: Studies, settings: list[Setting]) -> None:
-    given = times(LIKE_STUDY, settings, studies.tradeoff, studies.scaling, 35, 1.0, matches=False)
+def test_matching_images_takes_its_time(
+    studies: Studies, settings: list[Setting], like_study: Look
+) -> None:
+    given = times(like_study, settings, studies.tradeoff, studies.scaling, 35, 1.0, matches=False)
     estimated = replace(given, matches=True)
     # 14 to 17 s in the studies, of 32 and 40 frames
     assert 8 < estimated.seconds(settings[0]) - given.seconds(settings[0]) < 40
 
 
-def test_a_step_tells_how_fast_the_machine_is(studies: Studies, settings: list[Setting]) -> None:
+def test_a_step_tells_how_fast_the_machine_is(
+    studies: Studies, settings: list[Setting], like_study: Look
+) -> None:
     usual = usual_of(settings)
     step = usual.train / usual.steps
     for factor in (0.5, 1.0, 4.0):
-        look = replace(LIKE_STUDY, step_seconds=factor * step, step_points=LIKE_STUDY.points)
+        look = replace(like_study, step_seconds=factor * step, step_points=like_study.points)
         assert times_of(look, settings, studies, None).machine == pytest.approx(factor, rel=1e-3)
-    assert times_of(LIKE_STUDY, settings, studies, None).machine == 1.0
+    assert times_of(like_study, settings, studies, None).machine == 1.0
 
 
 def test_only_what_a_capture_can_have_is_a_choice(studies: Studies) -> None:
