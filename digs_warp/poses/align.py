@@ -17,8 +17,12 @@ HIDDEN = (0.15, 0.1, 0.1)
 STEPS = 10
 # Steps below this are done [rad, or m at a distance of 1 m].
 SMALL = 2e-5
-# The smallest image that is worth a look [px].
-LEAST_WIDTH = 40
+# The smallest image that is worth a look [px]. In smaller ones all frames at once run away (those of a room
+# by 20 cm in 67 columns); two do not, and find motions from farther off.
+LEAST_WIDTH, LEAST_WIDTH_OF_TWO = 80, 40
+# Poses are judged in images of at most this width [px]: in larger ones a wrong pose is off by more pixels,
+# and so are the poses that the noise of the depth asks for.
+JUDGED = 320
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,8 @@ class Alignment:
     Attributes:
         poses: ``world_from_cam``, (n, 4, 4), float64; as far from the given ones as they have to be: together
             they were not moved.
-        error_before, error_after: mean difference of the images at the points, in units of the contrast.
+        error_before, error_after: mean difference of the images at the points, in units of the contrast, in
+            images of at most `JUDGED` columns.
         pairs: numbers (source, target) of the frames that were compared, (k, 2).
     """
 
@@ -50,14 +55,14 @@ def align(pictures: Sequence[Picture], given: np.ndarray, threads: int = 0) -> A
         given: ``world_from_cam``, (n, 4, 4); errors of about one degree and a centimetre are mended.
         threads: that share the work; 0: as many as usual; 1 is faster for two frames.
     """
-    levels = list(zip(*map(_sizes, pictures), strict=True))
+    levels = list(zip(*(_sizes(each, LEAST_WIDTH) for each in pictures), strict=True))
     views = (over_items(level, view_of) for level in levels)
     return _coarse_to_fine(levels, views, given, threads)
 
 
 def pyramid_of(picture: Picture) -> tuple[View, ...]:
     """Return a picture at the sizes at which it is aligned, the smallest first, for `align_pair`."""
-    return tuple(view_of(each) for each in _sizes(picture))
+    return tuple(view_of(each) for each in _sizes(picture, LEAST_WIDTH_OF_TWO))
 
 
 def align_pair(
@@ -87,9 +92,11 @@ def _coarse_to_fine(
     pairs = overlapping_pairs(pictures[0], given)
     if not len(pairs):
         return None
-    poses, before, after = given, 0.0, 0.0
+    poses, judge = given, None
     for views, hidden in zip(levels, HIDDEN[-len(pictures) :], strict=True):
         comparison = PairComparison(views, pairs)
+        if judge is None or views[0].picture.intrinsics.width <= JUDGED:
+            judge = comparison, hidden
         sums = comparison.sums(poses, ANY_ERROR, hidden, threads)
         for _ in range(STEPS):
             sums = comparison.sums(poses, sums.scales, hidden, threads)
@@ -97,15 +104,16 @@ def _coarse_to_fine(
             poses = _moved(poses, steps)
             if np.abs(steps).max() < SMALL:
                 break
-        if views[0].picture is pictures[-1][0]:  # the largest
-            before = comparison.sums(given, ANY_ERROR, hidden, threads).scales.color
-            after = comparison.sums(poses, sums.scales, hidden, threads).scales.color
+    assert judge is not None
+    before, after = (
+        judge[0].sums(each, ANY_ERROR, judge[1], threads).scales.color for each in (given, poses)
+    )
     return Alignment(in_place(poses, given, _distance(pictures[-1])), before, after, pairs)
 
 
-def _sizes(picture: Picture) -> list[Picture]:
+def _sizes(picture: Picture, least: int) -> list[Picture]:
     sizes = [picture]
-    while len(sizes) < len(HIDDEN) and sizes[-1].intrinsics.width >= 2 * LEAST_WIDTH:
+    while len(sizes) < len(HIDDEN) and sizes[-1].intrinsics.width >= 2 * least:
         sizes.append(sizes[-1].halved())
     return sizes[::-1]
 

@@ -191,3 +191,24 @@ def test_given_centers_tell_the_scale_where_they_are_far_apart() -> None:
 def test_few_cameras_or_cameras_in_one_place_tell_no_scale() -> None:
     for poses in (TRUTH[:2], np.stack([TRUTH[0]] * 5)):
         np.testing.assert_array_equal(in_likely_scale(poses, poses), poses)
+
+
+def test_the_gain_of_refined_poses_hardly_depends_on_the_size_of_the_images(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(0)
+    noisy = [
+        replace(p, brightness=(p.brightness + rng.normal(0, 0.05, p.brightness.shape)).astype("f4"))
+        for p in PICTURES
+    ]
+    given = perturbed(0.2, 0.002)
+
+    def gain(pictures: Sequence[Picture]) -> float:
+        found = align(pictures, given)
+        assert found is not None
+        return 1 - found.error_after / found.error_before
+
+    small = gain([picture.halved() for picture in noisy])
+    apart_at_own_size = abs(gain(noisy) - small)
+    monkeypatch.setattr("digs_warp.poses.align.JUDGED", 80)
+    assert abs(gain(noisy) - small) < 0.03 < apart_at_own_size
