@@ -16,6 +16,9 @@ from digs_warp.train.density.refinement import Refinement, joined, rotation_matr
 
 # Values of the 3DGS reference. Steps count from 1.
 REFINE_EVERY = 100
+# Runs of fewer such intervals than this refine more often, but gather gradients for at least this many steps:
+# with the reference's interval, 1000 steps have four refinements and 300 have one.
+INTERVALS, FEWEST_STEPS = 20, 10
 REFINE_FROM = 500
 RESET_EVERY = 3000
 # The reference refines for the first 15,000 of its 30,000 steps.
@@ -41,15 +44,25 @@ RESET_OPACITY = 0.01
 
 @dataclass(frozen=True)
 class Schedule:
-    """When a run of ``iterations`` steps refines and resets. Refinement ends at ``until_share`` of them."""
+    """When a run of ``iterations`` steps refines and resets. Refinement ends at ``until_share`` of them.
+
+    ``often``: whether short runs refine more often than the reference.
+    """
 
     iterations: int
     until_share: float = REFINE_UNTIL_SHARE
+    often: bool = True
+
+    @property
+    def every(self) -> int:
+        """Steps between refinements."""
+        short = max(FEWEST_STEPS, self.iterations // INTERVALS)
+        return min(REFINE_EVERY, short) if self.often else REFINE_EVERY
 
     def refines(self, step: int) -> bool:
         """Whether density changes after ``step`` (1, 2, ...)."""
         start = min(REFINE_FROM, REFINE_FROM_SHARE * self.iterations)
-        return step % REFINE_EVERY == 0 and start < step <= self.until_share * self.iterations
+        return step % self.every == 0 and start < step <= self.until_share * self.iterations
 
     def resets(self, step: int) -> bool:
         """Whether opacities are reset after ``step``: one step after each interval.

@@ -135,7 +135,9 @@ class MonteCarlo:
         self._config = config
         self._extent = extent
         self._max_splats = max_splats
-        self._schedule = adaptive.Schedule(config.stop.iterations, RELOCATE_UNTIL_SHARE)
+        self._schedule = adaptive.Schedule(
+            config.stop.iterations, RELOCATE_UNTIL_SHARE, often=False
+        )
 
     def after_update(
         self, gaussians: DeviceGaussians, step: int, means_rate: float

@@ -1,11 +1,13 @@
 """Adam against its float64 twin, and the rates of the groups."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.train.config import Density, Rates, Stop, TrainConfig
+from digs_warp.train.config import Density, DensityStrategy, Rates, Stop, TrainConfig
 from digs_warp.train.optimizer import BLOCK, Adam
 from reference.adam_twin import adam_twin
 from reference.splat_scenes import random_gaussians
@@ -41,13 +43,27 @@ def test_five_steps_equal_the_twin() -> None:
 
 def test_rates_of_the_reference() -> None:
     gaussians = DeviceGaussians.from_numpy(random_gaussians(3, seed=0))
-    config = TrainConfig(stop=Stop(iterations=100), density=Density(strategy="adaptive"))
+    config = TrainConfig(stop=Stop(iterations=30_000), density=Density(strategy="adaptive"))
     adam = Adam(gaussians, gaussians.zeros_like(), config, extent=2.0)
     means, scales, quats, opacities, colors = adam.rates()
     assert means == pytest.approx(3.2e-4)
     assert (scales, quats, opacities, colors) == (5e-3, 1e-3, 5e-2, 2.5e-3)
-    adam.step = 100
+    adam.step = 30_000
     assert adam.rates()[0] == pytest.approx(3.2e-6)
+
+
+def test_short_runs_from_sparse_points_learn_as_fast_as_dense_ones() -> None:
+    def rates(steps: int, strategy: DensityStrategy = "adaptive") -> list[float]:
+        config = TrainConfig(stop=Stop(iterations=steps), density=Density(strategy=strategy))
+        return [*astuple(config.learning_rates)]
+
+    dense, reference = (rates(30_000, strategy) for strategy in ("fixed", "adaptive"))
+    assert rates(1000) == pytest.approx(dense) == rates(100)
+    assert rates(1000, "absgrad") == rates(1000)
+    assert rates(1000, "mcmc") == reference == rates(100_000)
+    halfway = round((1000 * 30_000) ** 0.5)
+    expected = [(a * b) ** 0.5 for a, b in zip(dense, reference, strict=True)]
+    assert rates(halfway) == pytest.approx(expected, rel=1e-3)
 
 
 def test_rates_of_a_dense_start_fall_to_a_share() -> None:

@@ -153,7 +153,17 @@ def test_the_schedule_is_that_of_the_reference() -> None:
         9001,
         12_001,
     ]
-    assert [step for step in range(1, 1001) if Schedule(1000).refines(step)] == [200, 300, 400, 500]
+
+
+def test_short_runs_refine_more_often() -> None:
+    def steps(schedule: Schedule) -> list[int]:
+        return [step for step in range(1, schedule.iterations + 1) if schedule.refines(step)]
+
+    assert steps(Schedule(1000)) == [150, 200, 250, 300, 350, 400, 450, 500]
+    assert steps(Schedule(300)) == [45, 60, 75, 90, 105, 120, 135, 150]
+    assert steps(Schedule(60)) == [10, 20, 30]
+    assert steps(Schedule(1000, often=False)) == [200, 300, 400, 500]
+    assert Schedule(2000).every == Schedule(30_000).every == 100
 
 
 def test_rotations_are_those_of_scipy() -> None:
