@@ -21,7 +21,7 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.seen_colors import colors_in, look_up
+from digs_warp.init.seen_colors import SeenColors, colors_in, look_up
 from digs_warp.measure.color_gain import DARK, OFFSET, SATURATED, STOPS_PER_LOG, ColorGain
 
 # Points that tell the exposures.
@@ -36,7 +36,7 @@ USUAL, LEAST = 2.0, 0.02
 
 
 def without_exposure(
-    points: PointCloud, frames: Sequence[Frame], factors: np.ndarray | None = None
+    points: PointCloud, frames: Sequence[Frame], seen: SeenColors | None = None
 ) -> PointCloud:
     """Return points in the colors that they have in photographs of one exposure.
 
@@ -46,12 +46,13 @@ def without_exposure(
     Args:
         points: the first ones.
         frames: to train on.
-        factors: logarithms of the exposures of the frames, as of `exposures`; None: they are sought.
+        seen: some of the points in some of the frames; None: they are looked up.
     """
     if not len(points) or not all(frame.has(Layer.DEPTH) for frame in frames):
         return points
-    if factors is None or len(factors) < len(frames):  # these are of some of the frames
-        factors = exposures(look_up(frames, points.points_world, POINTS, len(frames)).colors)
+    if seen is None or seen.colors.shape[1] < len(frames):
+        seen = look_up(frames, points.points_world, POINTS, len(frames))
+    factors = exposures(seen.colors)
     if not factors.any():
         return points
     return replace(points, colors=_evened(points, frames, factors))
@@ -94,7 +95,8 @@ def log_factors(values: np.ndarray) -> np.ndarray:
     for _ in range(ROUNDS):
         shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
         apart = logs - (shares * logs).sum(axis=1, keepdims=True)
-        normal = np.diag(weights.sum(axis=0)) - weights.T @ shares
+        # Not a product of matrices: its sums depend on the number of threads, and these wait for each other.
+        normal = np.diag(weights.sum(axis=0)) - np.einsum("nm,nk->mk", weights, shares)
         found = np.linalg.lstsq(normal, (weights * apart).sum(axis=0), rcond=1e-9)[0]
         even = logs - found
         misses = light * np.abs(even - (shares * even).sum(axis=1, keepdims=True))

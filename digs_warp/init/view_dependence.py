@@ -76,19 +76,15 @@ class ViewDependence:
         return f"{found} than degree {USUAL_DEGREE}, and are used from {WORTH_DB:g} dB on"
 
 
-def view_dependence(seen: "SeenColors", factors: np.ndarray) -> ViewDependence:
-    """Choose the degree of the color by what the photographs show.
-
-    Args:
-        seen: points in photographs.
-        factors: logarithms of the exposures of these, see `digs_warp.init.first_exposures`, (m,).
-    """
-    from digs_warp.init.first_exposures import in_one_exposure
+def view_dependence(seen: "SeenColors") -> ViewDependence:
+    """Choose the degree of the color by what the photographs show."""
+    from digs_warp.init.first_exposures import exposures, in_one_exposure
 
     often = np.flatnonzero(np.isfinite(seen.colors[..., 0]).sum(axis=1) >= FEWEST_VIEWS)
     if not len(often):
         return ViewDependence(USUAL_DEGREE)
-    colors = in_one_exposure(seen.colors[often], factors)
+    colors = seen.colors[often]  # in a room, most others contradict each other
+    colors = in_one_exposure(colors, exposures(colors))
     points = seen.points_world[often]
     some = np.array(evenly(plainest(points, colors), POINTS))
     return chosen(points[some, None] - seen.centers_world, colors[some])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.first_exposures import exposures, without_exposure
+from digs_warp.init.first_exposures import without_exposure
 from digs_warp.init.seen_colors import look_up
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.pipeline.prepared import Prepared
@@ -64,9 +64,8 @@ def load_views(
         evens = trains and config.fit_exposure == "on"
         if evens or config.sh_degree is None:
             seen = look_up(frames, points.points_world)
-            factors = exposures(seen.colors)
             if config.sh_degree is None:
-                judging = beside.submit(view_dependence, seen, factors)
-            points = without_exposure(points, frames, factors) if evens else points
+                judging = beside.submit(view_dependence, seen)
+            points = without_exposure(points, frames, seen) if evens else points
         data = opening.result() if opening else None
         return LoadedViews(data, held_out, judging.result() if judging else None, points)

@@ -14,7 +14,6 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import drawn
-from digs_warp.init.first_exposures import exposures
 from digs_warp.init.random_points import random_points
 from digs_warp.init.ray_points import ray_points
 from digs_warp.init.recipes import initialize
@@ -111,13 +110,12 @@ def look_at(
     some = evenly(training, LOOKED_AT)
     if capture.has_depth:
         points, pixel = _points(some, config.init, voxel_pixels, subject)
-        seen = look_up(some, points.points_world)
         found = replace(
             found,
             points=len(points),
             pixel=pixel,
             scatter=scatter(some, points.points_world),
-            color=view_dependence(seen, exposures(seen.colors)),
+            color=view_dependence(look_up(some, points.points_world)),
         )
     elif subject == "scene":
         points = ray_points(some, WITHOUT_DEPTH)

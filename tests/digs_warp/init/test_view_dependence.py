@@ -10,7 +10,6 @@ from digs_warp.init.first_exposures import exposures, in_one_exposure
 from digs_warp.init.seen_colors import SeenColors, look_up
 from digs_warp.init.view_dependence import (
     POINTS,
-    ViewDependence,
     chosen,
     plainest,
     prediction_error,
@@ -56,11 +55,6 @@ def test_noise_is_no_dependence_on_the_view() -> None:
     assert "used from 0.8 dB on" in matte.because
 
 
-def decided(seen: SeenColors) -> ViewDependence:
-    """What the photographs show, whatever their exposure."""
-    return view_dependence(seen, exposures(seen.colors))
-
-
 def adapting(
     directions: np.ndarray, colors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,7 +80,7 @@ def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
         darker = np.exp(-0.4 * (1 + np.sin(0.5 * number)))
         image = np.rint(frame.load_image() * darker).astype(np.uint8)
         frames.append(frame.with_layer(Layer.IMAGE, image))
-    found = decided(look_up(frames, ball(400).means))
+    found = view_dependence(look_up(frames, ball(400).means))
     assert found.degree == 1 and found.points > 40
 
 
@@ -122,13 +116,13 @@ def test_texture_seen_by_points_off_the_surface_is_no_gloss() -> None:
     anywhere = often[:: len(often) // POINTS]
     directions = matte.points_world[:, None] - matte.centers_world
     assert chosen(directions[anywhere], matte.colors[anywhere]).degree == 3
-    assert decided(matte).degree == 1
+    assert view_dependence(matte).degree == 1
     # Gloss is found in plain surroundings, too.
     highlight = np.exp(-20 * (1 - directions[..., 2] / -np.linalg.norm(directions, axis=2)))
     shiny = SeenColors(
         matte.points_world, matte.centers_world, matte.colors + 0.4 * highlight[..., None]
     )
-    assert decided(shiny).degree == 3
+    assert view_dependence(shiny).degree == 3
 
 
 def test_plain_surroundings_are_found_and_few_points_are_all_taken() -> None:
@@ -145,8 +139,22 @@ def test_plain_surroundings_are_found_and_few_points_are_all_taken() -> None:
 def test_the_few_points_of_a_room_that_are_seen_often_are_found(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
     elsewhere = np.full((19000, 3), 10 * RADIUS)
-    found = decided(look_up(capture.frames, np.concatenate([elsewhere, ball(800).means])))
+    found = view_dependence(look_up(capture.frames, np.concatenate([elsewhere, ball(800).means])))
     assert found.points > 60  # every tenth point would show 12
+
+
+def test_points_that_few_photographs_see_tell_no_exposure_of_a_room() -> None:
+    """Many points are seen twice, from places where their colors have nothing in common."""
+    directions, changed, _ = adapting(*seen(1, points=200))
+    random = np.random.default_rng(2)
+    twice = np.full((6000, 52, 3), np.nan)
+    for row in twice:
+        row[random.choice(52, 2, replace=False)] = random.uniform(0.1, 0.9, (2, 3))
+    points = random.normal(size=(len(directions) + len(twice), 3)) * 1e-6
+    colors = np.concatenate([changed, twice])
+    assert view_dependence(SeenColors(points, -directions[0], colors)).degree == 1
+    uneven = in_one_exposure(changed, exposures(colors))
+    assert chosen(directions, uneven).degree == 3
 
 
 def test_predictions_are_those_of_fits_without_the_color() -> None:
@@ -166,7 +174,7 @@ def test_predictions_are_those_of_fits_without_the_color() -> None:
 
 def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture")
-    found = decided(look_up(capture.frames, ball(400).means))
+    found = view_dependence(look_up(capture.frames, ball(400).means))
     assert found.degree == 1
     assert found.points > 40
 
@@ -174,8 +182,8 @@ def test_a_matte_recording_keeps_the_usual_degree(tmp_path: Path) -> None:
 def test_points_that_few_views_see_decide_nothing(tmp_path: Path) -> None:
     capture = write_tiny_capture(tmp_path / "capture", frames=4)
     for frames, points in ((capture.frames, ball(50).means), (capture.frames[:1], ball(50).means)):
-        found = decided(look_up(frames, points))
+        found = view_dependence(look_up(frames, points))
         assert found.degree == 1 and found.errors == ()
         assert "too few points" in found.because
     away = np.full((5, 3), 10 * RADIUS)
-    assert decided(look_up(capture.frames, away)).degree == 1
+    assert view_dependence(look_up(capture.frames, away)).degree == 1
