@@ -86,7 +86,8 @@ def view_dependence(seen: "SeenColors") -> ViewDependence:
     colors = seen.colors[often]  # in a room, most others contradict each other
     colors = in_one_exposure(colors, exposures(colors))
     points = seen.points_world[often]
-    some = np.array(evenly(plainest(points, colors), POINTS))
+    plain = plainest(points, colors)
+    some = plain[evenly(range(len(plain)), POINTS)]
     return chosen(points[some, None] - seen.centers_world, colors[some])
 
 
