@@ -124,11 +124,10 @@ def check_agreement(quality: SfmQuality) -> None:
     if quality.observations_per_image < FEWEST_OBSERVATIONS:
         raise DigsError(
             f"structure from motion: with the given poses {quality.images} images share only "
-            f"{quality.points} points; the camera was at rest, or the poses' errors are too large, their axes "
-            "are not OpenCV's, or they belong to other images: let --poses sfm estimate them. If the images "
-            "show too little "
-            "texture, start without matches: --strategy hull for an object with masks, else "
-            "--strategy random --target-points 20000"
+            f"{quality.points} points; the camera was at rest, or the poses' errors are too large, their "
+            "axes are not OpenCV's, or they belong to other images: let --poses sfm estimate them. If the "
+            "images show too little texture, start without matches: --strategy hull for an object with "
+            "masks, else --strategy random --target-points 20000"
         )
 
 
