@@ -10,6 +10,7 @@ number of threads.
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from threading import Lock
 from typing import Any
 
 import warp as wp
@@ -22,6 +23,10 @@ start_warp()
 # More chunks than threads, to balance uneven chunks and delayed threads; a launch costs about 5 us.
 CHUNKS_PER_THREAD = 8
 EVEN_CHUNKS_PER_THREAD = 3
+
+# Recording loads the kernel's module. Of two threads that load it together each gets a copy, and the first is
+# freed while it runs.
+_recording = Lock()
 
 
 @cache
@@ -52,16 +57,17 @@ class ParallelLaunch:
         pieces = self.threads * per_thread if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
         self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
-        self.chunks: list[Any] = [
-            wp.launch(
-                kernel,
-                dim=min(size, dim - first),
-                inputs=[first, *inputs],
-                device=device,
-                record_cmd=True,
-            )
-            for first in range(0, dim, size)
-        ]
+        with _recording:
+            self.chunks: list[Any] = [
+                wp.launch(
+                    kernel,
+                    dim=min(size, dim - first),
+                    inputs=[first, *inputs],
+                    device=device,
+                    record_cmd=True,
+                )
+                for first in range(0, dim, size)
+            ]
 
     def set_param(self, index: int, value: Any) -> None:
         """Change argument ``index`` of ``inputs`` for the next runs; an unchanged number or array is free."""

@@ -1,0 +1,43 @@
+"""Threads that launch the same kernel first load its module once. A crash ends a process of its own."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROUNDS = 6
+CODE = f"""
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+import numpy as np
+import warp as wp
+from digs_warp.device.parallel import launch_parallel
+
+@wp.kernel
+def doubled(first: int, values: wp.array(dtype=float), found: wp.array(dtype=float)):
+    i = first + wp.tid()
+    for _ in range(2000):
+        found[i] = 2.0 * values[i]
+
+values = wp.array(np.arange(64, dtype=np.float32), device="cpu")
+barrier = Barrier(8)
+
+def work(number):
+    found = wp.zeros(64, dtype=float, device="cpu")
+    barrier.wait()
+    launch_parallel(doubled, 64, [values, found], threads=1)
+    return found.numpy()
+
+with ThreadPoolExecutor(8) as pool:
+    for _ in range({ROUNDS}):
+        doubled.module.unload()
+        for found in pool.map(work, range(8)):
+            np.testing.assert_array_equal(found, 2 * np.arange(64))
+print("done")
+"""
+
+
+def test_threads_share_a_module_that_none_has_loaded(tmp_path: Path) -> None:
+    script = tmp_path / "launches.py"
+    script.write_text(CODE)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "done" in done.stdout, done.stderr[-2000:]
