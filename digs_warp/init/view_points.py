@@ -22,8 +22,11 @@ KEPT_PIXELS = 100_000
 # How far from its mask the object may still be, as a share of the image's width: rims are soft, and poses and
 # depth a little off.
 MASK_MARGIN = 0.02
-# Depth where a ray meets nothing of the object [m]: it sees through everything.
+# Depth where a ray meets nothing at all [m]: it sees through everything.
 NOTHING = 1e6
+# How far a ray that meets the surround sees, in terms of the surround's depth: what lies there is no object.
+# What is farther may be hidden by something in front of the object.
+BEYOND = 1.1
 
 # Conditions of eq. 9 in the order in which they are applied.
 FILTERS = ("in the mask", "with depth", "away from edges", "in the foreground")
@@ -116,11 +119,11 @@ def thinned(depth: np.ndarray) -> np.ndarray:
 def thinned_object_depth(
     depth: np.ndarray, in_mask: np.ndarray, unknown: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the thinned depth map with `NOTHING` where the mask shows no object.
+    """Return the thinned depth map, a little deeper than measured where the mask shows no object.
 
     What was measured there is the surround. Pixels at the rim of a mask may have its depth, too: their points
-    lie on the ground, where the other views would confirm them. A view without mask pixels may just lack its
-    mask: its depth stays.
+    lie on the ground, where the other views would confirm them; so they are seen through. Where nothing was
+    measured, it is `NOTHING`. A view without mask pixels may just lack its mask: its depth stays.
 
     Args:
         depth: planar depth [m], shape (height, width), NaN where unknown.
@@ -133,7 +136,7 @@ def thinned_object_depth(
     known = grown(mask, MASK_MARGIN * mask.shape[1])
     if unknown is not None:
         known |= thinned(unknown)
-    return np.where(known, kept, np.float32(NOTHING))
+    return np.where(known, kept, np.where(np.isnan(kept), np.float32(NOTHING), BEYOND * kept))
 
 
 def box_of(in_mask: np.ndarray) -> Box:

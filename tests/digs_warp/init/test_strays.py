@@ -9,7 +9,7 @@ import pytest
 from digs_warp.data.capture import Capture
 from digs_warp.init.recipes import InitConfig, initial_points
 from digs_warp.init.strays import in_company
-from digs_warp.init.view_points import NOTHING, thinned_object_depth
+from digs_warp.init.view_points import BEYOND, NOTHING, thinned_object_depth
 from reference.ball_capture import RADIUS, ball_views, write_capture
 
 VOXEL = 0.004
@@ -98,13 +98,37 @@ def test_a_view_without_its_mask_takes_no_points_away(tmp_path: Path) -> None:
     assert len(initial_points(capture.frames, config)) > 50
 
 
+def test_something_in_front_takes_no_points_away(tmp_path: Path) -> None:
+    """In most views something that has no mask hides half of the ball."""
+    config = InitConfig(voxel_size=0.02, min_support=0.0)
+    open_capture = write_capture(tmp_path / "open", ball_views(24))
+    views = ball_views(24)
+    for number, (_, images) in enumerate(views):
+        if number % 3:
+            images.mask[:, :40] = 0
+            images.depth[:, :40] = 0.3
+    points = initial_points(write_capture(tmp_path / "hidden", views).frames, config)
+    assert len(points) > 0.9 * len(initial_points(open_capture.frames, config))
+
+
 def test_what_another_object_hides_is_not_taken_for_empty() -> None:
     _, images = ball_views(1)[0]
     inside = images.mask > 0
     half = inside & (np.arange(80) < 40)
-    empty = thinned_object_depth(images.depth, half) == NOTHING
-    assert (empty & inside).sum() > 200
     hidden = inside & ~half
+    seen_through = thinned_object_depth(images.depth, half) > images.depth
+    assert (seen_through & inside).sum() > 200
     kept = thinned_object_depth(images.depth, half, hidden)
     np.testing.assert_array_equal(kept[inside], images.depth[inside])
-    assert (kept == NOTHING).sum() > 2000
+    assert (kept > images.depth).sum() > 2000
+
+
+def test_the_surround_is_seen_through_whether_it_has_depth_or_not() -> None:
+    depth = np.full((60, 80), 2.0, np.float32)
+    depth[:, 60:] = np.nan
+    mask = np.zeros((60, 80), bool)
+    mask[20:40, 10:30] = True
+    kept = thinned_object_depth(depth, mask)
+    assert (kept[mask] == 2.0).all()
+    np.testing.assert_allclose(kept[:10, :60], 2.0 * BEYOND)
+    assert (kept[:, 60:] == NOTHING).all()
