@@ -12,6 +12,7 @@ from typing import Any
 from digs_warp.engines.results import RESULTS
 from digs_warp.record.files import write_atomically
 from digs_warp.study.catalogue import STUDIES, Study, find_study
+from digs_warp.study.engine.case import with_file_names
 from digs_warp.study.engine.store import Store
 from digs_warp.study.page import MARKDOWN, PAGE
 
@@ -57,14 +58,10 @@ def publish(study: Study, folder: Path) -> None:
 
 def portable(record: dict[str, Any]) -> dict[str, Any]:
     """Return the record with the names of input files and of the recording instead of where they lay."""
-    return record | {
-        "recording": _names(record["recording"], "mesh", "environment"),
-        "results": _names(record.get("results", {}), "capture"),
-    }
-
-
-def _names(values: dict[str, Any], *paths: str) -> dict[str, Any]:
-    return values | {key: Path(values[key]).name for key in paths if key in values}
+    results = record.get("results", {})
+    if "capture" in results:
+        results = results | {"capture": Path(results["capture"]).name}
+    return record | {"recording": with_file_names(record["recording"]), "results": results}
 
 
 def write_index() -> None:

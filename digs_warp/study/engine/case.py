@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 from digs_warp.checks import DigsError
@@ -35,8 +36,8 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Identifies the case across runs: equal labels and settings give equal keys."""
-        return digest([self.labels, self.recording, self.reconstruction])
+        """Identifies the case across runs and machines: input files count by their names."""
+        return digest([self.labels, with_file_names(self.recording), self.reconstruction])
 
     @property
     def recording_key(self) -> str:
@@ -52,6 +53,14 @@ class Case:
     def name(self) -> str:
         """The labels as words."""
         return " ".join(f"{key}={value}" for key, value in self.labels.items())
+
+
+def with_file_names(recording: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a recording with the names of its input files instead of where they lie."""
+    files = {
+        key: Path(recording[key]).name for key in ("mesh", "environment") if recording.get(key)
+    }
+    return {**recording, **files}
 
 
 def with_settings(config: T, changes: Mapping[str, Any]) -> T:

@@ -1,11 +1,16 @@
 """Cases and their settings."""
 
+import json
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
 from digs_warp.checks import DigsError
+from digs_warp.engines.results import RESULTS
 from digs_warp.study.engine.case import Case, with_settings
+
+DOCS = Path(__file__).parents[4] / "docs"
 
 
 @dataclass(frozen=True)
@@ -48,3 +53,16 @@ def test_the_key_follows_the_content_and_not_the_order() -> None:
     assert first.key == Case({"b": 2, "a": 1}, {"frames": 3}).key
     assert first.key != Case({"a": 1, "b": 2}, {"frames": 4}).key
     assert first.recording_key == Case({}, {"frames": 3}, {"test_every": 4}).recording_key
+
+
+def test_input_files_may_lie_elsewhere_when_a_study_goes_on() -> None:
+    here, there = (Case({}, {"mesh": f"{folder}/mug.glb", "environment": None}) for folder in "ab")
+    assert here.key == there.key != Case({}, {"mesh": "a/cup.glb", "environment": None}).key
+    assert here.recording_key != there.recording_key  # recordings are made from the files
+
+
+def test_a_published_study_can_be_continued() -> None:
+    for line in (DOCS / "study/tradeoff" / RESULTS).read_text(encoding="utf-8").splitlines():
+        record = json.loads(line)
+        settings = (record[name] for name in ("labels", "recording", "reconstruction"))
+        assert Case(*settings).key == record["key"]
