@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
 from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
-from digs_warp.poses import pair_kernel
 from digs_warp.poses.agreement import disagreements
 from digs_warp.poses.chain import holds, turn_deg
 from digs_warp.poses.edges import Sight, edge_between
@@ -64,5 +62,4 @@ def contradiction(frames: Sequence[Frame], readout_time: float) -> Contradiction
         other = turn_deg(invert_rigid(edge.target_from_source) @ given) > OTHER_TURN
         return bool(other and holds(edge) and before - after > BETTER)
 
-    wp.load_module(pair_kernel, device="cpu")  # once, before several threads launch
     return Contradiction(len(steps), sum(over_items(steps, contradicted)))

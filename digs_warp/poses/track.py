@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.device.libraries import import_open3d
 from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
-from digs_warp.poses import pair_kernel
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.chain import along, bridged, holds, measured_again, measured_chain, turn_deg
@@ -73,7 +71,6 @@ def track(frames: Sequence[Frame], readout_time: float) -> Tracked:
     pictures = load_pictures(frames, readout_time)
     _check_measured(frames, pictures)
     sights = over_items(pictures, Sight.of)
-    wp.load_module(pair_kernel, device="cpu")  # once, before several threads launch
     small = [sight.picture for sight in sights]
     chain = bridged(sights, measured_chain(sights))
     _check_whole(frames, chain)

@@ -5,13 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init import visibility_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.scene_points import scene_points
@@ -69,7 +67,6 @@ def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:
     A frame shows a point if its depth there is that of the point. Held-out frames have none.
     """
     training = set(start.training)
-    wp.load_module(visibility_kernel, device="cpu")  # once, before several threads launch
 
     def work(_: int, frame: Frame) -> np.ndarray:
         if not len(start) or frame not in training or not frame.has(Layer.DEPTH):
