@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # results name the decision, and need no kernels
 POINTS = 2000
 # A point is seen often enough for a prediction.
 FEWEST_VIEWS = 8
-# The share of the points seen often that is compared: those with the least texture among so many neighbors.
+# This share of the points seen often is compared: those with the least texture among their nearest neighbors.
 PLAIN, NEIGHBORS = 0.25, 16
 # Weight of the ridge, in photographs: what a higher band has to explain before it is believed.
 RIDGE = 0.3

@@ -105,7 +105,7 @@ class FramePair:
 
     @property
     def is_certain(self) -> bool:
-        """Whether so many features match that no other start is tried."""
+        """Whether enough features match to try no other start."""
         return self.by_features is not None and self.matches.agreeing(self.by_features) >= MATCHES
 
     def edge(self, before: np.ndarray, search: bool = True) -> Edge:

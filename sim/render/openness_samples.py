@@ -27,7 +27,7 @@ LAYERS = 16
 # Nodes of faces with a longer side are measured themselves, in widths of a cell.
 LONG_SIDE = 3.0
 
-# Samples around a node count up to this distance, in widths of a cell: at least the one of its own cell does.
+# Samples count up to this distance from a node, in widths of a cell: the one in its own cell always does.
 REACH = wp.constant(2.0)
 
 # Surfaces this far above each other are different ones: leather under a buckle. In widths of a cell.

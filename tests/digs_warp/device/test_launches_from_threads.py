@@ -1,4 +1,4 @@
-"""Threads that launch the same kernel first load its module once. A crash ends a process of its own."""
+"""A kernel that several threads launch at once is loaded once. The test runs in a process that may crash."""
 
 import subprocess
 import sys
