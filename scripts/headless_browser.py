@@ -46,16 +46,17 @@ class Browser:
         # No pings: a browser that draws on a busy machine answers them too late.
         self._socket = connect(address, max_size=None, ping_interval=None)
         self._numbers = itertools.count(1)
-        self._events: set[str] = set()
+        self._loaded: set[str] = set()  # loaders of the pages that are there
         self.requests: list[str] = []
 
     def visit(self, url: str) -> None:
         """Load a page, and wait until it is there."""
         self._call("Page.enable")
         self._call("Network.enable")
-        self._events.discard("Page.loadEventFired")
-        self._call("Page.navigate", url=url)
-        while "Page.loadEventFired" not in self._events:
+        self._call("Page.setLifecycleEventsEnabled", enabled=True)
+        # By its loader: the page before may still be loading, and say so in between.
+        loader = self._call("Page.navigate", url=url)["loaderId"]
+        while loader not in self._loaded:
             self._receive()
 
     def run(self, script: str) -> Any:
@@ -145,12 +146,14 @@ class Browser:
                 return answer["result"]
 
     def _receive(self) -> dict[str, Any]:
-        """Return the next message; remember it if it is an event."""
+        """Return the next message; keep what events say of requests and of pages that are there."""
         message = json.loads(self._socket.recv(timeout=120))
         if "method" in message:
-            self._events.add(message["method"])
+            about = message["params"]
             if message["method"] == "Network.requestWillBeSent":
-                self.requests.append(message["params"]["request"]["url"])
+                self.requests.append(about["request"]["url"])
+            elif message["method"] == "Page.lifecycleEvent" and about["name"] == "load":
+                self._loaded.add(about["loaderId"])
         return message
 
 
