@@ -24,14 +24,28 @@ start_warp()
 CHUNKS_PER_THREAD = 8
 EVEN_CHUNKS_PER_THREAD = 3
 
-# Recording loads the kernel's module. Of two threads that load it together each gets a copy, and the first is
-# freed while it runs.
 _recording = Lock()
 
 
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="warp")
+
+
+def recorded(kernel: Any, dim: int, inputs: list[Any], device: str = "cpu") -> Any:
+    """Return a launch of ``kernel`` over indices 0..dim-1, whose ``launch`` runs it on the calling thread.
+
+    It holds raw addresses: keep the arrays in ``inputs`` alive. Any thread may call this: recording loads the
+    kernel's module, and of two threads that load it together each would get a copy, the first of which is
+    freed while it runs.
+    """
+    with _recording:
+        return wp.launch(kernel, dim=dim, inputs=inputs, device=device, record_cmd=True)
+
+
+def launch_here(kernel: Any, dim: int, inputs: list[Any]) -> None:
+    """Run ``kernel`` once over indices 0..dim-1 on the calling thread, one of several that are at work."""
+    recorded(kernel, dim, inputs).launch()
 
 
 class ParallelLaunch:
@@ -57,17 +71,10 @@ class ParallelLaunch:
         pieces = self.threads * per_thread if device == "cpu" and self.threads > 1 else 1
         size = max(1, -(-dim // pieces))
         self._inputs = list(inputs)  # keeps the arrays alive: a recorded launch holds raw addresses
-        with _recording:
-            self.chunks: list[Any] = [
-                wp.launch(
-                    kernel,
-                    dim=min(size, dim - first),
-                    inputs=[first, *inputs],
-                    device=device,
-                    record_cmd=True,
-                )
-                for first in range(0, dim, size)
-            ]
+        self.chunks: list[Any] = [
+            recorded(kernel, min(size, dim - first), [first, *inputs], device)
+            for first in range(0, dim, size)
+        ]
 
     def set_param(self, index: int, value: Any) -> None:
         """Change argument ``index`` of ``inputs`` for the next runs; an unchanged number or array is free."""

@@ -7,7 +7,7 @@ import warp as wp
 
 from digs_warp.camera import Camera
 from digs_warp.checks import DigsError, check_positive
-from digs_warp.device.parallel import packed
+from digs_warp.device.parallel import launch_here, packed
 from digs_warp.init.edges import on_device
 from digs_warp.init.voxel import VoxelSums
 from digs_warp.init.voxel_kernel import (
@@ -66,7 +66,7 @@ def back_project(
         table = _empty_table(slot_bits, channels)
         arrays = {name: on_device(array) for name, array in table.items()}
         output = packed(VoxelTable, slot_bits=slot_bits, **arrays)
-        wp.launch(accumulate_kernel, dim=1, inputs=inputs, outputs=[output], device="cpu")
+        launch_here(accumulate_kernel, 1, [*inputs, output])
         if table["report"][STATUS] == TOO_FAR:
             raise _too_far(camera, depth, weights, voxel_size)
         if table["report"][STATUS] == DONE:

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.dropped import what_was_dropped
 from digs_warp.init.in_order import in_order
@@ -65,8 +63,6 @@ def depth_points(
         NoPointsError: not a single point in any view.
     """
     require_layers(frames, config, (Layer.DEPTH, Layer.MASK))
-    for module in (edge_kernel, normals, voxel_kernel):
-        wp.load_module(module, device="cpu")  # once, before several threads launch
     report = DepthReport(pixels=dict.fromkeys(FILTERS, 0))
     size = first_voxel_size(frames, config, sfm_per_metre)
     grid = GrowingGrid()

@@ -15,7 +15,7 @@ across it remain.
 import numpy as np
 import warp as wp
 
-from digs_warp.device.parallel import packed
+from digs_warp.device.parallel import launch_here, packed
 from digs_warp.init.edge_kernel import TILE_HEIGHT, TILE_WIDTH, ImagePart, laplacian_kernel
 
 # Rows and columns of a part of an image; starts and stops are given.
@@ -58,10 +58,10 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
     part = packed(
         ImagePart, top=rows.start, left=columns.start, height=inner_height, width=inner_width
     )
-    wp.launch(
+    launch_here(
         laplacian_kernel,
-        dim=tiles,
-        inputs=[
+        tiles,
+        [
             0,
             on_device(np.ascontiguousarray(depth, dtype=np.float32).reshape(-1)),
             height,
@@ -70,9 +70,9 @@ def edge_magnitude(depth: np.ndarray, box: Box | None = None) -> tuple[np.ndarra
             _TOTAL_WEIGHT,
             MIN_PAIR_WEIGHT * _TOTAL_WEIGHT,
             part,
+            on_device(magnitude.reshape(-1)),
+            on_device(sums),
         ],
-        outputs=[on_device(magnitude.reshape(-1)), on_device(sums)],
-        device="cpu",
     )
     return magnitude, _edge_threshold(*sums.sum(axis=0))
 

@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.camera import Camera
+from digs_warp.device.parallel import launch_here
 from digs_warp.init.edges import on_device
 
 wp.set_module_options({"enable_backward": False})
@@ -77,12 +78,7 @@ def normals_from_depth(camera: Camera, depth: np.ndarray, wanted: np.ndarray) ->
         on_device(np.ascontiguousarray(wanted)),
         wp.mat33(*camera.world_from_cam[:3, :3].ravel()),
         *(float(value) for value in (k.fx, k.fy, k.cx, k.cy)),
+        on_device(normals),
     ]
-    wp.launch(
-        normal_kernel,
-        dim=depth.shape[0],
-        inputs=inputs,
-        outputs=[on_device(normals)],
-        device="cpu",
-    )
+    launch_here(normal_kernel, depth.shape[0], inputs)
     return normals

@@ -14,13 +14,11 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import warp as wp
 
 from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init import edge_kernel, normals, voxel_kernel
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import CHECK_DEPTH, NoPointsError, drawn, require_layers
 from digs_warp.init.in_order import in_order
@@ -61,8 +59,6 @@ def scene_points(
         NoPointsError: not a single point in any view.
     """
     require_layers(frames, config, (Layer.DEPTH,))
-    for module in (edge_kernel, normals, voxel_kernel):
-        wp.load_module(module, device="cpu")  # once, before several threads launch
     levels = _levels(frames, config)
     report = DepthReport(pixels=dict.fromkeys(SCENE_FILTERS, 0))
     measured, guessed, seen = LevelSums(), LevelSums(), []

@@ -17,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from digs_warp.checks import DigsError
-from digs_warp.device.parallel import ParallelLaunch, default_threads, run_together
+from digs_warp.device.parallel import ParallelLaunch, default_threads, recorded, run_together
 from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.splat.bin_kernels import (
     MAX_TILE_COLUMNS,
@@ -264,7 +264,7 @@ class TileBinner:
 
     def _serial(self, kernel: Any, inputs: list[Any]) -> Any:
         """Record a kernel that runs in one thread; `launch` on what is returned runs it."""
-        return wp.launch(kernel, dim=1, inputs=inputs, device=self.device, record_cmd=True)
+        return recorded(kernel, 1, inputs, self.device)
 
     def _scan_tiles(self) -> None:
         self._tile_scan.set_param_at_index(1, self.tiles)

@@ -35,7 +35,6 @@ from functools import cache
 
 import warp as wp
 
-from digs_warp.device.contiguous import floats_from
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
@@ -72,6 +71,7 @@ from digs_warp.splat.tile import (
     tile_splat,
 )
 from digs_warp.splat.tile_blocks import Ellipse, live_blocks, lowest_bit, touched_blocks
+from digs_warp.splat.tile_output import fill_tile, write_row
 
 wp.set_module_options({"enable_backward": False})
 
@@ -90,34 +90,6 @@ _NORMAL_X = wp.constant(7 * PLANE_FLOATS)
 _NORMAL_Y = wp.constant(8 * PLANE_FLOATS)
 _NORMAL_Z = wp.constant(9 * PLANE_FLOATS)
 _PLANE = wp.constant(PLANE_FLOATS)
-
-
-@wp.func
-def fill_tile(
-    start: int, width: int, height: int, pitch: int, value: float, plane: wp.array[float]
-):
-    """Set the pixels of a tile, of which ``width`` x ``height`` lie inside the image."""
-    for y in range(height):
-        row = floats_from(plane, start + y * pitch, width)
-        if width == TILE:
-            for x in range(TILE):
-                row[x] = value
-        else:
-            for t in range(width):
-                row[t] = value
-
-
-@wp.func
-def write_row(count: int, source: wp.array[float], first: int, start: int, plane: wp.array[float]):
-    """Write ``count`` pixels of one row of a block."""
-    taken = floats_from(source, first, count)
-    row = floats_from(plane, start, count)
-    if count == BLOCK_COLUMNS:
-        for x in range(BLOCK_COLUMNS):
-            row[x] = taken[x]
-    else:
-        for t in range(count):
-            row[t] = taken[t]
 
 
 @cache

@@ -13,9 +13,8 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.kernel_options import vector_module_options
-from digs_warp.device.warp_start import start_warp
+from digs_warp.device.parallel import launch_here
 
-start_warp()
 wp.set_module_options(vector_module_options())
 
 # Pixels that are compared at a time, and columns without values in front of a row.
@@ -164,4 +163,4 @@ def drop_islands(disparity: np.ndarray, missing: int, largest: int, step: int) -
     runs = wp.empty(4 * width * height, dtype=int, device="cpu")
     image = wp.array(disparity.reshape(-1), dtype=wp.int16, device="cpu", copy=False)
     inputs = [rows, masks, runs, width, height, missing, largest, step, image]
-    wp.launch(islands_kernel, dim=1, inputs=inputs, device="cpu")
+    launch_here(islands_kernel, 1, inputs)

@@ -4,13 +4,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROUNDS = 6
 CODE = f"""
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 import numpy as np
 import warp as wp
-from digs_warp.device.parallel import launch_parallel
+from digs_warp.device.parallel import launch_here, launch_parallel
 
 @wp.kernel
 def doubled(first: int, values: wp.array(dtype=float), found: wp.array(dtype=float)):
@@ -24,7 +26,7 @@ barrier = Barrier(8)
 def work(number):
     found = wp.zeros(64, dtype=float, device="cpu")
     barrier.wait()
-    launch_parallel(doubled, 64, [values, found], threads=1)
+    LAUNCH
     return found.numpy()
 
 with ThreadPoolExecutor(8) as pool:
@@ -36,8 +38,15 @@ print("done")
 """
 
 
-def test_threads_share_a_module_that_none_has_loaded(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "launch",
+    [
+        "launch_parallel(doubled, 64, [values, found], threads=1)",
+        "launch_here(doubled, 64, [0, values, found])",
+    ],
+)
+def test_threads_share_a_module_that_none_has_loaded(tmp_path: Path, launch: str) -> None:
     script = tmp_path / "launches.py"
-    script.write_text(CODE)
+    script.write_text(CODE.replace("LAUNCH", launch))
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
     assert done.returncode == 0 and "done" in done.stdout, done.stderr[-2000:]
