@@ -26,6 +26,7 @@ UNREADABLE_EXTENSIONS = {
     "KHR_draco_mesh_compression": "export it without Draco compression",
     "EXT_meshopt_compression": "export it without meshopt compression",
     "KHR_texture_basisu": "export its textures as PNG or JPEG",
+    "EXT_mesh_gpu_instancing": "export it without GPU instancing",
 }
 
 # Of the parts that are read, what the standard defines as lists of objects, lists of names, texts, objects.
@@ -200,27 +201,19 @@ def undecodable_images(path: Path, header: dict[str, Any]) -> Iterator[str]:
             yield f"{error}; drawn without it"
 
 
-def unmodeled_features(header: dict[str, Any]) -> Iterator[str]:
-    """Yield a sentence for every material that will look different from what its author intended."""
-    for index, material in enumerate(header.get("materials", [])):
-        label = f"material '{material.get('name', index)}'"
-        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
-        if texture.get("texCoord", 0) or "KHR_texture_transform" in texture.get("extensions", {}):
-            yield f"{label}: texture transforms are not read, its texture may be misplaced"
-
-
 def image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> bytes:
     """Return the file in one of the header's ``images``."""
     if "uri" in entry:
-        return _uri_bytes(path, entry["uri"])
+        return uri_bytes(path, entry["uri"])
     view = header["bufferViews"][entry["bufferView"]]
     buffer = header["buffers"][view["buffer"]]
-    data = _uri_bytes(path, buffer["uri"]) if "uri" in buffer else glb_binary(path)
+    data = uri_bytes(path, buffer["uri"]) if "uri" in buffer else glb_binary(path)
     start = view.get("byteOffset", 0)
     return data[start : start + view["byteLength"]]
 
 
-def _uri_bytes(path: Path, uri: str) -> bytes:
+def uri_bytes(path: Path, uri: str) -> bytes:
+    """Return what a URI of the file at ``path`` holds: data of its own, or a file beside it."""
     if uri.startswith("data:"):
         return base64.b64decode(uri.partition(",")[2])
     return (path.parent / unquote(uri)).read_bytes()

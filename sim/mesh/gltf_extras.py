@@ -112,5 +112,7 @@ def _image(path: Path, header: dict[str, Any], texture: dict[str, Any] | None) -
         return None
     from PIL import Image
 
-    entry = header["images"][header["textures"][texture["index"]]["source"]]
+    of_texture = header["textures"][texture["index"]]
+    webp = of_texture.get("extensions", {}).get("EXT_texture_webp", {})
+    entry = header["images"][webp.get("source", of_texture.get("source"))]
     return Image.open(BytesIO(image_bytes(path, header, entry)))

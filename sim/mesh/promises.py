@@ -18,6 +18,7 @@ _MOST_VIEWS = 8
 _MOST_COPIES, _FREE_TRIANGLES = 16, 1 << 20
 # A binary STL file: a header of 80 bytes, a count, 50 bytes per triangle.
 _STL_COUNT = struct.Struct("<80xI")
+_STL_TRIANGLE_BYTES = 50
 
 
 def check_promises(path: Path, header: dict[str, Any]) -> None:
@@ -73,13 +74,20 @@ def _check_stl(path: Path, where: str) -> None:
         start = file.read(_STL_COUNT.size)
     size = path.stat().st_size
     if len(start) == _STL_COUNT.size and not start.startswith(b"solid"):
-        TRIANGLES.check(where, min(_STL_COUNT.unpack(start)[0], size))
+        count = _STL_COUNT.unpack(start)[0]
+        held = (size - _STL_COUNT.size) // _STL_TRIANGLE_BYTES
+        if count > held:
+            raise MeshError(
+                f"{where}: its header promises {count:,} triangles, the file holds {held:,}; truncated "
+                "or damaged, copy or export it again"
+            )
+        TRIANGLES.check(where, count)
 
 
 def _check_gltf(path: Path, header: dict[str, Any], where: str) -> None:
     accessors = header.get("accessors", [])
     views = header.get("bufferViews", [])
-    lengths = [_element_bytes(each) * _count(each) for each in accessors]
+    lengths = [_element_bytes(each) * sum(_counts(each)) for each in accessors]
     unfounded = sum(
         length for each, length in zip(accessors, lengths, strict=True) if "bufferView" not in each
     )
@@ -89,7 +97,8 @@ def _check_gltf(path: Path, header: dict[str, Any], where: str) -> None:
             f"{FREE_UNPACKED:,}; export it again"
         )
     held = _buffer_bytes(path, header)
-    for each, length in zip(accessors, lengths, strict=True):
+    for each in accessors:
+        length = _element_bytes(each) * _counts(each)[0]
         if "bufferView" in each and length > (size := views[each["bufferView"]]["byteLength"]):
             raise MeshError(
                 f"{where}: an accessor promises {length:,} bytes, its view has {size:,}; "
@@ -117,12 +126,12 @@ def _element_bytes(accessor: dict[str, Any]) -> int:
     return _COMPONENT_BYTES[accessor["componentType"]] * _COMPONENTS[accessor["type"]]
 
 
-def _count(accessor: dict[str, Any]) -> int:
-    """Return the elements of an accessor; of a sparse one, those that replace zeros count, too."""
+def _counts(accessor: dict[str, Any]) -> list[int]:
+    """Return the elements of an accessor, and how many of them a sparse one replaces."""
     counts = [accessor["count"], accessor.get("sparse", {}).get("count", 0)]
     if not all(isinstance(count, int) and count >= 0 for count in counts):
         raise TypeError(f"{counts} elements")
-    return sum(counts)
+    return counts
 
 
 def _buffer_bytes(path: Path, header: dict[str, Any]) -> int:

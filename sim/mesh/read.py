@@ -1,6 +1,8 @@
 """Reads a mesh file of any format: its usable triangles, in the frame of the file, and their materials."""
 
 import logging
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,10 @@ from digs_warp.sim.mesh.gltf import (
     check_textures,
     read_gltf_header,
     undecodable_images,
-    unmodeled_features,
 )
 from digs_warp.sim.mesh.gltf_extras import read_extras
+from digs_warp.sim.mesh.gltf_plain import file_with_header, plain_header
+from digs_warp.sim.mesh.gltf_unread import unmodeled_features
 from digs_warp.sim.mesh.materials import materials_of_parts
 from digs_warp.sim.mesh.normalize import drop_bad_faces
 from digs_warp.sim.mesh.parts import Triangles, join_parts, parts_of_scene
@@ -38,18 +41,18 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
     header = read_gltf_header(path) if suffix in GLTF_SUFFIXES else {}
     check_gltf(path, header)
     check_promises(path, header)
-    for sentence in unmodeled_features(header):
-        logger.warning("mesh '%s': %s", path.name, sentence)
     if suffix == ".ply" and len(names := ply_textures(path)) > 1:
         logger.warning(
             "mesh '%s': %d textures, drawn with '%s' alone", path.name, len(names), names[-1]
         )
     try:
-        for sentence in undecodable_images(path, header):
+        for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
             logger.warning("mesh '%s': %s", path.name, sentence)
-        parts = parts_of_scene(_read(path), linear_colors=suffix in GLTF_SUFFIXES)
-        check_textures(path, header, (part.material for part in parts))
-        extras = read_extras(path, header)
+        plain = plain_header(path, header) if header else header
+        loaded = _read(path, None if plain is header else file_with_header(path, plain))
+        parts = parts_of_scene(loaded, linear_colors=suffix in GLTF_SUFFIXES)
+        check_textures(path, plain, (part.material for part in parts))
+        extras = read_extras(path, plain)
         materials, part_materials = materials_of_parts(parts, extras)
     except (MeshError, ImportError):
         raise
@@ -82,15 +85,22 @@ def _checked_suffix(path: Path) -> str:
     return suffix
 
 
-def _read(path: Path) -> Any:
-    """Return the file as a `trimesh.Scene`, vertices and faces as they are stored."""
+def _read(path: Path, content: BytesIO | None) -> Any:
+    """Return a file as a `trimesh.Scene`, vertices and faces as they are stored.
+
+    Args:
+        path: of the file.
+        content: taken for what the file holds; None: the file itself.
+    """
     import trimesh
 
     file_type, resolver = path.suffix[1:].lower(), resolver_beside(path)
     log = trimesh.util.log
     usual, log.disabled = log.disabled, True  # it shows tracebacks of what the resolver has said
     try:
-        return trimesh.load_scene(path, file_type=file_type, resolver=resolver, process=False)
+        return trimesh.load_scene(
+            content or path, file_type=file_type, resolver=resolver, process=False
+        )
     finally:
         log.disabled = usual
 
