@@ -8,7 +8,7 @@ import logging
 import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -41,6 +41,29 @@ def resolver_beside(path: Path) -> Any:
     return Beside(str(path), allow_anywhere=True)
 
 
+def obj_materials(path: Path) -> list[str]:
+    """Return the material files that an OBJ file names: one a line, or several with blanks between them."""
+    lines = re.findall(rb"^mtllib[ \t]+(.+?)\s*$", path.read_bytes(), re.MULTILINE)
+    names: list[str] = []
+    for line in map(_text, lines):
+        several = line.split() if locate(path.parent, line) is None else [line]
+        # A name with blanks whose file is missing is not several names.
+        names += several if all(map(_is_material, several)) else [line]
+    return list(dict.fromkeys(names))
+
+
+def _text(line: bytes) -> str:
+    """Decode a name; programs on Windows write Latin-1, too."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
+def _is_material(name: str) -> bool:
+    return name.lower().endswith(MATERIAL_SUFFIX)
+
+
 def ply_textures(path: Path) -> list[str]:
     """Return the textures that the header of a PLY file names; trimesh uses the last one."""
     with path.open("rb") as file:
@@ -57,12 +80,25 @@ class _FilesBeside:
         self._said: set[str] = set()
 
     def read(self, name: str) -> bytes:
-        """Return the content of a file.
+        """Return the content of a file; for the first material file of an OBJ file, that of all.
 
         Raises:
             OSError, DigsError: it is missing or no usable texture, which a warning has said.
         """
-        is_material = name.lower().endswith(MATERIAL_SUFFIX)
+        if self.path.suffix.lower() == ".obj" and _is_material(name):
+            return self._all_materials()
+        return self._read(name)
+
+    def _all_materials(self) -> bytes:
+        """Return the material files that are there, one after the other: trimesh asks for one alone."""
+        contents = []
+        for name in obj_materials(self.path):
+            with suppress(FileNotFoundError):
+                contents.append(self._read(name))
+        return b"\n".join(contents)
+
+    def _read(self, name: str) -> bytes:
+        is_material = _is_material(name)
         what = f"{'material file' if is_material else 'texture'} '{name}'"
         found = locate(self.path.parent, name)
         if found is None:

@@ -3,13 +3,12 @@
 import re
 from pathlib import Path
 
-from digs_warp.sim.mesh.files_beside import locate, ply_textures
+from digs_warp.sim.mesh.files_beside import locate, obj_materials, ply_textures
 from digs_warp.sim.mesh.gltf import read_gltf_header
 from digs_warp.sim.mesh.read import GLTF_SUFFIXES
 
 # The lines of a material file that name a texture.
 _TEXTURE = re.compile(rb"^\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(.+?)\s*$", re.MULTILINE)
-_MATERIALS = re.compile(rb"^mtllib\s+(.+?)\s*$", re.MULTILINE)
 
 
 def mesh_files(path: Path) -> list[Path]:
@@ -27,7 +26,7 @@ def mesh_files(path: Path) -> list[Path]:
     if suffix == ".ply":
         return [path, *_there(path, ply_textures(path))]
     if suffix == ".obj":
-        materials = _there(path, _found(_MATERIALS, path))
+        materials = _there(path, obj_materials(path))
         textures = [name for each in materials for name in _found(_TEXTURE, each)]
         return [path, *materials, *_there(path, textures)]
     return [path]

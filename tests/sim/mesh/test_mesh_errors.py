@@ -128,6 +128,12 @@ def test_rubbish_is_refused(tmp_path: Path, suffix: str) -> None:
     expect_error(path)
 
 
+def test_an_stl_cut_off_says_how_much_is_missing(tmp_path: Path) -> None:
+    path = save(tmp_path / "cut.stl", lopsided())
+    path.write_bytes(path.read_bytes()[: 84 + 50 * 7 + 20])
+    expect_error(path, "promises 320 triangles, the file holds 7")
+
+
 def test_an_obj_cut_off_in_its_faces_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "cut.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 9\n")

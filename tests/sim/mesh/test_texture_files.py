@@ -12,6 +12,7 @@ import pytest
 from digs_warp.checks import MeshError
 from digs_warp.sim.load import load_scene
 from digs_warp.sim.mesh.files_beside import locate
+from digs_warp.sim.mesh.named_files import mesh_files
 from reference.mesh_files import OBJ, checker, textured_square
 
 
@@ -101,6 +102,32 @@ def test_a_material_file_is_found_like_a_texture(
     (material,) = load_scene(path, unit="m").materials
     assert material.name == "paint"
     assert f"material file 's.mtl' does not exist; using '{tmp_path}/S.MTL'" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "lines", ["mtllib red.mtl\nmtllib green one.mtl", "mtllib red.mtl green.mtl"]
+)
+def test_an_obj_takes_all_its_material_files(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, lines: str
+) -> None:
+    (tmp_path / "red.mtl").write_text("newmtl red\nKd 1 0 0")
+    green = "green one.mtl" if "one" in lines else "green.mtl"
+    (tmp_path / green).write_text("newmtl green\nKd 0 1 0")
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    faces = "usemtl red\nf 1 2 3\nusemtl green\nf 1 3 4\n"
+    path = tmp_path / "s.obj"
+    path.write_text(f"{lines}\n{corners}{faces}")
+    colors = {each.name: each.base_color.tolist() for each in load_scene(path, unit="m").materials}
+    assert colors == {"red": [1, 0, 0], "green": [0, 1, 0]}
+    assert not caplog.records
+    assert [each.name for each in mesh_files(path)] == ["s.obj", "red.mtl", green]
+
+
+def test_a_material_file_is_found_by_a_name_in_latin_1(tmp_path: Path) -> None:
+    (tmp_path / "s.obj").write_bytes(OBJ.replace("s.mtl", "b\xe4r.mtl").encode("latin-1"))
+    (tmp_path / "b\xe4r.mtl").write_text("newmtl paint\nKd 0 1 0")
+    (material,) = load_scene(tmp_path / "s.obj", unit="m").materials
+    assert material.name == "paint"
 
 
 def test_textures_of_ply_files_are_treated_the_same(
