@@ -14,6 +14,12 @@ _PIECE = wp.constant(32)
 
 
 @wp.func
+def cache_line_at(address: wp.uint64) -> wp.uint64:
+    """The first boundary of 64 bytes from an address on."""
+    return (address + wp.uint64(63)) & ~wp.uint64(63)
+
+
+@wp.func
 def floats_from(values: wp.array[float], first: int, count: int) -> wp.array[float]:
     """Return ``count`` values of a contiguous array, starting at ``first``."""
     return wp.array(ptr=values.ptr + wp.uint64(4) * wp.uint64(first), shape=(count,), dtype=float)

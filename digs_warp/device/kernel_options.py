@@ -11,14 +11,21 @@ def vector_module_options() -> dict[str, Any]:
     allow reassociation and fused multiply-add but keep NaN and infinity checks (``-ffast-math`` would
     remove them).
     """
-    flags = ["-march=native", "-mreassociate", "-fno-signed-zeros", "-ffp-contract=fast"]
-    if platform.machine() in ("x86_64", "AMD64"):
-        flags.append("-mprefer-vector-width=512")
+    return _vectorized("-mreassociate", "-fno-signed-zeros", "-ffp-contract=fast")
+
+
+def exact_vector_module_options() -> dict[str, Any]:
+    """Return the same without the flags that change results: sums and products round as they are written."""
+    return _vectorized()
+
+
+def _vectorized(*flags: str) -> dict[str, Any]:
+    wide = ["-mprefer-vector-width=512"] if platform.machine() in ("x86_64", "AMD64") else []
     return {
         "enable_backward": False,
         "max_unroll": 1,
         "optimization_level": 3,
-        "cpu_compiler_flags": " ".join(flags),
+        "cpu_compiler_flags": " ".join(["-march=native", *flags, *wide]),
     }
 
 

@@ -31,13 +31,14 @@ background, SSIM is 1 and its gradient is 0.
 
 import warp as wp
 
-from digs_warp.device.contiguous import floats_from, prefetch_floats
+from digs_warp.device.contiguous import cache_line_at, floats_from, prefetch_floats
 from digs_warp.device.image_planes import PlaneLayout
-from digs_warp.measure.ssim_window import C1, C2, REACH, WINDOW, window_sum
+from digs_warp.device.kernel_options import exact_vector_module_options
+from digs_warp.measure.ssim_window import C1, C2, REACH, WINDOW, blur_across, blur_along
 
 # Products and sums are not contracted, except in a window: if fused, the variance of two equal constants
 # would not cancel, and SSIM would be off from 1 by 1e-4.
-wp.set_module_options({"enable_backward": False, "max_unroll": 1, "optimization_level": 3})
+wp.set_module_options(exact_vector_module_options())
 
 # Blocks are active or not; a strip is one block wide.
 BLOCK_ROWS = 16
@@ -59,8 +60,13 @@ _MARGIN_COLUMNS = 8
 _WIDE_COLUMNS = BLOCK_COLUMNS + 2 * _MARGIN_COLUMNS
 _MARGIN = wp.constant(_MARGIN_COLUMNS)
 _WIDE = wp.constant(_WIDE_COLUMNS)
-# ... and the image one window around those. Four lines are kept of each row (x, y, x^2 + y^2, x y), twice.
-_LINE_COLUMNS = _WIDE_COLUMNS + 2 * REACH
+# ... and the image one window around those, rounded up, too, so that lines begin where vectors in memory do.
+# Four lines are kept of each row (x, y, x^2 + y^2, x y), twice.
+_LINE_MARGIN_COLUMNS = 16
+_LINE_COLUMNS = BLOCK_COLUMNS + 2 * _LINE_MARGIN_COLUMNS
+_LINE_MARGIN = wp.constant(_LINE_MARGIN_COLUMNS)
+# Where the windows of the derivatives begin in a line.
+_WINDOWS = wp.constant(_LINE_MARGIN_COLUMNS - _MARGIN_COLUMNS - REACH)
 _LINE = wp.constant(_LINE_COLUMNS)
 _LINES = wp.constant(4 * _LINE_COLUMNS)
 _LINES_TWICE = wp.constant(8 * _LINE_COLUMNS)
@@ -83,6 +89,16 @@ _SUM_L1 = wp.constant(10 * _WIDE_COLUMNS)
 _SUM_DSSIM = wp.constant(11 * _WIDE_COLUMNS)
 _GRADIENT = wp.constant(12 * _WIDE_COLUMNS)
 _ROW_MEMORY = wp.constant(15 * _WIDE_COLUMNS)
+# All lie in one piece of memory, from a cache line on: a vector that crosses two of them is read twice.
+_MOMENTS_FROM = 8 * _LINE_COLUMNS
+_GRADIENTS_FROM = _MOMENTS_FROM + 4 * WINDOW * _WIDE_COLUMNS
+_ROWS_FROM = _GRADIENTS_FROM + 3 * WINDOW * BLOCK_COLUMNS
+_CACHE_LINE = 16
+_MEMORY = wp.constant(_ROWS_FROM + 15 * _WIDE_COLUMNS + _CACHE_LINE)
+# Offsets in bytes.
+_MOMENTS_AT = wp.constant(wp.uint64(4 * _MOMENTS_FROM))
+_GRADIENTS_AT = wp.constant(wp.uint64(4 * _GRADIENTS_FROM))
+_ROWS_AT = wp.constant(wp.uint64(4 * _ROWS_FROM))
 
 
 @wp.func
@@ -139,10 +155,12 @@ def similarity_kernel(
     left = block_x * _COLUMNS
     columns = wp.min(_COLUMNS, width - left)
     base = origin + channel * layout.plane + left
-    line = wp.zeros(shape=(_LINES_TWICE,), dtype=float)
-    moments = wp.zeros(shape=(_MOMENT_RINGS,), dtype=float)
-    rows = wp.zeros(shape=(_ROW_MEMORY,), dtype=float)
-    gradients = wp.zeros(shape=(_GRADIENT_RINGS,), dtype=float)
+    memory = wp.zeros(shape=(_MEMORY,), dtype=float)
+    start = cache_line_at(memory.ptr)
+    line = wp.array(ptr=start, shape=(_LINES_TWICE,), dtype=float)
+    moments = wp.array(ptr=start + _MOMENTS_AT, shape=(_MOMENT_RINGS,), dtype=float)
+    gradients = wp.array(ptr=start + _GRADIENTS_AT, shape=(_GRADIENT_RINGS,), dtype=float)
+    rows = wp.array(ptr=start + _ROWS_AT, shape=(_ROW_MEMORY,), dtype=float)
     for i_e in range(_WIDE):
         column = left - _MARGIN + i_e
         rows[_EXISTS + i_e] = wp.where(column >= 0 and column < width, 1.0, 0.0)
@@ -151,7 +169,7 @@ def similarity_kernel(
     # two vectors that were just written would have to wait until both reach the cache.
     for turn in range(top - _TWICE, end + _TWICE + 2):
         half = (turn & 1) * _LINES
-        source = base + turn * pitch - _MARGIN - _REACH
+        source = base + turn * pitch - _LINE_MARGIN
         prefetch_floats(image, source + _AHEAD * pitch, _LINE)
         prefetch_floats(target, source + _AHEAD * pitch, _LINE)
         image_line = floats_from(image, source, _LINE)
@@ -166,43 +184,16 @@ def similarity_kernel(
         if turn > top - _TWICE:
             to_row = ring_place(turn - 1) * _WIDE
             for moment in range(4):
-                o = _LINES - half + moment * _LINE
+                o = _LINES - half + moment * _LINE + _WINDOWS
                 b = moment * _MOMENT_RING + to_row
-                for c in range(_WIDE):
-                    moments[b + c] = window_sum(
-                        line[o + c] + line[o + c + 10],
-                        line[o + c + 1] + line[o + c + 9],
-                        line[o + c + 2] + line[o + c + 8],
-                        line[o + c + 3] + line[o + c + 7],
-                        line[o + c + 4] + line[o + c + 6],
-                        line[o + c + 5],
-                    )
+                blur_along(line, o, moments, b, _WIDE)
         row = turn - 1 - _REACH
         present = (row & 1) * _DERIVATIVES
         if row >= top - _REACH:
-            u5 = ring_place(row - 5) * _WIDE
-            u4 = ring_place(row - 4) * _WIDE
-            u3 = ring_place(row - 3) * _WIDE
-            u2 = ring_place(row - 2) * _WIDE
-            u1 = ring_place(row - 1) * _WIDE
-            u0 = ring_place(row) * _WIDE
-            v1 = ring_place(row + 1) * _WIDE
-            v2 = ring_place(row + 2) * _WIDE
-            v3 = ring_place(row + 3) * _WIDE
-            v4 = ring_place(row + 4) * _WIDE
-            v5 = ring_place(row + 5) * _WIDE
             for moment_v in range(4):
                 p = moment_v * _MOMENT_RING
                 m = present + moment_v * _WIDE
-                for cv in range(_WIDE):
-                    rows[m + cv] = window_sum(
-                        moments[p + u5 + cv] + moments[p + v5 + cv],
-                        moments[p + u4 + cv] + moments[p + v4 + cv],
-                        moments[p + u3 + cv] + moments[p + v3 + cv],
-                        moments[p + u2 + cv] + moments[p + v2 + cv],
-                        moments[p + u1 + cv] + moments[p + v1 + cv],
-                        moments[p + u0 + cv],
-                    )
+                blur_across(moments, p, row, rows, m, _WIDE)
             if weighted != 0:
                 weight_line = floats_from(weights, origin + row * pitch + left - _MARGIN, _WIDE)
                 for w in range(_WIDE):
@@ -251,40 +242,13 @@ def similarity_kernel(
             for derivative in range(3):
                 og = _DERIVATIVES - present + derivative * _WIDE + _MARGIN - _REACH
                 bg = derivative * _GRADIENT_RING + to_gradients
-                for cg in range(_COLUMNS):
-                    gradients[bg + cg] = window_sum(
-                        rows[og + cg] + rows[og + cg + 10],
-                        rows[og + cg + 1] + rows[og + cg + 9],
-                        rows[og + cg + 2] + rows[og + cg + 8],
-                        rows[og + cg + 3] + rows[og + cg + 7],
-                        rows[og + cg + 4] + rows[og + cg + 6],
-                        rows[og + cg + 5],
-                    )
+                blur_along(rows, og, gradients, bg, _COLUMNS)
         done = row - 1 - _REACH
         if done >= top:
-            s5 = ring_place(done - 5) * _COLUMNS
-            s4 = ring_place(done - 4) * _COLUMNS
-            s3 = ring_place(done - 3) * _COLUMNS
-            s2 = ring_place(done - 2) * _COLUMNS
-            s1 = ring_place(done - 1) * _COLUMNS
-            s0 = ring_place(done) * _COLUMNS
-            t1 = ring_place(done + 1) * _COLUMNS
-            t2 = ring_place(done + 2) * _COLUMNS
-            t3 = ring_place(done + 3) * _COLUMNS
-            t4 = ring_place(done + 4) * _COLUMNS
-            t5 = ring_place(done + 5) * _COLUMNS
             for derivative_v in range(3):
                 pg = derivative_v * _GRADIENT_RING
                 mg = _GRADIENT + derivative_v * _COLUMNS
-                for cw in range(_COLUMNS):
-                    rows[mg + cw] = window_sum(
-                        gradients[pg + s5 + cw] + gradients[pg + t5 + cw],
-                        gradients[pg + s4 + cw] + gradients[pg + t4 + cw],
-                        gradients[pg + s3 + cw] + gradients[pg + t3 + cw],
-                        gradients[pg + s2 + cw] + gradients[pg + t2 + cw],
-                        gradients[pg + s1 + cw] + gradients[pg + t1 + cw],
-                        gradients[pg + s0 + cw],
-                    )
+                blur_across(gradients, pg, done, rows, mg, _COLUMNS)
             if weighted != 0:
                 weight_done = floats_from(weights, origin + done * pitch + left - _MARGIN, _WIDE)
                 for wd in range(_WIDE):

@@ -35,6 +35,7 @@ from functools import cache
 
 import warp as wp
 
+from digs_warp.device.contiguous import cache_line_at
 from digs_warp.device.kernel_options import vector_module_options
 from digs_warp.splat.alpha_cut import STEP_CUT, AlphaCut
 from digs_warp.splat.config import RasterOptions
@@ -64,7 +65,6 @@ from digs_warp.splat.tile import (
     TILE,
     block_left,
     block_top,
-    cache_line_at,
     exp_in_range,
     planes_memory,
     power_at,

@@ -69,12 +69,6 @@ def planes_memory(planes: int) -> int:
 
 
 @wp.func
-def cache_line_at(address: wp.uint64) -> wp.uint64:
-    """The first boundary of 64 bytes from an address on."""
-    return (address + wp.uint64(63)) & ~wp.uint64(63)
-
-
-@wp.func
 def exp_in_range(x: float) -> float:
     """exp(x) for -5.55 <= x <= 0 (where alpha can reach 1/255), relative error below 3e-6.
 

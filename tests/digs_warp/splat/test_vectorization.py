@@ -35,28 +35,29 @@ KERNELS = {
 }
 
 
-def assert_vectorized(code: str, loop: str, cache: Path) -> None:
-    """Run code that compiles one module with remarks, and look for the one about a line of the source."""
+def assert_vectorized(code: str, cache: Path, *loops: str) -> None:
+    """Run code that compiles one module with remarks, and look for those about lines of the source."""
     command = [sys.executable, "-c", code]
     compiled = subprocess.run(command, capture_output=True, text=True, check=True)
     remarks = compiled.stdout + compiled.stderr
     vectorized = {int(n) for n in re.findall(r"\.cpp:(\d+):\d+: remark: vectorized loop", remarks)}
     (source,) = cache.rglob("*.cpp")
     lines = source.read_text().splitlines()
-    (hot,) = [i for i, line in enumerate(lines, start=1) if loop in line]
-    # The loop's own test stands within a few generated lines of its source line.
-    assert vectorized.intersection(range(hot, hot + 6)), f"not vectorized: {lines[hot - 1].strip()}"
+    for loop in loops:
+        (hot,) = [i for i, line in enumerate(lines, start=1) if loop in line]
+        # The loop's own test stands within a few generated lines of its source line.
+        assert vectorized.intersection(range(hot, hot + 6)), f"not vectorized: {loop}"
 
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path) -> None:
     code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS[name])
-    assert_vectorized(code, HOT_LOOP, tmp_path)
+    assert_vectorized(code, tmp_path, HOT_LOOP)
 
 
 def test_which_blocks_are_touched_is_found_for_several_splats_at_once(tmp_path: Path) -> None:
     code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS["color, forward"])
-    assert_vectorized(code, "for member in range(GROUP):", tmp_path)
+    assert_vectorized(code, tmp_path, "for member in range(GROUP):")
 
 
 MODULES = {
@@ -76,17 +77,32 @@ wp.config.kernel_cache_dir = {str(tmp_path)!r}
 wp.config.cpu_compiler_flags = "-Rpass=loop-vectorize"
 wp.load_module(importlib.import_module({module!r}), device="cpu")
 """
-    assert_vectorized(code, MODULES[module], tmp_path)
+    assert_vectorized(code, tmp_path, MODULES[module])
 
 
-@pytest.mark.parametrize("name", ["project_group", "project_adjoint_group"])
-def test_several_gaussians_are_projected_at_once_and_back(name: str, tmp_path: Path) -> None:
+OWN_OPTIONS = {
+    "digs_warp.splat.project_group": ["for i in range(_GROUP):"],
+    "digs_warp.splat.project_adjoint_group": ["for i in range(_GROUP):"],
+    "digs_warp.measure.ssim": [
+        "for i in range(_LINE):",
+        "for (int x = 0; x < count; ++x)",
+        "for (int c = 0; c < count; ++c)",
+        "for col in range(_WIDE):",
+        "for k in range(_COLUMNS):",
+    ],
+}
+
+
+@pytest.mark.parametrize("module", OWN_OPTIONS)
+def test_the_loops_of_modules_with_options_of_their_own_are_vectorized(
+    module: str, tmp_path: Path
+) -> None:
     code = f"""
+import importlib
 import warp as wp
 wp.config.kernel_cache_dir = {str(tmp_path)!r}
-import digs_warp.splat.{name}
-module = wp.get_module("digs_warp.splat.{name}")
+module = wp.get_module(importlib.import_module({module!r}).__name__)
 module.options["cpu_compiler_flags"] += " -Rpass=loop-vectorize"
 wp.load_module(module, device="cpu")
 """
-    assert_vectorized(code, "for i in range(_GROUP):", tmp_path)
+    assert_vectorized(code, tmp_path, *OWN_OPTIONS[module])
