@@ -35,6 +35,9 @@ table.values { font-size: .9rem; font-variant-numeric: tabular-nums; }
 table.values th, table.values td { padding: .25rem 1.5rem .25rem 0; text-align: left;
   border-bottom: 1px solid var(--rule); }
 table.values td { overflow-wrap: break-word; }
+table.values td:nth-child(2):last-child { overflow-wrap: anywhere; }
+table.values:has(th:nth-child(6)) { min-width: 50rem; }
+table.values td:nth-child(6) { white-space: nowrap; }
 table.values tr:first-child th { color: var(--soft); }
 table.values th { font-weight: 500; }
 figure { margin: 0 0 .5rem; }

@@ -85,15 +85,22 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
     mean = ["mean", *_metrics(result.scores.mean, of)]
     return section(
         "Held-out views",
-        f"{len(chosen)} of {len(ranked)} views that training never saw, from the worst to the best. "
-        f"{of.shown}",
+        f"{_which(len(chosen), len(ranked))} {of.shown}",
         picture_grid(["True", "Rendered", "Difference, amplified"], rows),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
         details(
-            f"Numbers of all {len(ranked)} views",
+            "Numbers of this view" if len(ranked) == 1 else f"Numbers of all {len(ranked)} views",
             f"{table(names, [*numbers, mean])}<p>{escape(_aligned_words(result))}</p>",
         ),
     )
+
+
+def _which(shown: int, total: int) -> str:
+    """Say how many of the held-out views are shown."""
+    if total == 1:
+        return "The view that training never saw."
+    count = f"All {total}" if shown == total else f"{shown} of {total}"
+    return f"{count} views that training never saw, from the worst to the best."
 
 
 def _aligned_words(result: Reconstruction) -> str:

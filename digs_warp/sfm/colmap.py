@@ -66,9 +66,9 @@ class ImageSet:
 
 
 def quiet_pycolmap() -> Any:
-    """Return pycolmap, which from then on reports errors only: progress bars tell the rest."""
+    """Return pycolmap, which from then on says nothing: progress bars and our own messages do."""
     pycolmap = import_pycolmap()
-    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
+    pycolmap.logging.minloglevel = int(pycolmap.logging.FATAL)
     return pycolmap
 
 

@@ -116,8 +116,9 @@ def _obstacle(frames: Sequence[Frame], times: Sequence[float | None]) -> str | N
     """Return why motion blur cannot be drawn; None: it can."""
     known = [time for time in times if time is not None]
     if not any(known):
-        told = "an exposure of 0 s" if known else "no exposure time"
-        return f"the recording tells {told}; --exposure-time gives it"
+        if known:
+            return "the recording tells an exposure of 0 s, in which nothing blurs"
+        return "the recording tells no exposure time; --exposure-time gives it"
     if all(frame.exposure.motion is None for frame in frames):
         return f"nothing tells how the cameras of {counted(len(frames), 'frame')} moved"
     gaps = np.diff(sorted(frame.time for frame in frames))

@@ -212,6 +212,17 @@ def test_nothing_sticks_out_at_any_width(tab: Browser, width: int) -> None:
         tab.resize(1280, 900)
 
 
+def test_long_settings_are_broken_into_lines(tab: Browser) -> None:
+    """Such as the path of a mesh: it would be cut off at the edge of the page."""
+    hidden = tab.run(
+        "(() => { const cells = [...document.querySelectorAll('table.values td:nth-child(2):last-child')];"
+        "const cell = cells.at(-1), text = cell.textContent; cell.textContent = '/path'.repeat(60);"
+        "const box = cell.closest('.scroll'), hidden = box.scrollWidth - box.clientWidth;"
+        "cell.textContent = text; return hidden; })()"
+    )
+    assert hidden == 0
+
+
 def test_without_webgl_there_is_a_picture(page: Path, tmp_path: Path) -> None:
     for tab in opened(page, tmp_path, "--disable-3d-apis"):
         place = "document.querySelector('#view3d {}').getBoundingClientRect().width"
