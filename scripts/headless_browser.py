@@ -72,7 +72,7 @@ class Browser:
             raise RuntimeError(f"{script}: {found['exceptionDetails']}")
         return found["result"].get("value")
 
-    def wait_for(self, condition: str, seconds: float = 60.0) -> None:
+    def wait_for(self, condition: str, seconds: float = 180.0) -> None:
         """Wait until a JavaScript expression is true.
 
         Raises:
@@ -147,7 +147,7 @@ class Browser:
 
     def _receive(self) -> dict[str, Any]:
         """Return the next message; keep what events say of requests and of pages that are there."""
-        message = json.loads(self._socket.recv(timeout=120))
+        message = json.loads(self._socket.recv(timeout=300))
         if "method" in message:
             about = message["params"]
             if message["method"] == "Network.requestWillBeSent":
@@ -189,7 +189,7 @@ def browser(
 
 
 def _first_tab(port_file: Path, process: subprocess.Popen[bytes]) -> str:
-    end = time.monotonic() + 60
+    end = time.monotonic() + 180
     while time.monotonic() < end and process.poll() is None:
         if port_file.is_file() and port_file.read_text().strip():
             port = port_file.read_text().split()[0]

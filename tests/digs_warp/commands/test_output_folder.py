@@ -1,11 +1,7 @@
 """The rules that protect an output folder: checks come first, and the old result stays as long as needed."""
 
 import hashlib
-import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +13,10 @@ from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
 from digs_warp.commands.output import NewFolder, OutputFolder, is_ours
 from digs_warp.data.gaussians import FIELDS, Gaussians
 from digs_warp.record.files import write_atomically
-from digs_warp.record.layout import GAUSSIANS, TRAINING, UNFINISHED
+from digs_warp.record.layout import GAUSSIANS, UNFINISHED
 from digs_warp.record.manifest import recorded_files
 from digs_warp.record.run_log import RunLog
+from reference.interrupted_training import train_until
 from reference.tiny_capture import write_tiny_capture
 
 SMALL = "--frames 2 --width 32 --height 18 --samples-per-pixel 1 --tier truth".split()
@@ -338,18 +335,8 @@ def test_an_overwrite_that_is_terminated_resumes_to_the_same_bits(
     (out / "notes.txt").write_text("precious")
     before = state(out)
     arguments = ["reconstruct", str(capture), "--out", str(out), *options]
-    script = "import sys; from digs_warp.cli import main; sys.exit(main(sys.argv[1:]))"
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, *arguments, "--overwrite"], stderr=subprocess.PIPE
-    )
-    log = out / UNFINISHED / TRAINING
-    deadline = time.monotonic() + 60
-    while not log.is_file() or len(log.read_bytes().splitlines()) < 4:
-        assert process.poll() is None and time.monotonic() < deadline
-        time.sleep(0.01)
-    os.kill(process.pid, signal.SIGTERM)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 143 and b"--resume" in errors
+    ended = train_until(signal.SIGTERM, [*arguments, "--overwrite"])
+    assert ended.returncode == 143 and "--resume" in ended.stderr
     assert before.items() <= state(out).items()
     assert main([*arguments, "--resume"]) == 0
     one, other = (Gaussians.load(folder / GAUSSIANS) for folder in (out, alone))

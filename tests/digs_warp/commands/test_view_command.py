@@ -26,7 +26,7 @@ def test_it_serves_its_page_until_it_is_interrupted(tmp_path: Path) -> None:
     assert "<html" in page
     assert "https://" not in page.replace("https://opengraph", "")  # nothing from the network
     process.send_signal(signal.SIGTERM)  # SIGINT is ignored in processes of a shell's background
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, out.strip(), err) == (0, "closed", "")
 
 

@@ -104,12 +104,12 @@ def test_threads_wait_for_the_one_that_decodes_the_file(path: Path) -> None:
 
     def slowly(path: Path) -> np.ndarray:
         begun.set()
-        assert go_on.wait(10)
+        assert go_on.wait(120)
         return read(path)
 
     with decoded_once(), ThreadPoolExecutor(2) as pool:
         first = pool.submit(decoded, path, slowly)
-        assert begun.wait(10)
+        assert begun.wait(120)
         second = pool.submit(decoded, path, read)
         go_on.set()
         np.testing.assert_array_equal(first.result(), second.result())

@@ -110,12 +110,12 @@ def cluster(folder: Path) -> Iterator[tuple[str, int]]:
             return process.pid
 
         scheduler = start("scheduler", *quiet, "--port", "0")
-        for _ in range(2):
-            start("worker", *quiet, "--nthreads", "1", "--no-nanny", "--death-timeout", "5")
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 120
         while not address_file.exists():
             assert time.monotonic() < deadline
             time.sleep(0.05)
+        for _ in range(2):  # now, for they wait 5 seconds only
+            start("worker", *quiet, "--nthreads", "1", "--no-nanny", "--death-timeout", "5")
         yield json.loads(address_file.read_text())["address"], scheduler
 
 

@@ -28,9 +28,9 @@ from digs_warp import cli
 from digs_warp.commands.info import Info
 
 def wait(command):
-    command.path.write_text("waiting")
     try:
-        time.sleep(60)
+        command.path.write_text("waiting")
+        time.sleep(600)
     finally:
         print("saving", file=sys.stderr, flush=True)
         command.path.write_text("saved")
@@ -41,7 +41,7 @@ sys.exit(cli.main(["info", sys.argv[1]]))
 
 
 def wait_for(note: Path, process: "subprocess.Popen[bytes]") -> None:
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while not (note.is_file() and note.read_text() == "waiting"):
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.01)
@@ -106,7 +106,7 @@ def test_the_exit_code_names_the_signal(number: signal.Signals, tmp_path: Path) 
     process = subprocess.Popen([sys.executable, "-c", WAITING, str(note)], stderr=subprocess.PIPE)
     wait_for(note, process)
     process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=120)
     assert process.returncode == 128 + number
     assert f"interrupted by {number.name}. Nothing was written.".encode() in errors
     assert note.read_text() == "saved"
@@ -126,6 +126,6 @@ def test_a_closed_terminal_does_not_keep_a_command_from_saving(tmp_path: Path) -
     os.close(slave)
     wait_for(note, process)
     os.close(master)
-    process.wait(timeout=30)
+    process.wait(timeout=120)
     assert note.read_text() == "saved"
     assert process.returncode == 129

@@ -1,5 +1,7 @@
 """One process writes a folder at a time; a lock leaves nothing behind, not even that of a killed process."""
 
+import fcntl
+import os
 import signal
 import subprocess
 import sys
@@ -21,12 +23,15 @@ from digs_warp.record.lock import sole_writer, taking_turns
 with {"sole_writer": sole_writer, "taking_turns": taking_turns}[sys.argv[1]](Path(sys.argv[2])):
     print("held", flush=True)
     time.sleep(float(sys.argv[3]))
+    Path(sys.argv[4]).touch()
 """
 
 
-def hold(kind: str, folder: Path, seconds: float = 60.0) -> "subprocess.Popen[str]":
-    """Start a process that holds a lock; return when it does."""
-    arguments = [sys.executable, "-c", HOLD, kind, str(folder), str(seconds)]
+def hold(
+    kind: str, folder: Path, seconds: float = 600.0, note: Path = Path("unused")
+) -> "subprocess.Popen[str]":
+    """Start a process that holds a lock, and leaves a note before it lets go; return when it holds it."""
+    arguments = [sys.executable, "-c", HOLD, kind, str(folder), str(seconds), str(note)]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stdout.readline() == "held\n"
     return process
@@ -85,13 +90,13 @@ def test_a_thread_may_lock_twice_and_two_threads_may_not(tmp_path: Path) -> None
 
 
 def test_a_turn_is_waited_for(tmp_path: Path) -> None:
-    process = hold("taking_turns", tmp_path / "made", seconds=0.5)
-    start = time.monotonic()
+    note = tmp_path / "note"
+    process = hold("taking_turns", tmp_path / "made", seconds=0.5, note=note)
     with taking_turns(tmp_path / "made"):
-        assert process.wait(timeout=5) == 0
+        assert note.exists()
     process.communicate()
-    assert time.monotonic() - start > 0.2
-    assert list(tmp_path.iterdir()) == []
+    assert process.returncode == 0
+    assert list(tmp_path.iterdir()) == [note]
 
 
 def test_many_processes_take_turns(tmp_path: Path) -> None:
@@ -106,7 +111,7 @@ def test_many_processes_take_turns(tmp_path: Path) -> None:
         "        os.unlink(sys.argv[1])\n"
     )
     processes = [subprocess.Popen([sys.executable, "-c", code, str(made)]) for _ in range(3)]
-    assert [process.wait(timeout=60) for process in processes] == [0, 0, 0]
+    assert [process.wait(timeout=300) for process in processes] == [0, 0, 0]
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
@@ -145,6 +150,29 @@ def test_only_what_dead_processes_left_is_removed(tmp_path: Path) -> None:
         living.wait()
 
 
+def stop_in_its_lock(process: "subprocess.Popen[bytes]", lock: Path) -> None:
+    """Stop a process at a moment when it holds its lock: it makes the file a little earlier."""
+    deadline = time.monotonic() + 120
+    while True:
+        assert process.poll() is None and time.monotonic() < deadline
+        if lock.exists():
+            process.send_signal(signal.SIGSTOP)
+            os.waitpid(process.pid, os.WUNTRACED)
+            if is_held(lock):
+                return
+            process.send_signal(signal.SIGCONT)
+        time.sleep(0.01)
+
+
+def is_held(lock: Path) -> bool:
+    with lock.open() as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
 def test_two_runs_on_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The second one says so and stops; the first one goes on, and its folder is as if it were alone."""
     folder = tmp_path / "capture"
@@ -152,16 +180,12 @@ def test_two_runs_on_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[st
     arguments = ["simulate", *small, "--tier", "truth", "--out"]
     program = "import sys; from digs_warp.cli import main; sys.exit(main())"
     first = subprocess.Popen([sys.executable, "-c", program, *arguments, str(folder)])
-    deadline = time.monotonic() + 60
-    while not (folder / LOCK).exists():
-        assert first.poll() is None and time.monotonic() < deadline
-        time.sleep(0.01)
-    first.send_signal(signal.SIGSTOP)
+    stop_in_its_lock(first, folder / LOCK)
     for flags in ([], ["--resume"], ["--overwrite"]):
         assert main([*arguments, str(folder), *flags]) == 1
         assert f"'{folder}': another run is writing to this folder" in capsys.readouterr().err
     first.send_signal(signal.SIGCONT)
-    assert first.wait(timeout=60) == 0
+    assert first.wait(timeout=300) == 0
     assert main([*arguments, str(tmp_path / "alone")]) == 0
     both = [
         {

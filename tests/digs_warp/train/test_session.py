@@ -1,12 +1,8 @@
 """A run in a folder: budgets, Ctrl-C from outside, and a training that diverges."""
 
 import json
-import os
 import re
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +19,7 @@ from digs_warp.train.evaluate import load_test_views
 from digs_warp.train.session import Trained, open_data, train_gaussians
 from digs_warp.train.snapshots import load_snapshots, save_snapshot
 from digs_warp.train.trainer import Trainer
+from reference.interrupted_training import STEP, train_until
 from reference.tiny_capture import ball, write_tiny_capture
 
 
@@ -111,25 +108,13 @@ def test_a_signal_saves_and_says_how_to_go_on(
     """A real signal to a real process; the resumed run equals one that was never interrupted."""
     stopped = tmp_path / "stopped"
     again = ["reconstruct", str(capture.folder), "--out", str(stopped), *OPTIONS]
-    script = "import sys; from digs_warp.cli import main; sys.exit(main(sys.argv[1:]))"
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, *again], stderr=subprocess.PIPE, text=True
-    )
-    try:
-        deadline = time.monotonic() + 60
-        while not (stopped / TRAINING).is_file() or len(course(stopped)) < 4:
-            assert process.poll() is None and time.monotonic() < deadline
-            time.sleep(0.01)
-        os.kill(process.pid, number)
-        _, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == code
+    ended = train_until(number, again)
+    assert ended.returncode == code
     assert re.search(
-        rf"{says}\. To go on where it stopped: digs-warp reconstruct .*--resume", errors
+        rf"{says}\. To go on where it stopped: digs-warp reconstruct .*--resume", ended.stderr
     )
     with np.load(stopped / CHECKPOINT) as state:
-        assert 30 <= int(state["step"]) < 300
+        assert STEP <= int(state["step"]) < 300
     assert main([*again, "--resume"]) == 0
     resumed = Gaussians.load(stopped / GAUSSIANS)
     for name in FIELDS:

@@ -48,7 +48,7 @@ def colored(picture: np.ndarray) -> np.ndarray:
 
 
 def wait_until(
-    tab: Browser, is_so: Callable[[np.ndarray], bool], seconds: float = 60.0
+    tab: Browser, is_so: Callable[[np.ndarray], bool], seconds: float = 180.0
 ) -> np.ndarray:
     end = time.monotonic() + seconds
     while True:
@@ -99,7 +99,7 @@ def test_a_training_is_shown_while_it_runs(tab: Browser) -> None:
         tab.visit(addresses[0])
         wait_until(tab, lambda found: found[0] > 1000)
         iteration = 20
-        end = time.monotonic() + 60
+        end = time.monotonic() + 180
         while colored(tab.screenshot())[1] < 1000:
             watch(iteration, blue)
             iteration += 10

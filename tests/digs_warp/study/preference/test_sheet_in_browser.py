@@ -41,7 +41,7 @@ def tab(kit: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser
 
 
 def downloaded(folder: Path, name: str) -> Path:
-    end = time.monotonic() + 20
+    end = time.monotonic() + 120
     while not (folder / name).is_file():
         found = sorted(path.name for path in folder.glob("*"))
         assert time.monotonic() < end, f"{name} is not among {found}"
