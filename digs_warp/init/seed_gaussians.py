@@ -1,5 +1,7 @@
 """Points -> Gaussians, as 3D Gaussian splatting starts (paper section 3.4; Kerbl et al. 2023, section 4)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
@@ -48,8 +50,6 @@ def seed_gaussians(
     count = len(points)
     if not 0 < opacity < 1:
         raise ValueError(f"opacity {opacity}, expected a value above 0 and below 1")
-    sh = np.zeros((count, coefficient_count(sh_degree), 3))
-    sh[:, 0] = sh_from_rgb(points.colors)
     apart = neighbor_scales(points.points_world, largest)
     scales = np.repeat(width * apart[:, None], 3, axis=1)
     quats = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
@@ -64,8 +64,19 @@ def seed_gaussians(
         log_scales=np.log(scales),
         quats=quats,
         opacity_logits=np.log(opacities / (1.0 - opacities)),
-        sh=sh,
+        sh=_same_from_all_sides(points.colors, sh_degree),
     )
+
+
+def with_colors(seeds: Gaussians, colors: np.ndarray, sh_degree: int) -> Gaussians:
+    """Return seeds in other colors, sRGB, shape (n, 3), and with bands up to another degree."""
+    return replace(seeds, sh=_same_from_all_sides(colors, sh_degree))
+
+
+def _same_from_all_sides(colors: np.ndarray, sh_degree: int) -> np.ndarray:
+    sh = np.zeros((len(colors), coefficient_count(sh_degree), 3))
+    sh[:, 0] = sh_from_rgb(colors)
+    return sh
 
 
 def quats_from_z_to(axes: np.ndarray) -> np.ndarray:

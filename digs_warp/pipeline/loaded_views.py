@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.first_exposures import without_exposure
 from digs_warp.init.seen_colors import look_up
@@ -35,21 +36,21 @@ class LoadedViews:
 
 def load_views(
     prepared: Prepared,
+    seeds: Gaussians | None,
     shutter: ShutterPlan,
     config: TrainConfig,
     folder: Path,
     resume: bool,
-    trains: bool,
 ) -> LoadedViews:
     """Read the views; what takes one core is done beside the reading for the training.
 
     Args:
         prepared: the frames, and the points to start from.
+        seeds: the Gaussians to start from, in any color; None: there is no training.
         shutter: how the cameras move while their rows are read.
         config: of the training.
         folder: of the training.
         resume: whether the training continues from a checkpoint.
-        trains: whether there is a training.
 
     Raises:
         DigsError: bad views, or a broken checkpoint.
@@ -57,11 +58,11 @@ def load_views(
     frames = prepared.frames.training
     with ThreadPoolExecutor(2) as beside:
         opening = None
-        if trains:
-            opening = beside.submit(open_data, frames, config, folder, resume, shutter)
+        if seeds is not None:
+            opening = beside.submit(open_data, frames, config, folder, resume, shutter, seeds)
         held_out = load_test_views(prepared.frames.held_out, shutter)
         points, judging = prepared.start.points, None
-        evens = trains and config.fit_exposure == "on"
+        evens = seeds is not None and config.fit_exposure == "on"
         if evens or config.sh_degree is None:
             seen = look_up(frames, points.points_world)
             if config.sh_degree is None:

@@ -19,7 +19,12 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.libraries import import_open3d, import_pycolmap
 from digs_warp.device.threads import default_threads
 from digs_warp.device.warp_start import require_device
-from digs_warp.init.seed_gaussians import MAX_SCALE_RATIO, SCENE_SCALE_RATIO, seed_gaussians
+from digs_warp.init.seed_gaussians import (
+    MAX_SCALE_RATIO,
+    SCENE_SCALE_RATIO,
+    seed_gaussians,
+    with_colors,
+)
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.frame_masks import MASKS
 from digs_warp.pipeline.front_end import SFM, front_end
@@ -147,15 +152,15 @@ def _reconstruct(
             _finished_training(folder, before, len(prepared.frames.by_time)) if before else None
         )
         with log.stage("load views"):
-            views = load_views(
-                *(prepared, shutter, config.train, folder, resume), trains=trained is None
-            )
+            seeds = _seeds(prepared, config) if trained is None else None
+            views = load_views(prepared, seeds, shutter, config.train, folder, resume)
     test_views, color = views.held_out, views.color
     if color is not None:
         config = replace(config, train=replace(config.train, sh_degree=color.degree))
     with log.saved(record):
         if trained is None:
-            trained = _train(prepared, views, config, folder, log, watch)
+            assert seeds is not None
+            trained = _train(prepared, seeds, views, config, folder, log, watch)
         prepared, test_views = with_trained_poses(prepared, test_views, trained.poses, folder)
         result = Reconstruction(
             gaussians=trained.gaussians,
@@ -207,24 +212,29 @@ def _with_shutter(
     return replace(prepared, frames=moving), plan
 
 
+def _seeds(prepared: Prepared, config: ReconstructConfig) -> Gaussians:
+    """Return the Gaussians to start from, in the colors of the first points."""
+    init = config.init
+    largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
+    start = (init.seed_opacity, init.seed_width, largest)
+    return seed_gaussians(prepared.start.points, config.train.usual_sh_degree, *start)
+
+
 def _train(
     prepared: Prepared,
+    seeds: Gaussians,
     views: LoadedViews,
     config: ReconstructConfig,
     folder: Path,
     log: RunLog,
     watch: Watch | None,
 ) -> Trained:
-    init = config.init
-    points = views.points
-    largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
-    start = (init.seed_opacity, init.seed_width, largest)
-    seeds = seed_gaussians(points, config.train.usual_sh_degree, *start)
+    seeds = with_colors(seeds, views.points.colors, config.train.usual_sh_degree)
     assert views.data is not None
     trains_poses = bool(prepared.refinement and prepared.refinement.in_training)
     return train_gaussians(
         *(seeds, views.data, views.held_out, config.train, folder, log, watch),
-        held=points.hidden,
+        held=views.points.hidden,
         train_poses=trains_poses and config.train.mask_role == "object",
     )
 

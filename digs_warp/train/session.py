@@ -86,6 +86,7 @@ def open_data(
     folder: Path,
     resume: bool = False,
     shutter: ShutterPlan = NO_SHUTTER,
+    start: Gaussians | None = None,
 ) -> TrainingData:
     """Read what a training in ``folder`` needs; arguments as of `train_gaussians`.
 
@@ -95,12 +96,13 @@ def open_data(
         folder: of the training.
         resume: continue from the folder's checkpoint if it has one.
         shutter: how the cameras move while their rows are read.
+        start: the Gaussians at the start, see `open_views`.
 
     Raises:
         DigsError: bad views, or a broken checkpoint.
     """
     first_step = checkpoint_step(folder / CHECKPOINT) if resume else 0
-    views = open_views(frames, config, first_step, shutter)
+    views = open_views(frames, config, first_step, shutter, start)
     return TrainingData(views, load_measured_views(frames, shutter), first_step)
 
 

@@ -1,5 +1,6 @@
 """Views of a run: cropped, halved, read ahead, and never more of them in memory than there is room for."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,12 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import mask_box
-from digs_warp.train.config import TrainConfig
+from digs_warp.train.config import Stop, TrainConfig
+from digs_warp.train.half_size import typical_width_px
 from digs_warp.train.silhouette import without_surround
 from digs_warp.train.view_store import MIN_HELD, ViewStore, open_views, view_index
 from digs_warp.train.views import View, half_size, halved, load_view
-from reference.tiny_capture import HEIGHT, WIDTH, write_tiny_capture
+from reference.tiny_capture import HEIGHT, WIDTH, ball, write_tiny_capture
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +102,22 @@ def test_a_run_may_start_in_the_middle_of_an_epoch(capture: Capture) -> None:
     store = open_views(capture.frames, config, first_step=13)
     for step in range(13, 30):
         assert store.view(step).name == capture.frames[view_index(0, 8, step)].name
+    store.close()
+
+
+@pytest.mark.parametrize(
+    ("width_px", "first_step", "has_half"),
+    [(3.0, 0, True), (1.0, 0, False), (3.0, 40, True), (3.0, 60, False)],
+)
+def test_half_size_views_are_made_only_for_steps_that_use_them(
+    capture: Capture, width_px: float, first_step: int, has_half: bool
+) -> None:
+    config = TrainConfig(stop=Stop(iterations=100))  # half of the steps may use them
+    start = ball(50)
+    by = width_px / typical_width_px(start, [frame.camera for frame in capture.frames])
+    start = replace(start, log_scales=start.log_scales + np.log(by))
+    store = open_views(capture.frames, config, first_step, start=start)
+    assert all((store.view(step).half is not None) == has_half for step in range(70, 78))
     store.close()
 
 
