@@ -77,6 +77,7 @@ class Run(ReconstructionOptions, SettingsCommand):
 
     def _run_stages(self, folder: Path, config: "ReconstructConfig", log: RunLog) -> str:
         """Write everything into ``folder``; return the result in a phrase."""
+        from digs_warp.data.read_ahead import reading_ahead
         from digs_warp.pipeline.reconstruct import reconstruct
         from digs_warp.pipeline.scene_files import write_scene_file
         from digs_warp.pipeline.usd_scene import write_capture_package
@@ -94,6 +95,8 @@ class Run(ReconstructionOptions, SettingsCommand):
             log.saved(record),
             log.stage("reconstruct"),
             watched_training(self.view) as watch,
+            # A resumed run may need no frame at all.
+            reading_ahead(() if self.output.resume else capture.frames),
         ):
             result = reconstruct(capture, config, reconstruction, self.output.resume, watch)
         log.results = {

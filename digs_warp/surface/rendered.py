@@ -61,7 +61,8 @@ def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Return the distance from each place to the nearest point, (m,)."""
     from scipy.spatial import KDTree
 
-    return KDTree(points).query(places, workers=-1)[0]
+    # Such a tree finds the same in half of the time: there are far more points than places.
+    return KDTree(points, balanced_tree=False, compact_nodes=False).query(places, workers=-1)[0]
 
 
 def _points(view: DepthView, frame: Frame) -> np.ndarray:
