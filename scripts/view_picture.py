@@ -35,6 +35,7 @@ def main(paths: list[Path]) -> None:
         browser(Path(folder), (1280, 800)) as tab,
     ):
         page.controls.drawn.value = "color"
+        tab.resize(1280, 720)
         tab.visit(address)
         time.sleep(LOADING_SECONDS)
         picture = tab.screenshot().copy()

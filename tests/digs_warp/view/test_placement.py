@@ -29,6 +29,16 @@ def test_most_of_a_scene_lies_within_the_radius_wherever_it_was() -> None:
     assert 0.95 < (distances <= RADIUS).mean() < 1.0
 
 
+def test_a_thin_handle_lies_within_the_radius_and_a_stray_does_not() -> None:
+    rng = np.random.default_rng(0)
+    body = rng.uniform(-1.0, 1.0, (10_000, 3)) * [0.5, 0.5, 1.0]
+    handle = np.stack([np.zeros(50), np.zeros(50), np.linspace(1.0, 1.6, 50)], axis=1)
+    strays = rng.normal(size=(20, 3)) + [0.0, 9.0, 0.0]
+    placement = Placement.of(np.concatenate([body, handle, strays]))
+    assert np.linalg.norm(placement.points(handle), axis=1).max() < 1.02 * RADIUS
+    assert np.linalg.norm(placement.points(body), axis=1).max() > 0.8 * RADIUS
+
+
 def test_a_single_point_has_a_place() -> None:
     placement = Placement.of(np.array([[1.0, 2.0, 3.0]]))
     assert np.allclose(placement.points(np.array([[1.0, 2.0, 3.0]])), 0.0)
