@@ -77,7 +77,7 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
         largest = np.iinfo(pixels.dtype).max
         linear = linear_from_srgb(np.arange(largest + 1, dtype=np.float32) / largest)[pixels]
     else:
-        linear = check_finite(f"environment '{path}'", pixels)
+        linear = _finite(path, pixels)
     # One channel is gray, two are gray and alpha, four are color and alpha.
     linear = linear[..., :3] if channels >= 3 else np.repeat(linear[..., :1], 3, axis=-1)
     if not (linear > 0).any():
@@ -88,6 +88,16 @@ def load_environment(path: Path, radius: float = DEFAULT_RADIUS) -> Environment:
             path,
         )
     return Environment(linear, radius)
+
+
+def _finite(path: Path, pixels: np.ndarray) -> np.ndarray:
+    """Return the pixels, or raise a `DigsError` that says how to mend them: suns are often infinite."""
+    try:
+        return check_finite(f"environment '{path}'", pixels)
+    except DigsError as error:
+        # The tool comes with OpenImageIO.
+        mended = f"oiiotool '{path}' --fixnan box3 -o mended{path.suffix}"
+        raise DigsError(f"{error}; mend them with: {mended}") from None
 
 
 def procedural_environment(radius: float = DEFAULT_RADIUS) -> Environment:

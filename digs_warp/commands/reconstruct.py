@@ -32,7 +32,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reconstruct(ReconstructionOptions, SettingsCommand):
+class _Output(SettingsCommand):
+    """What the help shows first: where the results go."""
+
+    output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reconstruct(ReconstructionOptions, _Output):
     """Reconstruct a capture as Gaussian splats.
 
     The depth maps give the points to start from, the images of the training views give everything else; every
@@ -43,7 +50,6 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     """A folder that 'digs-warp simulate' wrote, or your own recording (docs/capture-format.md). Of
     several, or of all in a folder of many scenes, each gets a folder in --out."""
 
-    output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
     seed: int = 0
     """Decides everything random: matching of images, order of the views, backgrounds."""
 
@@ -54,7 +60,9 @@ class Reconstruct(ReconstructionOptions, SettingsCommand):
     """Choose iterations, voxels, initialization and density so that the reconstruction takes about this time,
     for example 60s, as 'digs-warp recommend' does for the capture; run.json says what and why."""
 
-    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
+    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="engine")] = field(
+        default_factory=EngineConfig
+    )
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "reconstruct"

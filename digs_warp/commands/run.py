@@ -33,16 +33,21 @@ class _Settings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(ReconstructionOptions, SettingsCommand):
-    """Do everything: record an object, reconstruct it, write the USD scene and a report.
-
-    Without --mesh and --environment it takes the built-in object in the built-in room.
-    """
+class _Recording(SettingsCommand):
+    """What the help shows first: where the results go, and what is recorded."""
 
     output: Annotated[OutputFolder, tyro.conf.OmitArgPrefixes]
     recording: Annotated[SimulateConfig, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SimulateConfig
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(ReconstructionOptions, _Recording):
+    """Do everything: record an object, reconstruct it, write the USD scene and a report.
+
+    Without --mesh and --environment it takes the built-in object in the built-in room.
+    """
 
     view: tyro.conf.FlagCreatePairsOff[bool] = False
     """Show the training in the browser while it runs; prints the page's address."""

@@ -48,8 +48,12 @@ class Simulate(SettingsCommand):
     recording: Annotated[SimulateConfig, tyro.conf.OmitArgPrefixes] = field(
         default_factory=SimulateConfig
     )
-    many: Annotated[ManyScenes, tyro.conf.OmitArgPrefixes] = field(default_factory=ManyScenes)
-    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
+    many: Annotated[ManyScenes, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="many scenes")] = (
+        field(default_factory=ManyScenes)
+    )
+    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="engine")] = field(
+        default_factory=EngineConfig
+    )
 
     can_resume: ClassVar[bool] = True
     recorded_as: ClassVar[str] = "simulate"

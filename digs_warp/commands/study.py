@@ -53,7 +53,9 @@ class RunStudy(Command):
     seeds: int = 1
     """How often to repeat each case with another walk and other noise, to measure the spread."""
 
-    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes] = field(default_factory=EngineConfig)
+    on: Annotated[EngineConfig, tyro.conf.OmitArgPrefixes, tyro.conf.arg(name="engine")] = field(
+        default_factory=EngineConfig
+    )
 
     can_resume: ClassVar[bool] = True
 

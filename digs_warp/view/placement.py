@@ -38,7 +38,7 @@ class Placement:
 
     @staticmethod
     def of(points_world: np.ndarray, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> "Placement":
-        """Return the placement that shows the points within `RADIUS`, but for strays; there is at least one."""
+        """Return the placement that shows all points but strays within `RADIUS`; there is at least one."""
         center, radius = _ball(points_world, 98.0)
         near = np.linalg.norm(points_world - center, axis=1) <= REACH * radius
         center, radius = _ball(points_world[near], 99.9)

@@ -1,5 +1,8 @@
 """The surround: reading panoramas, refusing bad ones, and the built-in room."""
 
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -34,12 +37,19 @@ def test_hdr_of_the_sample_data_loads(sample_data: Path) -> None:
     assert environment.radiance.max() > 5.0
 
 
-def test_not_a_number_is_refused_with_its_count(tmp_path: Path) -> None:
+def test_not_a_number_is_refused_with_its_count_and_a_command_that_mends_it(
+    tmp_path: Path,
+) -> None:
     pixels = np.ones((8, 16, 3), np.float32)
     pixels[2, 3], pixels[4, 5, 0] = np.nan, np.inf
     write_image(tmp_path / "sky.exr", pixels)
-    with pytest.raises(DigsError, match=r"sky\.exr.*4 of 384 values are NaN"):
+    with pytest.raises(DigsError, match=r"sky\.exr.*4 of 384 values are NaN") as refused:
         load_environment(tmp_path / "sky.exr")
+    command = shlex.split(str(refused.value).partition("mend them with: ")[2])
+    tool = Path(sys.executable).parent / command[0]
+    subprocess.run([tool, *command[1:]], cwd=tmp_path, check=True)
+    mended = load_environment(tmp_path / "mended.exr").radiance
+    np.testing.assert_allclose(mended, 1.0, atol=1e-3)
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
