@@ -23,7 +23,8 @@ class Check(Command):
 
     Errors: wrong units, focal length, pose convention or order; depth or masks that do not lie over the
     images; masks that are inverted or cut the object. Warnings: masks that other views contradict, few
-    views, a gap in the way around the object, things that move, blur, changes of the exposure.
+    views, a gap in the way around the object, poses that jump, a scene that changes, things that move, blur,
+    changes of the exposure.
     """
 
     capture: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CAPTURE")]

@@ -28,7 +28,7 @@ from digs_warp.pipeline.refined_poses import refined
 from digs_warp.pipeline.subject import say_subject, subject_of
 from digs_warp.pipeline.tracked_poses import tracked
 from digs_warp.plausibility.check import Plausibility, check_capture
-from digs_warp.plausibility.odd_frames import odd_frames
+from digs_warp.plausibility.frame_doubts import frame_doubts
 from digs_warp.poses.tracking import Tracking
 from digs_warp.record.layout import INITIAL_POINTS
 from digs_warp.record.manifest import is_kept
@@ -218,4 +218,4 @@ def quick_check(capture: Capture, config: FrontEndConfig) -> Plausibility:
     found = check_capture(capture, poses=uses_poses, masks=config.segment.source == "capture")
     if not uses_poses or len(capture) > SHORT or any(each.is_error for each in found.findings):
         return found
-    return replace(found, findings=(*found.findings, *odd_frames(capture)))
+    return replace(found, findings=(*found.findings, *frame_doubts(capture)))

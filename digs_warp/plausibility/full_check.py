@@ -8,7 +8,7 @@ from digs_warp.data.layers import Layer
 from digs_warp.plausibility.agreement_of_masks import masks_that_disagree
 from digs_warp.plausibility.check import Plausibility, check_capture
 from digs_warp.plausibility.finding import Finding
-from digs_warp.plausibility.odd_frames import odd_frames
+from digs_warp.plausibility.frame_doubts import frame_doubts
 from digs_warp.plausibility.photographs import Photographs, look_at_photographs
 from digs_warp.plausibility.repeats import repeats
 from digs_warp.plausibility.view_doubts import few_views, gap_in_views
@@ -21,7 +21,8 @@ class FullCheck:
     Attributes:
         plausibility: whether depth, poses, focal length and masks fit together.
         masks: single masks that the other views contradict.
-        frames: single frames that contradict their neighbors, breaks, and frames that repeat the one before.
+        frames: single frames that contradict their neighbors, breaks, jumps, a scene that changes, a camera
+            that stands still, and frames that repeat the one before.
         views: too few of them, or sides of the object that nobody looked at.
         photographs: what the photographs are like.
         not_checked: what could not be looked at, and why.
@@ -73,9 +74,9 @@ def check_fully(capture: Capture) -> FullCheck:
 
 
 def _of_frames(capture: Capture, plausibility: Plausibility) -> tuple[Finding, ...]:
-    """Return what is odd about single frames; where all poses are wrong, nothing tells it."""
+    """Return what is odd about some of the frames; where all poses are wrong, nothing tells it."""
     wrong = any(each.is_error for each in plausibility.findings)
-    return (*([] if wrong else odd_frames(capture)), *repeats(capture))
+    return (*([] if wrong else frame_doubts(capture)), *repeats(capture))
 
 
 def _not_checked(capture: Capture) -> tuple[str, ...]:

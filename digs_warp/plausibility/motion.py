@@ -31,14 +31,15 @@ FEW = 500
 def moved_share(frames: Mapping[int, SmallFrame], pairs: Sequence[tuple[int, int]]) -> float:
     """Return the share of points that are gone in the other frame, 0 to 1: the mean over the pairs."""
     shares = [
-        _share(frames[first], frames[second])
+        gone_share(frames[first], frames[second])
         for pair in pairs
         for first, second in (pair, pair[::-1])
     ]
     return float(np.mean(shares)) if shares else 0.0
 
 
-def _share(first: SmallFrame, second: SmallFrame) -> float:
+def gone_share(first: SmallFrame, second: SmallFrame) -> float:
+    """Return the share of points of the first frame that are gone in the second one, 0 to 1."""
     rows, columns = np.nonzero(_solid(first.depth))
     pixel, depth = pixels_showing(second.camera, first.points_at(rows, columns))
     inside = pixel >= 0

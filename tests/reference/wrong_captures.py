@@ -142,3 +142,25 @@ def without_half_of_the_circle(capture: Capture) -> Capture:
     center = looked_at([frame.camera for frame in capture.frames])
     kept = [f for f in capture.frames if f.camera.center_world[0] > center[0]]
     return replace(capture, frames=tuple(kept))
+
+
+def two_in_one(first: Capture, second: Capture) -> Capture:
+    """The first half of a recording and the second half of another one."""
+    half = len(first) // 2
+    return replace(first, frames=(*first.frames[:half], *second.frames[half:]))
+
+
+def with_a_jump(
+    capture: Capture, shift: tuple[float, float, float], turn_degrees: float
+) -> Capture:
+    """From the middle on, all cameras are elsewhere: shifted [m], and turned about the world's z axis."""
+    angle = np.deg2rad(turn_degrees)
+    motion = np.eye(4)
+    motion[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    motion[:3, 3] = shift
+    frames = list(capture.frames)
+    for number in range(len(frames) // 2, len(frames)):
+        camera = frames[number].camera
+        other = replace(camera, world_from_cam=motion @ camera.world_from_cam)
+        frames[number] = replace(frames[number], camera=other)
+    return replace(capture, frames=tuple(frames))
