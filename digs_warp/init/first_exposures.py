@@ -29,9 +29,11 @@ POINTS = 4000
 # Where the exposure is constant, factors of up to 0.1 stops are found, root mean square (an armchair of shiny
 # leather); where it follows the light four times too far, they are 0.1 stops off, of 0.8.
 NOISE_STOPS = 0.15
-# Rounds of reweighting: highlights, and what hides a point, count less than the rest.
-ROUNDS = 8
-# Differences above this many median ones weigh less, and none below about two steps of 8 bits.
+# Rounds of reweighting: highlights, and what hides a point, hardly count. A difference that is larger than
+# usual weighs less by the square of that, so that it pulls the less, the larger it is: where one photograph
+# shows a highlight and the next one none, it would pull both together.
+ROUNDS = 12
+# Usual are differences up to this many median ones, and all below about two steps of 8 bits.
 USUAL, LEAST = 2.0, 0.02
 
 
@@ -101,7 +103,7 @@ def log_factors(values: np.ndarray) -> np.ndarray:
         even = logs - found
         misses = light * np.abs(even - (shares * even).sum(axis=1, keepdims=True))
         allowed = max(USUAL * float(np.median(misses[told])), LEAST)
-        weights = usual * allowed / np.maximum(misses, allowed)
+        weights = usual * (allowed / np.maximum(misses, allowed)) ** 2
     return found - found.mean()
 
 
