@@ -1,45 +1,69 @@
-"""Highlights against the integral over the GGX lobe, in double precision over every pixel of the panorama."""
+"""Highlights of lamps, against the light in the lobe of the surface."""
 
 import numpy as np
 import pytest
 
+from digs_warp.camera import Camera
+from digs_warp.geometry import look_at
 from digs_warp.sim.environment import Environment
+from digs_warp.sim.join import join_scenes
 from digs_warp.sim.panorama import panorama_directions, solid_angles
-from digs_warp.sim.render.environment_light import prepare_light
-from digs_warp.sim.render.lighting import SPECULAR_COPIES, SPECULAR_HEIGHT, SPECULAR_WIDTH
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene import Material, Scene
+from reference.plates import plate
+from reference.shading_scenes import INTRINSICS, MATTE, UP, floor, linear_image
 
-HEIGHT = 128
-DIRECTIONS = panorama_directions(2 * HEIGHT, HEIGHT)
-# A lamp of 14 degrees, off the grid of the blurred copies.
-LAMP = (slice(50, 60), slice(101, 111))
+GLOSS = Material("gloss", np.zeros(3, np.float32), roughness=0.4)
+LAMPS = {"left": np.array([-0.35, 0.25, 0.9]), "right": np.array([-0.35, -0.25, 0.9])}
+LAMP_HEIGHT = 64
+TOWARD = np.array([0.35, 0.0, 0.9])  # to the camera: it sees the lobe midway between both lamps
+SKY = 0.3
 
 
-def lobe_mean(radiance: np.ndarray, normals: np.ndarray, roughness: float) -> np.ndarray:
-    """Light around mirrored directions, (n, 3), weighted by GGX and the cosine, seen along the normal."""
+def texels(name: str) -> tuple[slice, slice]:
+    """The four texels of a lamp."""
+    directions = panorama_directions(2 * LAMP_HEIGHT, LAMP_HEIGHT)
+    row, column = divmod(int((directions @ LAMPS[name]).argmax()), 2 * LAMP_HEIGHT)
+    return slice(row, row + 2), slice(column, column + 2)
+
+
+def lamps(*names: str) -> Environment:
+    """An even sky with some of the lamps."""
+    radiance = np.full((LAMP_HEIGHT, 2 * LAMP_HEIGHT, 3), SKY, np.float32)
+    for name in names:
+        radiance[texels(name)] = 2000.0
+    return Environment(radiance)
+
+
+def blind(name: str) -> Scene:
+    """A plate 1 m away that hides a lamp from the origin."""
+    toward = panorama_directions(2 * LAMP_HEIGHT, LAMP_HEIGHT)[texels(name)].mean(axis=(0, 1))
+    return plate(tuple(toward / np.linalg.norm(toward)), (0.1, 0, 0), (0, 0.1, 0), MATTE)
+
+
+def lobe_light(environment: Environment, mirrored: np.ndarray, roughness: float) -> float:
+    """Mean over the GGX lobe, in double precision over every texel (Karis 2013, n = v = r)."""
+    height = environment.radiance.shape[0]
+    cosine = panorama_directions(2 * height, height) @ (mirrored / np.linalg.norm(mirrored))
     alpha2 = roughness**4
-    cosine = DIRECTIONS.reshape(-1, 3) @ normals.T  # (pixels, n)
-    half2 = (1 + cosine) / 2  # squared cosine of half the angle
-    weight = np.maximum(cosine, 0) * alpha2 / (half2 * (alpha2 - 1) + 1) ** 2
-    area = np.broadcast_to(solid_angles(2 * HEIGHT, HEIGHT), (HEIGHT, 2 * HEIGHT)).reshape(-1, 1)
-    weight = weight * area
-    return (weight.T @ radiance[..., 0].reshape(-1)) / weight.sum(axis=0)
+    weight = np.maximum(cosine, 0) / ((1 + cosine) / 2 * (alpha2 - 1) + 1) ** 2
+    weight = weight * solid_angles(2 * height, height)
+    return float((weight * environment.radiance[..., 0]).sum() / weight.sum())
 
 
-@pytest.mark.parametrize("copy", range(SPECULAR_COPIES))
-def test_a_highlight_is_as_wide_and_as_bright_as_its_roughness_says(copy: int) -> None:
-    radiance = np.full((HEIGHT, 2 * HEIGHT, 3), 0.1, np.float32)
-    radiance[LAMP] = 50.0
-    light = prepare_light(Environment(radiance))
-    found = light.struct.specular.numpy()[copy, :, :, 0] / light.exposure
-    normals = panorama_directions(SPECULAR_WIDTH, SPECULAR_HEIGHT)
-    # A row and a column through the lamp.
-    places = np.concatenate([normals[27], normals[:, 53]])
-    values = np.concatenate([found[27], found[:, 53]])
-    roughness = (copy + 1) / SPECULAR_COPIES
-    expected = lobe_mean(radiance.astype(np.float64), places, roughness)
-    error = values - expected
-    assert values.mean() == pytest.approx(expected.mean(), rel=0.03)
-    assert np.sqrt((error**2).mean()) < 0.05 * expected.max()
-    # A lobe of 15 percent less roughness would not pass.
-    wrong = values - lobe_mean(radiance.astype(np.float64), places, roughness / 1.15)
-    assert np.abs(wrong).max() > 2 * np.abs(error).max()
+@pytest.mark.parametrize("hidden", [(), ("left",), ("left", "right")])
+def test_a_lamp_in_the_shadow_has_no_highlight(hidden: tuple[str, ...]) -> None:
+    both = lamps(*LAMPS)
+    camera = Camera(INTRINSICS, look_at(TOWARD, np.zeros(3), UP))
+    blinds = [blind(name) for name in hidden]
+    renderer = RaycastRenderer(join_scenes(floor(GLOSS, half=0.1), *blinds), both)
+    middle = linear_image(renderer, camera)[44:46, 79:81].mean()
+    left_over = lamps(*(name for name in LAMPS if name not in hidden))
+    mirrored = TOWARD * (-1, -1, 1)
+    light, every = (lobe_light(each, mirrored, GLOSS.roughness) for each in (left_over, both))
+    alone = RaycastRenderer(floor(GLOSS, half=0.1), both)
+    plain = linear_image(alone, camera)[44:46, 79:81].mean()
+    assert plain < 0.9  # not clipped
+    assert middle == pytest.approx(plain * light / every, rel=0.1, abs=0.002)
+    if hidden:
+        assert middle < 0.7 * plain

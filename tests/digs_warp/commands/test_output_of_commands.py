@@ -1,0 +1,143 @@
+"""What whole commands do to the folder that they write: nothing, before they can succeed."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import digs_warp
+from digs_warp.checks import DigsError
+from digs_warp.cli import EXIT_BAD_INPUT, EXIT_OK, main
+from digs_warp.data.gaussians import FIELDS, Gaussians
+from digs_warp.record.layout import GAUSSIANS, UNFINISHED
+from reference.interrupted_training import train_until
+from reference.output_folders import SMALL, names, our_folder, state
+from reference.tiny_capture import write_tiny_capture
+
+SHORT = "--iterations 2 --sh-degree 0 --voxel-size 0.05".split()
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_capture(tmp_path_factory.mktemp("tiny") / "capture", frames=8).folder
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ["--effects", "nosuch", "--tier", "guided"],
+        ["--environment", "missing.hdr"],
+        ["--mesh", "README.txt"],
+        ["--profile", "no-such-camera"],
+        ["--meshes", "no/such/*.glb"],
+    ],
+)
+def test_a_recording_that_cannot_be_made_changes_nothing(
+    flags: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("README.txt").write_text("no mesh")
+    our_folder(tmp_path / "used")
+    before = state(tmp_path)
+    for command in ("simulate", "run"):
+        if command == "run" and "--meshes" in flags:
+            continue
+        assert main([command, "--out", "used", "--overwrite", *SMALL, *flags]) == EXIT_BAD_INPUT
+        assert main([command, "--out", "new/folder", *SMALL, *flags]) == EXIT_BAD_INPUT
+    assert state(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ["--mask-folder", "empty", "--masks", "folder"],
+        ["--masks", "isnet", "--mask-model", "missing.onnx"],
+        ["--device", "cuda:7"],
+        ["--voxel-size", "1e-9"],
+        ["--test-every", "1"],
+    ],
+)
+def test_a_reconstruction_that_cannot_be_made_changes_nothing(
+    flags: list[str], capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("empty").mkdir()
+    our_folder(tmp_path / "used", "reconstruct")
+    before = state(tmp_path)
+    arguments = ["reconstruct", str(capture), *SHORT, *flags]
+    assert main([*arguments, "--out", "used", "--overwrite"]) != EXIT_OK
+    assert main([*arguments, "--out", "new/folder"]) != EXIT_OK
+    assert state(tmp_path) == before
+
+
+def test_a_data_set_with_a_failed_scene_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    our_folder(tmp_path / "out")
+    before = state(tmp_path / "out")
+    Path("a.obj").write_text("no mesh")
+    arguments = ["simulate", "--meshes", "*.obj", "--out", "out", "--overwrite", *SMALL]
+    assert main(arguments) == EXIT_BAD_INPUT
+    error = capsys.readouterr().err
+    assert "1 of 1 scene failed" in error and f"What was begun is in 'out/{UNFINISHED}'" in error
+    assert before.items() <= state(tmp_path / "out").items()
+
+
+def test_an_overwrite_that_is_terminated_resumes_to_the_same_bits(
+    capture: Path, tmp_path: Path
+) -> None:
+    """A real SIGTERM in the middle of the training; until the end the old result is as it was."""
+    out, alone = tmp_path / "out", tmp_path / "alone"
+    options = "--iterations 300 --sh-degree 0 --voxel-size 0.02".split()
+    assert main(["reconstruct", str(capture), "--out", str(alone), *options]) == 0
+    assert main(["reconstruct", str(capture), "--out", str(out), *SHORT]) == 0
+    (out / "notes.txt").write_text("precious")
+    before = state(out)
+    arguments = ["reconstruct", str(capture), "--out", str(out), *options]
+    ended = train_until(signal.SIGTERM, [*arguments, "--overwrite"])
+    assert ended.returncode == 143 and "--resume" in ended.stderr
+    assert before.items() <= state(out).items()
+    assert main([*arguments, "--resume"]) == 0
+    one, other = (Gaussians.load(folder / GAUSSIANS) for folder in (out, alone))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert names(out) == sorted([*names(alone), "notes.txt"])
+
+
+def test_a_result_that_replaced_another_nowhere_names_the_hidden_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "--out", str(tmp_path / "out"), *SMALL, *SHORT]
+    small = ["--frames", "3", "--width", "48", "--height", "32"]
+    assert main([*arguments, *small]) == EXIT_OK
+    first = names(tmp_path / "out")
+    capsys.readouterr()
+    assert main([*arguments, *small, "--overwrite", "--seed", "1"]) == EXIT_OK
+    assert names(tmp_path / "out") == first
+    assert UNFINISHED not in "".join(capsys.readouterr())
+    files = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
+    assert [path for path in files if UNFINISHED.encode() in path.read_bytes()] == []
+    assert main(["info", str(tmp_path / "out")]) == EXIT_OK
+
+
+def test_the_functions_of_the_package_replace_no_file_of_others(
+    capture: Path, tmp_path: Path
+) -> None:
+    for name in ("masks/0001.png", "images/0000.png"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text("precious")
+    before = state(tmp_path)
+    with pytest.raises(DigsError, match="move them away"):
+        digs_warp.reconstruct(capture, out=tmp_path, iterations=2, masks="depth")
+    with pytest.raises(DigsError, match="move them away"):
+        digs_warp.simulate(out=tmp_path, frames=2, width=32, height=18)
+    assert state(tmp_path) == before
+
+
+def test_a_study_replaces_no_page_of_others(tmp_path: Path) -> None:
+    (tmp_path / "report.md").write_text("precious")
+    arguments = ["study", "run", "segmentation", "--time-budget", "0.001s"]
+    assert main([*arguments, "--out", str(tmp_path)]) == EXIT_BAD_INPUT
+    assert names(tmp_path) == ["report.md"]

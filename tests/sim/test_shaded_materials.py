@@ -1,0 +1,152 @@
+"""Mirrors, glass, glow and textures of the surface, against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digs_warp.data.images import linear_from_srgb
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.join import join_scenes
+from digs_warp.sim.panorama import panorama_directions
+from digs_warp.sim.render.raycast import RaycastRenderer
+from digs_warp.sim.scene import Material
+from reference.plates import plate
+from reference.shading_scenes import (
+    ABOVE,
+    BLACK,
+    FRONT,
+    INTRINSICS,
+    MATTE,
+    floor,
+    glow,
+    linear_image,
+    wall,
+)
+
+# ---- mirrors ----
+
+
+def test_smooth_metal_mirrors_the_object() -> None:
+    """The lamp's picture in the floor appears below it, at the height of its mirror image."""
+    chrome = Material("chrome", np.ones(3, np.float32), roughness=0.0, metallic=1.0)
+    lamp = plate((-0.3, 0, 0.15), (0, 0.05, 0), (0, 0, 0.05), glow(1.0))
+    (u, v), _ = ABOVE.project(np.array([-0.3, 0.0, -0.15]))
+    shown = {}
+    for name, metal in {
+        "smooth": chrome,
+        "rough": replace(chrome, roughness=0.9),
+        "plastic": replace(chrome, metallic=0.0),
+    }.items():
+        image = linear_image(RaycastRenderer(join_scenes(floor(metal), lamp), BLACK), ABOVE)
+        shown[name] = image[int(v), int(u), 0]
+    assert shown["smooth"] > 0.9
+    assert shown["rough"] == 0 and shown["plastic"] == 0
+
+
+def test_a_flat_mirror_shows_the_surround_at_its_distance() -> None:
+    """The two eyes see a mirror image as far behind the mirror as its object is in front of it."""
+    chrome = Material("chrome", np.ones(3, np.float32), roughness=0.0, metallic=1.0)
+    radiance = np.full((64, 128, 3), 0.2, np.float32)
+    radiance[30:34, 62:66] = 1.0  # a bright square straight behind the camera, at (4, 0, 0)
+    renderer = RaycastRenderer(wall(chrome), Environment(radiance))
+    columns = []
+    for eye in (FRONT, FRONT.shifted_right(0.12)):
+        row = linear_image(renderer, eye, 64)[45, :, 0]
+        bright = np.maximum(row - 0.8, 0)
+        columns.append((bright * (np.arange(160) + 0.5)).sum() / bright.sum())
+    expected = INTRINSICS.fx * 0.12 / 5.0  # one metre to the mirror, four behind it
+    assert columns[0] - columns[1] == pytest.approx(expected, abs=0.3)
+
+
+# ---- glass and glow ----
+
+
+def test_glass_tints_what_lies_behind() -> None:
+    tint = np.array([0.5, 1.0, 0.25], np.float32)
+    glass = Material("glass", tint, transmission=1.0, roughness=0.0)
+    scene = join_scenes(wall(glass), wall(glow(0.8), x=-0.3, half=0.6))
+    middle = linear_image(RaycastRenderer(scene, BLACK), FRONT)[45, 80]
+    # The coat takes away 4 percent at right angles.
+    np.testing.assert_allclose(middle, 0.8 * tint * 0.96, atol=0.012)
+
+
+@pytest.mark.parametrize("panes", [1, 2, 3])
+def test_panes_cover_with_their_opacity_one_after_the_other(panes: int) -> None:
+    soot = Material("soot", np.zeros(3, np.float32), opacity=0.25, roughness=1.0)
+    layers = [wall(soot, x=0.05 * i) for i in range(panes)]
+    scene = join_scenes(*layers, wall(glow(1.0), x=-0.3, half=0.6))
+    image, mask = RaycastRenderer(scene, BLACK).render_image(FRONT, 4)
+    assert linear_from_srgb(image[45, 80, 0] / 255) == pytest.approx(0.75**panes, abs=0.01)
+    assert mask[45, 80] == 255
+
+
+def test_an_unused_transparent_material_changes_nothing() -> None:
+    opaque = wall(MATTE)
+    with_glass = replace(opaque, materials=(MATTE, Material("glass", np.ones(3), opacity=0.1)))
+    sky = Environment(np.random.default_rng(0).uniform(0.5, 1.5, (16, 32, 3)).astype(np.float32))
+    images = [
+        RaycastRenderer(scene, sky).render_image(FRONT)[0].astype(int)
+        for scene in (opaque, with_glass)
+    ]
+    assert np.abs(images[0] - images[1]).max() <= 1
+
+
+@pytest.mark.parametrize("gain", [1e-3, 1.0, 1e3])
+def test_glow_does_not_depend_on_the_exposure(gain: float) -> None:
+    sky = Environment(np.full((16, 32, 3), gain, np.float32))
+    lamp = replace(glow(0.5), metallic=1.0)  # black metal: reflects nothing
+    middle = linear_image(RaycastRenderer(wall(lamp), sky), FRONT)[45, 80]
+    assert middle[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_an_emission_texture_glows_where_it_is_bright() -> None:
+    texture = np.zeros((64, 64, 3), np.uint8)
+    texture[:, 32:] = (255, 0, 0)
+    lamp = replace(glow(1.0), emission_texture=texture)
+    image = linear_image(RaycastRenderer(wall(lamp), BLACK), FRONT)
+    right, left = FRONT.project(np.array([[0, 0.15, 0], [0, -0.15, 0]]))[0].astype(int)
+    np.testing.assert_allclose(image[45, right[0]], [1, 0, 0], atol=0.01)
+    assert image[45, left[0]].max() == 0
+
+
+# ---- textures of the surface ----
+
+
+def encoded(normal: np.ndarray) -> np.ndarray:
+    """A normal map that says the same everywhere."""
+    pixel = np.rint(128 + 127 * normal).clip(0, 255).astype(np.uint8)
+    return np.broadcast_to(pixel, (4, 4, 3)).copy()
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("tilt", [(0.5, 0.0), (0.0, 0.5), (-0.3, 0.4)])
+def test_a_normal_map_shades_like_tilted_normals(tilt: tuple[float, float], mirrored: bool) -> None:
+    """On a wall whose texture runs along y (or against it, mirrored) and z."""
+    local = np.array([*tilt, np.sqrt(1 - tilt[0] ** 2 - tilt[1] ** 2)])
+    shiny = replace(MATTE, roughness=0.3)
+    smooth = wall(shiny)
+    mapped = replace(smooth, materials=(replace(shiny, normal_texture=encoded(local)),))
+    if mirrored:
+        mapped = replace(mapped, uvs=mapped.uvs * np.array([-1, 1], np.float32))
+    along_u = -1.0 if mirrored else 1.0
+    world = np.array([local[2], along_u * local[0], local[1]], np.float32)
+    tilted = replace(smooth, normals=np.tile(world, (4, 1)))
+    sky = Environment((panorama_directions(64, 32) + 1).astype(np.float32))
+    a, b, flat = (
+        RaycastRenderer(s, sky).render_image(FRONT)[0].astype(int) for s in (mapped, tilted, smooth)
+    )
+    # Eight bits tilt a normal by a quarter of a degree, and openness goes by the vertex normals.
+    assert np.abs(a - b).max() <= 8
+    assert np.abs(b - flat).max() > 15
+
+
+def test_a_finish_texture_that_says_the_same_everywhere_is_the_plain_finish() -> None:
+    plain = replace(MATTE, roughness=51 / 255, metallic=204 / 255)
+    texture = np.broadcast_to(np.array([51, 204], np.uint8), (8, 8, 2)).copy()
+    sky = Environment(np.random.default_rng(0).uniform(0.2, 1.8, (16, 32, 3)).astype(np.float32))
+    a, b = (
+        RaycastRenderer(wall(m), sky).render_image(FRONT)[0].astype(int)
+        for m in (plain, replace(plain, finish_texture=texture))
+    )
+    assert np.abs(a - b).max() <= 1
