@@ -52,6 +52,28 @@ def obj_materials(path: Path) -> list[str]:
     return list(dict.fromkeys(names))
 
 
+def opacity_maps(path: Path) -> dict[str, Any]:
+    """Return what ``map_d`` names, which trimesh leaves out: PIL images, by name of the material.
+
+    Args:
+        path: of an OBJ file.
+    """
+    from PIL import Image
+
+    files, found = _FilesBeside(path), {}
+    for name in obj_materials(path):
+        place = locate(path.parent, name)
+        material = ""
+        for line in place.read_bytes().splitlines() if place else ():
+            key, _, value = _text(line).strip().partition(" ")
+            if key == "newmtl":
+                material = " ".join(value.split())
+            elif key == "map_d":
+                with suppress(OSError, DigsError):  # a warning has said it
+                    found[material] = Image.open(BytesIO(files.read(value.strip())))
+    return found
+
+
 def _text(line: bytes) -> str:
     """Decode a name; programs on Windows write Latin-1, too."""
     try:

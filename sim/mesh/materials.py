@@ -26,19 +26,20 @@ FLAT = 128
 
 
 def materials_of_parts(
-    parts: Sequence[MeshPart], extras: Mapping[str, GltfExtras]
+    parts: Sequence[MeshPart], extras: Mapping[str, GltfExtras], opacity_maps: Mapping[str, Any]
 ) -> tuple[tuple[Material, ...], list[int]]:
     """Return the materials, each once, and the index of the material of every part.
 
     Args:
         parts: with the materials of trimesh.
         extras: properties that trimesh leaves out, by name of the material.
+        opacity_maps: PIL images of MTL files that trimesh leaves out, likewise.
     """
     groups: dict[object, list[MeshPart]] = {}
     for part in parts:
         groups.setdefault(_key(part), []).append(part)
     numbers = {key: number for number, key in enumerate(groups)}
-    materials = tuple(_material(group, extras) for group in groups.values())
+    materials = tuple(_material(group, extras, opacity_maps) for group in groups.values())
     return materials, [numbers[_key(part)] for part in parts]
 
 
@@ -47,7 +48,9 @@ def _key(part: MeshPart) -> tuple[int, bool, bool]:
     return id(part.material), part.uvs is not None, part.colored
 
 
-def _material(parts: list[MeshPart], extras: Mapping[str, GltfExtras]) -> Material:
+def _material(
+    parts: list[MeshPart], extras: Mapping[str, GltfExtras], opacity_maps: Mapping[str, Any]
+) -> Material:
     """Convert the material that all ``parts`` share."""
     from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
@@ -55,7 +58,7 @@ def _material(parts: list[MeshPart], extras: Mapping[str, GltfExtras]) -> Materi
     if isinstance(source, PBRMaterial):
         return _pbr_material(source, parts, extras.get(str(source.name), GltfExtras()))
     if isinstance(source, SimpleMaterial) and not _is_empty(source):
-        return _simple_material(source, parts)
+        return _simple_material(source, parts, opacity_maps.get(str(source.name)))
     color = (1.0, 1.0, 1.0) if parts[0].colored else PLAIN_COLOR
     return Material("plain", np.array(color, np.float32), roughness=PLAIN_ROUGHNESS)
 
@@ -66,7 +69,7 @@ def _is_empty(source: Any) -> bool:
     return from_no_file and not source.kwargs and source.name == "material_0"
 
 
-def _simple_material(source: Any, parts: list[MeshPart]) -> Material:
+def _simple_material(source: Any, parts: list[MeshPart], opacity_map: Any) -> Material:
     """Convert a material of an MTL file: colors are sRGB, as in most programs.
 
     With a texture the diffuse color is ignored: exporters write any color there, even black.
@@ -85,19 +88,21 @@ def _simple_material(source: Any, parts: list[MeshPart]) -> Material:
         base_color.astype(np.float32),
         texture,
         roughness,
-        **_mtl_opacity(source, name, texture is not None),
+        **_mtl_opacity(source, name, None if parts[0].uvs is None else opacity_map or source.image),
     )
 
 
-def _mtl_opacity(source: Any, name: str, textured: bool) -> dict[str, Any]:
-    """Return opacity from an MTL's ``d`` or ``Tr`` and from the alpha of its texture."""
+def _mtl_opacity(source: Any, name: str, image: Any) -> dict[str, Any]:
+    """Return opacity from an MTL's ``d`` or ``Tr`` and from ``map_d`` or the alpha of its texture."""
     try:
         transparency = 1.0 - float(source.kwargs.get("tr", ["0"])[-1])
         opacity = float(source.kwargs.get("d", [transparency])[-1])
     except ValueError:
         opacity = 1.0
     opacity = float(np.clip(opacity, 0.0, 1.0))
-    alpha = alpha_pixels(source.image, name) if textured else None
+    alpha = None if image is None else alpha_pixels(image, name)
+    if alpha is None and image is not None and image is not source.image:
+        alpha = rgb_pixels(image, name)[..., 0]  # a map in gray
     if alpha is None:
         return {"opacity": opacity}
     return {

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from digs_warp.checks import DigsError, MeshError, require_file
-from digs_warp.sim.mesh.files_beside import ply_textures, resolver_beside
+from digs_warp.sim.mesh.files_beside import opacity_maps, ply_textures, resolver_beside
 from digs_warp.sim.mesh.gltf import (
     check_gltf,
     check_textures,
@@ -53,7 +53,8 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         parts = parts_of_scene(loaded, linear_colors=suffix in GLTF_SUFFIXES)
         check_textures(path, plain, (part.material for part in parts))
         extras = read_extras(path, plain)
-        materials, part_materials = materials_of_parts(parts, extras)
+        opacity = opacity_maps(path) if suffix == ".obj" else {}
+        materials, part_materials = materials_of_parts(parts, extras, opacity)
     except (MeshError, ImportError):
         raise
     except DigsError as error:  # a texture beyond its bound
