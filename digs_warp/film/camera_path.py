@@ -50,16 +50,24 @@ def find_subject(gaussians: Gaussians) -> Subject:
 
 
 def find_framed_subject(gaussians: Gaussians) -> Subject:
-    """Return the ball around the object with its thin parts, such as a handle, for a picture of all of it.
-
-    They can hold less than a percent of the Gaussians, as strays do, which lie farther away.
+    """Return the ball around the object with its thin parts, for a picture of all of it.
 
     Raises:
         DigsError: there are no Gaussians.
     """
-    bulk = find_subject(gaussians)
-    means = _visible_means(gaussians)
-    near = means[np.linalg.norm(means - bulk.center_world, axis=1) <= FARTHEST_PART * bulk.radius]
+    return with_thin_parts(_visible_means(gaussians), find_subject(gaussians))
+
+
+def with_thin_parts(points: np.ndarray, bulk: Subject) -> Subject:
+    """Return a ball that holds thin parts, too, such as a handle.
+
+    They can hold less than a percent of the points, as strays do, which lie farther away.
+
+    Args:
+        points: shape (n, 3).
+        bulk: the ball around most of them.
+    """
+    near = points[np.linalg.norm(points - bulk.center_world, axis=1) <= FARTHEST_PART * bulk.radius]
     if len(near) < 2:
         return bulk
     low, high = np.percentile(near, [STRAYS_PERCENT, 100 - STRAYS_PERCENT], axis=0)

@@ -10,13 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.film.camera_path import Subject, with_thin_parts
 
 # Most of a scene lies within this distance of the origin [page units].
 RADIUS = 4.0
-
-# Thin parts that stick out, such as a handle, have few Gaussians and are shown, too, up to this many times
-# the radius of most of the scene; what is farther away is a stray.
-REACH = 1.6
 
 # Distance between contents side by side, in radii.
 SPACING = 2.2
@@ -39,10 +36,12 @@ class Placement:
     @staticmethod
     def of(points_world: np.ndarray, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> "Placement":
         """Return the placement that shows all points but strays within `RADIUS`; there is at least one."""
-        center, radius = _ball(points_world, 98.0)
-        near = np.linalg.norm(points_world - center, axis=1) <= REACH * radius
-        center, radius = _ball(points_world[near], 99.9)
-        return Placement(center, RADIUS / (radius or 1.0), np.asarray(offset, dtype=np.float64))
+        low, high = np.percentile(points_world, [2, 98], axis=0)
+        center = 0.5 * (low + high)
+        radius = float(np.percentile(np.linalg.norm(points_world - center, axis=1), 98))
+        shown = with_thin_parts(points_world, Subject(center, radius))
+        scale = RADIUS / (shown.radius or 1.0)
+        return Placement(shown.center_world, scale, np.asarray(offset, dtype=np.float64))
 
     def at(self, offset: Sequence[float]) -> "Placement":
         """Return the same scale somewhere else on the page."""
@@ -57,13 +56,6 @@ class Placement:
         """Return Gaussians on the page; neither scaling nor moving changes their color in any direction."""
         log_scales = gaussians.log_scales + np.float32(np.log(self.scale))
         return replace(gaussians, means=self.points(gaussians.means), log_scales=log_scales)
-
-
-def _ball(points: np.ndarray, percent: float) -> tuple[np.ndarray, float]:
-    """Return center and radius of a ball that holds this share of the points."""
-    low, high = np.percentile(points, [100.0 - percent, percent], axis=0)
-    center = 0.5 * (low + high)
-    return center, float(np.percentile(np.linalg.norm(points - center, axis=1), percent))
 
 
 def side_by_side(count: int) -> list[tuple[float, float, float]]:
