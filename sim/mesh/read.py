@@ -19,6 +19,7 @@ from digs_warp.sim.mesh.gltf_plain import file_with_header, plain_header
 from digs_warp.sim.mesh.gltf_unread import unmodeled_features
 from digs_warp.sim.mesh.materials import materials_of_parts
 from digs_warp.sim.mesh.normalize import drop_bad_faces
+from digs_warp.sim.mesh.obj_polygons import cut_polygons
 from digs_warp.sim.mesh.parts import Triangles, join_parts, parts_of_scene
 from digs_warp.sim.mesh.promises import check_promises
 from digs_warp.sim.scene import Material
@@ -49,7 +50,7 @@ def read_triangles(path: Path) -> tuple[Triangles, tuple[Material, ...]]:
         for sentence in chain(unmodeled_features(header), undecodable_images(path, header)):
             logger.warning("mesh '%s': %s", path.name, sentence)
         plain = plain_header(path, header) if header else header
-        loaded = _read(path, None if plain is header else file_with_header(path, plain))
+        loaded = _read(path, _content(path, header, plain))
         parts = parts_of_scene(loaded, linear_colors=suffix in GLTF_SUFFIXES)
         check_textures(path, plain, (part.material for part in parts))
         extras = read_extras(path, plain)
@@ -84,6 +85,14 @@ def _checked_suffix(path: Path) -> str:
             "convert it, for example with Blender"
         )
     return suffix
+
+
+def _content(path: Path, header: dict[str, Any], plain: dict[str, Any]) -> BytesIO | None:
+    """Return what trimesh is to read in place of a file; None: the file itself."""
+    if plain is not header:
+        return file_with_header(path, plain)
+    text = cut_polygons(path.read_bytes()) if path.suffix.lower() == ".obj" else None
+    return None if text is None else BytesIO(text)
 
 
 def _read(path: Path, content: BytesIO | None) -> Any:

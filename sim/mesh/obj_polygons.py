@@ -1,0 +1,89 @@
+"""Polygons of an OBJ file that are not convex, cut into triangles.
+
+trimesh draws every polygon as a fan around its first corner, which fills the notches of a letter or of a
+window frame.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+# Faces with five corners or more. Quadrilaterals with a notch are rare, and there may be millions of others.
+_POLYGON = re.compile(rb"^f(?:[ \t]+[^\s\\]+){5,}[ \t]*\r?$", re.MULTILINE)
+
+
+def cut_polygons(text: bytes) -> bytes | None:
+    """Return the text of an OBJ file with triangles for polygons that are not convex; None: it has none.
+
+    Raises:
+        ValueError, IndexError: a vertex or a face is not as the format says.
+    """
+    if _POLYGON.search(text) is None:
+        return None
+    vertices: list[list[float]] = []
+    lines = text.splitlines()
+    cut = False
+    for number, line in enumerate(lines):
+        if line.startswith(b"v "):
+            vertices.append([float(word) for word in line.split()[1:4]])
+        elif _POLYGON.match(line):
+            corners = line.split()[1:]
+            numbers = [int(corner.partition(b"/")[0]) for corner in corners]
+            # From 1; negative: from the last one so far.
+            points = [vertices[each - 1 if each > 0 else each] for each in numbers]
+            triangles = _triangles(np.array(points))
+            if triangles:
+                lines[number] = b"\n".join(_faces(corners, triangles))
+                cut = True
+    return b"\n".join(lines) + b"\n" if cut else None
+
+
+def _faces(corners: Sequence[bytes], triangles: Sequence[Sequence[int]]) -> Iterator[bytes]:
+    for triangle in triangles:
+        yield b" ".join([b"f", *(corners[each] for each in triangle)])
+
+
+def _triangles(points: np.ndarray) -> list[tuple[int, int, int]]:
+    """Return the triangles of a polygon, (n, 3), by cutting off its ears; empty for a convex one."""
+    flat = _in_plane(points)
+    left = list(range(len(flat)))
+    if all(_turn(flat, *_beside(left, at)) >= 0 for at in left):
+        return []
+    triangles = []
+    while len(left) > 3:
+        at = next((at for at in range(len(left)) if _is_ear(flat, left, at)), 0)
+        triangles.append(_beside(left, at))
+        del left[at]
+    return [*triangles, (left[0], left[1], left[2])]
+
+
+def _in_plane(points: np.ndarray) -> np.ndarray:
+    """Return the corners in the plane of the polygon, counterclockwise, (n, 2)."""
+    moved = points - points[0]
+    normal = np.cross(moved, np.roll(moved, -1, axis=0)).sum(axis=0)  # Newell
+    axis = int(np.abs(normal).argmax())
+    kept = moved[:, [(axis + 1) % 3, (axis + 2) % 3]]
+    return kept if normal[axis] >= 0 else kept[:, ::-1]
+
+
+def _beside(left: Sequence[int], at: int) -> tuple[int, int, int]:
+    """Return a corner with those before and after it."""
+    return left[at - 1], left[at], left[(at + 1) % len(left)]
+
+
+def _turn(flat: np.ndarray, a: int, b: int, c: int) -> float:
+    """Return twice the area of a triangle, positive if it is counterclockwise."""
+    (ux, uy), (vx, vy) = flat[b] - flat[a], flat[c] - flat[a]
+    return float(ux * vy - uy * vx)
+
+
+def _is_ear(flat: np.ndarray, left: Sequence[int], at: int) -> bool:
+    """Whether the triangle at a corner lies in the polygon and holds no other corner."""
+    a, b, c = _beside(left, at)
+    if _turn(flat, a, b, c) <= 0:
+        return False
+    others = (each for each in left if each not in (a, b, c))
+    return not any(
+        min(_turn(flat, a, b, p), _turn(flat, b, c, p), _turn(flat, c, a, p)) >= 0 for p in others
+    )
