@@ -14,14 +14,12 @@ from digs_warp.splat.records import (
     SPLAT_U,
     SPLAT_V,
 )
+from digs_warp.splat.spans import count_tiles, deal_out, span_end, span_first, span_of
 
 wp.set_module_options({"enable_backward": False})
 
 _TILE = wp.constant(TILE_SIZE)
 _TILE_BITS = wp.constant(TILE_SIZE.bit_length() - 1)
-# A span packs the first and one past the last tile column into one integer: images up to 2^19 px wide.
-_SPAN_BITS = wp.constant(15)
-MAX_TILE_COLUMNS = 1 << 15
 
 
 @wp.func
@@ -79,21 +77,9 @@ def span_kernel(
             t1 = t0
             if low <= high and x0 <= x1:
                 t1 = (x1 >> _TILE_BITS) + 1
-            spans[row] = wp.vec2i(t0 | (t1 << _SPAN_BITS), pairs)
+            spans[row] = wp.vec2i(span_of(t0, t1), pairs)
             pairs += t1 - t0
     pair_counts[g] = pairs
-
-
-@wp.func
-def span_first(span: int) -> int:
-    """First tile column of a packed span."""
-    return span & ((1 << _SPAN_BITS) - 1)
-
-
-@wp.func
-def span_end(span: int) -> int:
-    """One past the last tile column of a packed span."""
-    return span >> _SPAN_BITS
 
 
 @wp.kernel
@@ -187,11 +173,7 @@ def tile_count_kernel(
     end = part_start(counts, part + 1, parts)
     for i in range(part_start(counts, part, parts), end):
         drawn = range_in_order(i, end - 1, order, ranges, spans)
-        for row in range(drawn[2]):
-            span = spans[drawn[1] + row][0]
-            base = (drawn[0] + row) * columns
-            for column in range(span_first(span), span_end(span)):
-                tile_counts[part, base + column] = tile_counts[part, base + column] + 1
+        count_tiles(drawn, columns, spans, part, tile_counts)
 
 
 @wp.kernel
@@ -233,16 +215,7 @@ def emit_kernel(
     end = part_start(counts, part + 1, parts)
     for i in range(part_start(counts, part, parts), end):
         drawn = range_in_order(i, end - 1, order, ranges, spans)
-        for row in range(drawn[2]):
-            span = spans[drawn[1] + row]
-            x0 = span_first(span[0])
-            pair = drawn[3] + span[1] - x0
-            for column in range(x0, span_end(span[0])):
-                here = (drawn[0] + row) * columns + column
-                slot = cursors[part, here]
-                cursors[part, here] = slot + 1
-                tile_splats[slot] = order[i][1]
-                tile_pairs[slot] = pair + column
+        deal_out(order[i][1], drawn, columns, spans, part, cursors, tile_splats, tile_pairs)
 
 
 @wp.kernel

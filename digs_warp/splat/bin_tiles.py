@@ -20,7 +20,6 @@ from digs_warp.checks import DigsError
 from digs_warp.device.parallel import ParallelLaunch, default_threads, recorded, run_together
 from digs_warp.geometry import PixelBox, mask_box
 from digs_warp.splat.bin_kernels import (
-    MAX_TILE_COLUMNS,
     emit_kernel,
     exclusive_scan_kernel,
     pair_key_kernel,
@@ -33,6 +32,7 @@ from digs_warp.splat.bin_kernels import (
 from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
 from digs_warp.splat.depth_sort import HISTOGRAM, depth_sort_kernel
 from digs_warp.splat.records import COLOR_FIELDS, SPLAT_FIELDS
+from digs_warp.splat.spans import MAX_TILE_COLUMNS
 
 # Buffers grow by half when a view needs more: a few growths, then none.
 _GROWTH = 1.5
