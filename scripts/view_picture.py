@@ -21,9 +21,10 @@ TARGET = Path(__file__).resolve().parent.parent / "docs/images/view.jpg"
 
 # How long a browser without a graphics card may take to load everything [s].
 LOADING_SECONDS = 40
+CLOSING_SECONDS = 3
 
-# Above the note that the browser draws in software.
-NOTE_ROWS, NOTE_COLUMNS = slice(0, 200), slice(0, 340)
+# Closes the note that the browser draws in software.
+CLOSE_NOTE = "document.querySelector('.mantine-Notification-closeButton')?.click()"
 
 
 def main(paths: list[Path]) -> None:
@@ -38,8 +39,9 @@ def main(paths: list[Path]) -> None:
         tab.resize(1280, 720)
         tab.visit(address)
         time.sleep(LOADING_SECONDS)
-        picture = tab.screenshot().copy()
-    picture[NOTE_ROWS, NOTE_COLUMNS] = 255
+        tab.run(CLOSE_NOTE)
+        time.sleep(CLOSING_SECONDS)
+        picture = tab.screenshot()
     done, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 85])
     assert done
     write_atomically(TARGET, data.tobytes())
