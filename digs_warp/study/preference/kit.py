@@ -9,7 +9,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.checks import DigsError
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.record.files import write_atomically
-from digs_warp.record.layout import find_gaussians
+from digs_warp.record.layout import GAUSSIANS, find_gaussians
 from digs_warp.record.progress import progress
 from digs_warp.study.preference.design import KEY, LETTERS, VERSIONS, Question, design, save_key
 from digs_warp.study.preference.sheet import sheet_page
@@ -50,6 +50,11 @@ def find_items(folders: Sequence[Path]) -> dict[str, dict[str, Gaussians]]:
 def _reconstructions(item: Path) -> dict[str, Path]:
     if not item.is_dir():
         raise DigsError(f"'{item}': no such folder; expected four reconstructions in it")
+    if (item / GAUSSIANS).exists():
+        raise DigsError(
+            f"'{item}': is one reconstruction; expected a folder with four of them, named after what is "
+            "compared"
+        )
     folders = sorted(path for path in item.iterdir() if path.is_dir())
     return {folder.name: find_gaussians(folder) for folder in folders}
 

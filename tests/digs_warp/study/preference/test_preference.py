@@ -12,6 +12,7 @@ from digs_warp.checks import DigsError
 from digs_warp.cli import main
 from digs_warp.study.preference.design import LETTERS, design, load_key
 from digs_warp.study.preference.evaluate import Answer, evaluate, read_answers
+from digs_warp.study.preference.kit import find_items
 from reference.tiny_capture import ball
 
 STRATEGIES = ("default", "fusion", "highdepth", "random")
@@ -27,6 +28,13 @@ def test_every_strategy_stands_once_in_every_place_and_after_every_other() -> No
         assert len(followed) == 12
     first, second = (q.places for q in questions if q.version == 1)
     assert first != second
+
+
+def test_a_reconstruction_is_no_folder_of_four(tmp_path: Path) -> None:
+    ball().save(tmp_path / "gaussians.npz")
+    (tmp_path / "renders").mkdir()
+    with pytest.raises(DigsError, match="is one reconstruction; expected a folder with four"):
+        find_items([tmp_path])
 
 
 @pytest.mark.parametrize("strategies", [STRATEGIES[:3], ("a", "a", "b", "c"), ()])
