@@ -151,10 +151,28 @@ def read_text(path: Path, what: str, bound: Bound = TEXT, errors: str = "strict"
         DigsError: missing, not readable, not UTF-8, or larger than ``bound``.
     """
     path = Path(path)
-    try:
-        require_regular(path, what)
+    with _explained(path, what):
         bound.check(f"{what} '{path}'", path.stat().st_size)
         return path.read_text(encoding="utf-8", errors=errors)
+
+
+def text_lines(path: Path, what: str) -> Iterator[str]:
+    """Yield the lines of a text file in UTF-8 of any size, one in memory at a time.
+
+    Raises:
+        DigsError: missing, not readable or not UTF-8.
+    """
+    path = Path(path)
+    with _explained(path, what), path.open(encoding="utf-8") as file:
+        yield from file
+
+
+@contextmanager
+def _explained(path: Path, what: str) -> Iterator[None]:
+    """Raise a `DigsError` where a text file cannot be read."""
+    try:
+        require_regular(path, what)
+        yield
     except FileNotFoundError:
         raise DigsError(f"{what} '{path}': no such file") from None
     except OSError as error:

@@ -6,6 +6,7 @@ COLMAP's own reader trusts the counts in binary files. This one believes only th
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import dropwhile, islice
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from digs_warp.checks import CaptureError, require_file
 from digs_warp.interchange.captures.recorded_files import expecting
-from digs_warp.record.files import read_text
+from digs_warp.record.files import text_lines
 
 # COLMAP's camera models in the order of their numbers, and how many parameters they have.
 MODELS = {
@@ -158,10 +159,11 @@ def _binary_points(path: Path) -> Iterator[tuple[float, ...]]:
         yield tuple(row)
 
 
-def _lines(path: Path) -> list[str]:
-    """Return all lines but comments; empty ones count: an image without points has one."""
-    lines = read_text(path, "COLMAP file").splitlines()
-    return [line.strip() for line in lines if not line.startswith("#")]
+def _lines(path: Path) -> Iterator[str]:
+    """Yield all lines but comments; empty ones count: an image without points has one."""
+    for line in text_lines(path, "COLMAP file"):
+        if not line.startswith("#"):
+            yield line.strip()
 
 
 def _text_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:
@@ -176,11 +178,9 @@ def _text_cameras(path: Path) -> Iterator[tuple[int, ModelCamera]]:
 
 
 def _text_images(path: Path) -> Iterator[RegisteredImage]:
-    lines = _lines(path)
-    while lines and not lines[0]:
-        lines.pop(0)
-    # Every second line lists the points of the image before.
-    for line in filter(None, lines[::2]):
+    lines = dropwhile(lambda line: not line, _lines(path))
+    # Every second line lists the points of the image before: hundreds of megabytes in a large model.
+    for line in filter(None, islice(lines, 0, None, 2)):
         words = line.split(maxsplit=9)
         yield RegisteredImage(words[9], int(words[8]), np.array(list(map(float, words[1:8]))))
 

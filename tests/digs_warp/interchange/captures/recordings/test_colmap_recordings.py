@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.bounds import TEXT
 from digs_warp.checks import CaptureError, DigsError
 from digs_warp.cli import main
 from digs_warp.data.capture import Capture, read_capture
@@ -169,6 +170,15 @@ def test_broken_workspaces_are_explained(copy: Path, tmp_path: Path, name: str) 
     spoil(copy)
     with pytest.raises(DigsError, match=message):
         converted("colmap", copy, tmp_path / "capture")
+
+
+def test_a_large_model_in_text_is_read(copy: Path, tmp_path: Path) -> None:
+    path = copy / "sparse/0/images.txt"
+    comments, images = path.read_text().split("\n", 2)[:2], path.read_text().splitlines()[2::2]
+    points = " ".join(["1234.5 678.9 1"] * (TEXT.most // 45))
+    path.write_text("\n".join([*comments, *(f"{line}\n{points}" for line in images)]))
+    assert path.stat().st_size > TEXT.most
+    assert len(converted("colmap", copy, tmp_path / "capture")) == len(images) == 3
 
 
 def test_binary_files_that_promise_more_than_they_hold_are_refused(
