@@ -24,7 +24,7 @@ section { background: var(--panel); border: 1px solid var(--rule); border-radius
 .card b { font-size: 1.45rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .scroll { overflow-x: auto; } .scroll + .charts { margin-top: 1.25rem; }
 table { border-collapse: collapse; }
-table.pictures { width: 100%; min-width: 56rem; table-layout: fixed; }
+table.pictures { width: 100%; min-width: 40rem; table-layout: fixed; }
 table.pictures th { font-size: .82rem; font-weight: 600; color: var(--soft); padding: .25rem;
   text-align: left; vertical-align: middle; overflow-wrap: anywhere; }
 table.pictures tr > :first-child { width: 7.5rem; white-space: pre-line; }
