@@ -18,7 +18,7 @@ from digs_warp.init.seen_alike import look, most_alike, nearest_looks
 # Depths lie between these multiples of the distance to what the cameras look at, evenly in their inverse, as
 # surfaces do in an image.
 NEAREST, FARTHEST = 0.4, 4.0
-# So many are drawn for each point.
+# Depths drawn for each point.
 TRIES = 24
 
 

@@ -8,12 +8,12 @@ import numpy as np
 from digs_warp.camera import Camera
 from digs_warp.data.frame import Frame
 
-# Photographs are compared in at most so many columns, blurred by so many of their pixels: depths that are
-# tried lie far apart.
+# Photographs are compared at this width [px] or less, blurred by this standard deviation [px]: the depths
+# that are tried lie far apart.
 WIDTH, BLUR = 320, 1.0
 # A pixel is compared with this many photographs, those from the nearest places.
 OTHERS = 6
-# Colors that differ by more [of 255] show other things, however much they differ: something may hide the
+# Differences of color [of 255] count up to this: beyond, another thing is seen, for something may hide the
 # place.
 UNLIKE = 40.0
 

@@ -97,8 +97,8 @@ def moment_of_change(frames: Sequence[SmallFrame]) -> Moment | None:
 def _pairs(frames: Sequence[SmallFrame]) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of frames that look in about the same direction, (n,) each."""
     axes = np.array([frame.camera.world_from_cam[:3, 2] for frame in frames]).reshape(-1, 3)
-    alike = np.einsum("ik,jk->ij", axes, axes) > np.cos(np.deg2rad(ANGLE))
-    first, second = np.nonzero(np.triu(alike, 1))
+    same_side = np.einsum("ik,jk->ij", axes, axes) > np.cos(np.deg2rad(ANGLE))
+    first, second = np.nonzero(np.triu(same_side, 1))
     return first, second
 
 

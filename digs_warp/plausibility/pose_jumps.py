@@ -20,7 +20,8 @@ from digs_warp.device.parallel import default_threads
 from digs_warp.geometry import invert_rigid
 from digs_warp.plausibility.finding import Finding
 
-# Photographs are reduced to at most so many columns; so many features are taken of each, the strongest.
+# Photographs are reduced to this width [px] or less; the strongest features of each are taken, up to this
+# number.
 WIDTH, FEATURES = 640, 1000
 
 # A match is nearer than this share of the second nearest (Lowe, IJCV 2004, section 7.1).
@@ -33,7 +34,7 @@ WITHIN, FEWEST = 2.0, 30
 # that of most steps is above the other.
 WRONG, USUAL = 0.3, 0.6
 
-# Of longer recordings, only so many steps are looked at, from the first on.
+# Of longer recordings, only the first steps are looked at.
 MOST_STEPS = 120
 
 # More names than this make no list.

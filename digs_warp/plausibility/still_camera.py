@@ -17,7 +17,7 @@ from digs_warp.device.parallel import default_threads
 from digs_warp.plausibility.finding import Finding
 
 # This many frames, evenly spread, are compared with the next of them and with those half a recording later,
-# as thumbnails of at most so many columns.
+# as thumbnails of this width [px] or less.
 FRAMES, WIDTH = 24, 160
 
 # Pixels tell whether the camera moves where they differ by this much [of 255] from those around them; they
@@ -81,9 +81,8 @@ def stillness(first: np.ndarray, second: np.ndarray) -> Stillness | None:
     """Compare two thumbnails, (height, width), 0 to 255; None: of different sizes, or too plain to tell."""
     if first.shape != second.shape:
         return None
-    second = second * (
-        np.median(first) / max(float(np.median(second)), 1.0)
-    )  # the exposure may differ
+    # The exposure may differ.
+    second = second * (np.median(first) / max(float(np.median(second)), 1.0))
     darkest, brightest = _around(second)
     least, most = _around(first)
     contrast = np.minimum(most - least, brightest - darkest)
