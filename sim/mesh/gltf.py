@@ -213,7 +213,7 @@ def image_bytes(path: Path, header: dict[str, Any], entry: dict[str, Any]) -> by
 
 
 def uri_bytes(path: Path, uri: str) -> bytes:
-    """Return what a URI of the file at ``path`` holds: data of its own, or a file beside it."""
+    """Return what a URI of the file at ``path`` holds: inline data, or another file."""
     if uri.startswith("data:"):
         return base64.b64decode(uri.partition(",")[2])
     return (path.parent / unquote(uri)).read_bytes()

@@ -104,7 +104,7 @@ class _ExtraBuffer:
 
 
 def _name_materials(header: dict[str, Any]) -> None:
-    """Give every material a name of its own, by which its extensions are found again."""
+    """Give every material a unique name, by which its extensions are found again."""
     taken: set[str] = set()
     for number, material in enumerate(header.get("materials", [])):
         name = material.get("name") or f"material {number}"

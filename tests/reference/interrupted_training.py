@@ -27,6 +27,6 @@ sys.exit(main(sys.argv[3:]))
 def train_until(
     number: signal.Signals, arguments: Sequence[str]
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command line in a process of its own, which gets the signal after `STEP` steps."""
+    """Run a command line in another process, which gets the signal after `STEP` steps."""
     command = [sys.executable, "-c", SCRIPT, str(STEP), str(int(number)), *arguments]
     return subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
