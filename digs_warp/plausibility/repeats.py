@@ -1,14 +1,10 @@
 """Frames that repeat the one before: a camera at rest, or a film that was copied frame by frame."""
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
 from digs_warp.data.capture import Capture
-from digs_warp.data.frame import Frame
-from digs_warp.device.parallel import default_threads
 from digs_warp.plausibility.finding import Finding
+from digs_warp.plausibility.thumbnails import green_means, thumbnails
 from digs_warp.words import counted
 
 # Longer recordings are thinned evenly, in runs of two frames.
@@ -35,7 +31,8 @@ def repeats(capture: Capture) -> list[Finding]:
         return []
     starts = np.unique(np.linspace(0, last - 1, min(MOST_FRAMES, last)).round().astype(int))
     numbers = sorted({*starts.tolist(), *(starts + 1).tolist()})
-    looks = dict(zip(numbers, _thumbnails([capture.frames[i] for i in numbers]), strict=True))
+    looked_at = [capture.frames[i] for i in numbers]
+    looks = dict(zip(numbers, thumbnails(looked_at, _thumbnail), strict=True))
     same = [_is_same(looks[i], looks[i + 1]) for i in starts.tolist()]
     if np.mean(same) <= SHARE:
         return []
@@ -50,16 +47,8 @@ def repeats(capture: Capture) -> list[Finding]:
     return [Finding("repeats", what, mend)]
 
 
-def _thumbnails(frames: Sequence[Frame]) -> list[np.ndarray]:
-    with ThreadPoolExecutor(default_threads()) as pool:
-        return [*pool.map(lambda frame: _thumbnail(frame.load_image()), frames)]
-
-
 def _thumbnail(image: np.ndarray) -> np.ndarray:
-    step = max(1, image.shape[1] // WIDTH)
-    height, width = image.shape[0] // step, image.shape[1] // step
-    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    return green_means(image, max(1, image.shape[1] // WIDTH))
 
 
 def _is_same(first: np.ndarray, second: np.ndarray) -> bool:

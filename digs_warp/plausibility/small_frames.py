@@ -11,6 +11,7 @@ from digs_warp.camera import Camera, Intrinsics
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.parallel import default_threads
+from digs_warp.plausibility.thumbnails import green_means
 
 _Small = TypeVar("_Small")
 
@@ -100,10 +101,7 @@ def small_depth(frame: Frame, number: int) -> SmallDepth:
 def small_frame(frame: Frame, number: int) -> SmallFrame:
     """Return the thumbnail of a frame that has depth."""
     image, measured = frame.load_image(), small_depth(frame, number)
-    height, width = measured.depth.shape
-    step = _step(*image.shape[:2])
-    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
-    return SmallFrame(**vars(measured), green=blocks.mean(axis=(1, 3), dtype=np.float32))
+    return SmallFrame(**vars(measured), green=green_means(image, _step(*image.shape[:2])))
 
 
 def _step(height: int, width: int) -> int:

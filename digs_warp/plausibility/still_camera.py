@@ -5,7 +5,6 @@ Frames that repeat are another finding (`digs_warp.plausibility.repeats`); here 
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +12,8 @@ import numpy as np
 from digs_warp.data.capture import Capture
 from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
-from digs_warp.device.parallel import default_threads
 from digs_warp.plausibility.finding import Finding
+from digs_warp.plausibility.thumbnails import green_means, thumbnails
 
 # This many frames, evenly spread, are compared with the next of them and with those half a recording later,
 # as thumbnails of this width [px] or less.
@@ -59,7 +58,7 @@ def still_camera(capture: Capture) -> list[Finding]:
     """
     if capture.knows_poses and _turned(capture.frames):
         return []
-    looks = _thumbnails(evenly(capture.frames, FRAMES))
+    looks = thumbnails(evenly(capture.frames, FRAMES), thumbnail)
     count = len(looks)
     pairs = {tuple(sorted((i, (i + k) % count))) for i in range(count) for k in (1, count // 2)}
     found = [stillness(looks[a], looks[b]) for a, b in sorted(pairs) if a != b]
@@ -105,14 +104,6 @@ def _around(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return windows.min(axis=(2, 3)), windows.max(axis=(2, 3))
 
 
-def _thumbnails(frames: Sequence[Frame]) -> list[np.ndarray]:
-    with ThreadPoolExecutor(default_threads()) as pool:
-        return [*pool.map(lambda frame: thumbnail(frame.load_image()), frames)]
-
-
 def thumbnail(image: np.ndarray) -> np.ndarray:
     """Return the green channel of an image in means over squares of pixels, (height, width)."""
-    step = -(-image.shape[1] // WIDTH)
-    height, width = image.shape[0] // step, image.shape[1] // step
-    blocks = image[: height * step, : width * step, 1].reshape(height, step, width, step)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    return green_means(image, -(-image.shape[1] // WIDTH))
