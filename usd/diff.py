@@ -1,4 +1,4 @@
-"""How two USD scenes differ, splat by splat if they have the same number of splats."""
+"""How the Gaussians of two USD scenes differ, splat by splat if they have the same number of splats."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +35,7 @@ class Difference:
 
 
 def differences(first: Path, second: Path, prim_path: str | None = None) -> list[Difference]:
-    """Return how two scenes differ in our world; empty if they hold the same.
+    """Return how Gaussians and metadata of two scenes differ in our world; empty if they are the same.
 
     Splats are compared in the order of the files; rotations as turns, so that a quaternion and its
     negative are the same.

@@ -14,6 +14,8 @@ from digs_warp.record.files import to_json, write_atomically
 
 Scene = Annotated[Path, tyro.conf.Positional]
 
+SAME = "the Gaussians and what is recorded about them are the same (cameras, meshes and points: not compared)"
+
 
 @dataclass(frozen=True, kw_only=True)
 class JsonFile:
@@ -82,7 +84,10 @@ class UsdValidate(JsonFile, Command):
 
 @dataclass(frozen=True, kw_only=True)
 class UsdDiff(JsonFile, Command):
-    """Say how two USD scenes differ, splat by splat. Different axes and units do not count."""
+    """Say how the Gaussians of two USD scenes differ, splat by splat, and what is recorded about them.
+
+    Different axes and units do not count. Cameras, meshes and points are not compared.
+    """
 
     first: Annotated[Scene, tyro.conf.arg(metavar="FIRST")]
     """A .usdz, .usdc or .usda file."""
@@ -100,7 +105,7 @@ class UsdDiff(JsonFile, Command):
         self.check(self.first, self.second)
         found = differences(self.first, self.second, self.prim)
         self.write(to_json([asdict(each) for each in found]))
-        return "\n".join(map(str, found)) or "the scenes hold the same"
+        return "\n".join(map(str, found)) or SAME
 
 
 USD = Group(

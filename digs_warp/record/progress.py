@@ -42,10 +42,16 @@ def show_progress(shown: bool = True) -> None:
     _show_progress = shown
 
 
-def progress(total: int, label: str, unit: str = "it", initial: int = 0) -> Progress:
+def progress(total: int, label: str, unit: str = "step", initial: int = 0) -> Progress:
     """Return a progress bar, or lines in a log; use it as a context manager and `update` it.
 
     There are no bars if stderr is not a terminal, and no output at all if TQDM_DISABLE is set.
+
+    Args:
+        total: how much there is to do.
+        label: what is done, such as "Recording".
+        unit: what is counted, in the singular; its plural ends in s.
+        initial: how much was done before.
     """
     shown = _show_progress and os.environ.get("TQDM_DISABLE", "0") in ("", "0")
     if shown and not sys.stderr.isatty():
@@ -66,7 +72,8 @@ class _LogLines:
 
     def __init__(self, total: int, label: str, unit: str, initial: int) -> None:
         self.n, self.total = initial, total
-        self._initial, self._label, self._unit, self._postfix = initial, label, unit, ""
+        self._initial, self._label, self._postfix = initial, label, ""
+        self._unit = unit if total == 1 else f"{unit}s"
         self._start = self._last_line = time.monotonic()
 
     def __enter__(self) -> Self:

@@ -76,7 +76,7 @@ def test_a_long_stage_logs_a_line_every_half_minute_with_an_estimate(
             now += 1.0
             bar.update()
     assert [record.message for record in caplog.records] == [
-        "Training: 130 of 200 it, about 70 s left, loss 29",
-        "Training: 160 of 200 it, about 40 s left, loss 59",
-        "Training: 190 of 200 it, about 10 s left, loss 89",
+        "Training: 130 of 200 steps, about 70 s left, loss 29",
+        "Training: 160 of 200 steps, about 40 s left, loss 59",
+        "Training: 190 of 200 steps, about 10 s left, loss 89",
     ]
