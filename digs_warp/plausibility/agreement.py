@@ -72,9 +72,9 @@ def reproject(
         The log of depth in the second camera over measured depth, below 0 where the second frame sees through
         the point; the brightness in either frame, all of shape (n,); and the number of points looked at.
     """
-    rows, columns = np.nonzero(np.isfinite(first.depth))
-    step = max(1, len(rows) // SAMPLES)
-    rows, columns = rows[::step], columns[::step]
+    measured = np.flatnonzero(np.isfinite(first.depth))
+    some = measured[:: max(1, len(measured) // SAMPLES)]
+    rows, columns = np.divmod(some, first.depth.shape[1])
     pixel, depth = pixels_showing(second.camera, first.points_at(rows, columns))
     inside = pixel >= 0
     nearer = np.log(depth[inside] / second.depth.reshape(-1)[pixel[inside]])
