@@ -78,7 +78,7 @@ class Mesh(Command):
             f"{self.out}: {counted(len(found.mesh), 'triangle')} from {counted(found.views, 'view')}, "
             f"voxels of {1e3 * found.voxel:.2f} mm, {self.out.stat().st_size / 1e6:.1f} MB, "
             f"{perf_counter() - start:.1f} s",
-            _about_depth(found.trust),
+            _about_depth(found.has_depth, found.trust),
             f"left out as floaters: {counted(found.removed_parts, 'part')} with "
             f"{counted(found.removed_triangles, 'triangle')}",
         ]
@@ -87,10 +87,11 @@ class Mesh(Command):
         return "\n".join(lines)
 
 
-def _about_depth(trust: float) -> str:
+def _about_depth(has_depth: bool, trust: float) -> str:
     if trust > 0:
         return f"from the depth of the Gaussians and the measured depth, which is trusted by {trust:.0%}"
-    return "from the depth of the Gaussians alone: there is no measured depth, or the photographs doubt it"
+    why = "the photographs doubt the measured depth" if has_depth else "there is no measured depth"
+    return f"from the depth of the Gaussians alone: {why}"
 
 
 def _comparison(

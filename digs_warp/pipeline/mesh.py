@@ -33,6 +33,7 @@ class ExtractedMesh:
         removed_parts, removed_triangles: how many were removed as floaters.
         views: number of cameras used.
         voxel: the finest detail [m].
+        has_depth: whether all frames of the recording have measured depth.
         trust: in the measured depth that was fused beside the rendered one; 0: it was not.
     """
 
@@ -41,7 +42,8 @@ class ExtractedMesh:
     removed_triangles: int
     views: int
     voxel: float
-    trust: float = 0.0
+    has_depth: bool
+    trust: float
 
 
 def extract_mesh(
@@ -81,6 +83,7 @@ def extract_mesh(
         found.removed_triangles,
         len(cameras),
         scene.voxel if voxel is None else voxel,
+        bool(frames) and all(frame.has(Layer.DEPTH) for frame in frames),
         depth.trust if depth else 0.0,
     )
 

@@ -109,6 +109,7 @@ def test_without_a_capture_rings_of_cameras_look(tmp_path: Path, capsys) -> None
     )
     assert code == EXIT_OK, text
     assert "12 views" in text
+    assert "there is no measured depth" in text
     assert "Chamfer" not in text
 
 
@@ -120,6 +121,7 @@ def test_a_recording_of_something_real_is_compared_with_nothing(tmp_path: Path, 
     )
     assert code == EXIT_OK, text
     assert "8 views" in text
+    assert "the photographs doubt the measured depth" in text
     assert "Chamfer" not in text
 
 
