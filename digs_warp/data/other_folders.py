@@ -4,6 +4,7 @@ from pathlib import Path
 
 from digs_warp.checks import DigsError
 from digs_warp.record import layout
+from digs_warp.record.noted_paths import places_of
 from digs_warp.record.run_log import RunRecord
 from digs_warp.words import counted
 
@@ -28,7 +29,7 @@ def what_it_is(folder: Path, index_name: str) -> str:
     command = record.command if record else "reconstruct"
     candidates = [folder.parent / layout.CAPTURE]
     if record is not None and record.results.get("capture"):
-        candidates.append(Path(record.results["capture"]))
+        candidates += places_of(Path(record.results["capture"]), folder)
     place = next((path for path in candidates if (path / index_name).is_file()), None)
     where = f"; its capture is '{place}'" if place else ""
     return f"It holds the results of 'digs-warp {command}'{where}."

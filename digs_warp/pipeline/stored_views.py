@@ -17,6 +17,7 @@ from digs_warp.measure.scores import Scores
 from digs_warp.record.files import read_json, to_json, write_atomically
 from digs_warp.record.layout import CAPTURE, EVALUATION
 from digs_warp.record.manifest import Manifest
+from digs_warp.record.noted_paths import places_of
 
 logger = logging.getLogger(__name__)
 
@@ -47,8 +48,10 @@ def read_render(folder: Path, name: str, shape: tuple[int, ...]) -> np.ndarray:
 
 def find_capture(folder: Path, recorded: Path | None = None) -> Path | None:
     """Return the capture that a run left in or beside ``folder``, else the ``recorded`` one, else None."""
-    candidates = (folder / CAPTURE, folder.parent / CAPTURE, recorded)
-    return next((path for path in candidates if path and (path / INDEX_NAME).is_file()), None)
+    noted = () if recorded is None else places_of(recorded, folder)
+    beside = folder.absolute().parent / CAPTURE  # of "." the parent is "." itself
+    candidates = (folder / CAPTURE, folder.parent / CAPTURE, beside, *noted)
+    return next((path for path in candidates if (path / INDEX_NAME).is_file()), None)
 
 
 def read_scores(path: Path) -> Scores:

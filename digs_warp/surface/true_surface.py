@@ -8,6 +8,7 @@ import numpy as np
 from digs_warp.checks import DigsError
 from digs_warp.data.capture import read_capture
 from digs_warp.data.placed_object import Matrix
+from digs_warp.record.noted_paths import places_of
 from digs_warp.record.run_log import RunRecord
 
 if TYPE_CHECKING:
@@ -84,11 +85,12 @@ def _placed_objects(capture: Path) -> "list[Scene]":
 def _mesh_at(capture: Path, path: Path, placement: Matrix | None) -> "Scene":
     from digs_warp.sim.load import load_scene_at
 
-    if not path.is_file():
+    place = next((place for place in places_of(path, capture) if place.is_file()), None)
+    if place is None:
         raise DigsError(f"capture '{capture}': its mesh '{path}' is no longer there")
     if placement is None:
         raise DigsError(
             f"capture '{capture}': its index has no world_from_mesh, so nobody knows where the mesh "
             f"'{path.name}' stands; record it again"
         )
-    return load_scene_at(path, np.array(placement))
+    return load_scene_at(place, np.array(placement))

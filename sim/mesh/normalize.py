@@ -13,13 +13,17 @@ logger = logging.getLogger(__name__)
 # With float32 positions, the area of a face below this share of the squared box edge cannot be told from 0.
 MIN_FACE_AREA = 1e-14
 
+# Exporters leave a few faces without area, which nothing shows. More of them say that the file is damaged.
+USUAL_SHARE = 0.01
+
 
 def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
     """Return the triangles without faces of zero area or with vertices that are not finite.
 
     Args:
         triangles: in any units.
-        name: of the mesh, for the warning that gives the counts.
+        name: of the mesh, for the line that gives the counts: a warning, unless there are only a few faces
+            without area.
     """
     faces = triangles.faces
     finite_vertices = np.logical_and.reduce(np.isfinite(triangles.vertices), axis=1)
@@ -36,7 +40,9 @@ def drop_bad_faces(triangles: Triangles, name: str) -> Triangles:
                 kept[rows] &= areas > MIN_FACE_AREA
     if kept.all():
         return triangles
-    logger.warning(
+    is_usual = finite.all() and (~kept).sum() <= USUAL_SHARE * len(faces)
+    logger.log(
+        logging.INFO if is_usual else logging.WARNING,
         "mesh '%s': dropped %d of %d faces (%d with vertices that are not finite, %d without area)",
         name,
         len(faces) - kept.sum(),

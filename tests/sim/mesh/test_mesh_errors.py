@@ -56,6 +56,16 @@ def test_bad_faces_are_dropped_and_counted(
     )
 
 
+def test_a_few_faces_without_area_are_no_reason_for_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    faces = np.vstack([ball.faces, [[0, 0, 1]]])
+    flawed = trimesh.Trimesh(ball.vertices, faces, process=False)
+    assert len(load_scene(save(tmp_path / "a.ply", flawed)).faces) == len(ball.faces)
+    assert [r for r in caplog.records if r.levelno >= logging.WARNING] == []
+
+
 def test_a_good_mesh_loads_without_a_word(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, logger="sim")
     load_scene(save(tmp_path / "a.glb", lopsided()), up="y")

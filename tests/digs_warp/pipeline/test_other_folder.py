@@ -1,0 +1,65 @@
+"""A result knows its recording wherever the command is started: paths in records are often relative."""
+
+from pathlib import Path
+
+import pytest
+
+from digs_warp.data.index_rules import INDEX_NAME
+from digs_warp.pipeline.stored_views import find_capture
+
+NOTED = Path("captures/mug")  # as it was given in the folder "project"
+
+
+def with_index(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    (folder / INDEX_NAME).write_text("{}")
+    return folder
+
+
+@pytest.fixture
+def result(tmp_path: Path) -> Path:
+    folder = tmp_path / "project/results/mug"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def test_the_recording_is_found_from_another_folder(
+    tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = with_index(tmp_path / "project" / NOTED)
+    monkeypatch.chdir(tmp_path)
+    assert find_capture(result, NOTED) == capture
+    assert find_capture(Path("project/results/mug"), NOTED) == Path("project") / NOTED
+    monkeypatch.chdir(result)
+    found = find_capture(Path(), NOTED)
+    assert found is not None and found.samefile(capture)
+
+
+def test_another_projects_recording_is_not_taken_for_it(
+    tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = with_index(tmp_path / "project" / NOTED)
+    with_index(tmp_path / "other" / NOTED)
+    monkeypatch.chdir(tmp_path / "other")
+    assert find_capture(result, NOTED) == capture
+
+
+def test_results_far_from_the_recording_are_read_where_they_were_made(
+    tmp_path: Path, result: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = with_index(tmp_path / "other" / NOTED)
+    monkeypatch.chdir(tmp_path / "other")
+    assert find_capture(result, NOTED) == NOTED
+    assert find_capture(result, capture) == capture
+    monkeypatch.chdir(tmp_path)
+    assert find_capture(result, NOTED) is None
+
+
+def test_a_run_knows_its_recording_from_inside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture = with_index(tmp_path / "run/capture")
+    (tmp_path / "run/reconstruction").mkdir()
+    monkeypatch.chdir(tmp_path / "run/reconstruction")
+    found = find_capture(Path(), Path("out/run/capture"))
+    assert found is not None and found.samefile(capture)
