@@ -1,6 +1,6 @@
 """Render inside PyTorch: find the pose from which a picture was taken, by autograd.
 
-python examples/08_torch.py [WIDTH FRAMES]
+python examples/08_torch.py [WIDTH FRAMES]    needs PyTorch: pip install 'digs-warp[torch]'
 """
 # torch is an extra that type checking need not have:
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false

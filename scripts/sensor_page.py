@@ -15,7 +15,7 @@ from digs_warp.sim.sensor.effects import EFFECTS
 from digs_warp.sim.sensor.effects.protocol import Choice, SensorEffect
 from digs_warp.sim.sensor.facts import SceneFacts
 from digs_warp.study.filter_pictures import FilterFigure, filter_figures
-from digs_warp.study.sensor_pictures import DepthFigure, SensorStudio, draw_all
+from digs_warp.study.sensor_pictures import SensorStudio, draw_all
 from digs_warp.study.table import Table
 
 PAGE = "sensor.md"
@@ -32,13 +32,10 @@ FILTER_HEADINGS = (
 def main() -> None:
     """Draw the pictures and write what they show into the page."""
     studio = SensorStudio()
-    figures = draw_all(studio, DOCS / PICTURES)
-    rows = [number_row(name, figure) for name, figure in figures.items()]
-    headings = ["effect", "lost", "bad", "RMS of the rest [px]"]
+    draw_all(studio, DOCS / PICTURES)
     texts = {
         "depth": "\n".join(section(effect, studio.facts, studio) for effect in EFFECTS),
         "color": "\n".join(section(effect, studio.facts, studio) for effect in COLOR_EFFECTS),
-        "numbers": Table("numbers", headings, rows).markdown(),
         "causes": Table("causes", ["number", "cause", "meaning"], cause_rows()).markdown(),
         "figures": Table(
             "figures", ["figure", "value", "origin", "note"], figure_rows()
@@ -82,12 +79,6 @@ def cause_rows() -> list[list[str]]:
     return [[str(cause.value), cause.name.lower(), cause.meaning] for cause in Cause]
 
 
-def number_row(name: str, figure: DepthFigure) -> list[str]:
-    """Return a row of the table of errors."""
-    rms = f"{figure.rms:.3f}" if figure.rms == figure.rms else ""  # NaN: none
-    return [name, percent(figure.holes), percent(figure.bad), rms]
-
-
 def filter_rows(figures: dict[str, FilterFigure]) -> list[list[str]]:
     """Return the table of filters."""
     rows = []
@@ -97,11 +88,6 @@ def filter_rows(figures: dict[str, FilterFigure]) -> list[list[str]]:
         cells = [f"{value:.3f}" if value == value else "" for value in [*values, *filled]]
         rows.append([name, *cells, f"{figure.time:.0f}"])
     return rows
-
-
-def percent(share: float) -> str:
-    """Return a share in percent, nothing for 0."""
-    return f"{share:.2%}" if share else ""
 
 
 def figure_rows() -> list[list[str]]:

@@ -76,25 +76,19 @@ Panel = tuple[str, np.ndarray, dict[str, Any]]
 
 @dataclass(frozen=True, eq=False)
 class DepthFigure:
-    """A frame before and after one effect, in numbers.
+    """A frame before and after one effect.
 
     Attributes:
         truth: the frame.
         before: disparity without the effect [px].
         sensed: after the effect alone.
         changed: where the two differ, (height, width), bool.
-        holes: share of the frame that lost its depth.
-        bad: share of the frame that is wrong by more than a pixel of disparity.
-        rms: of the error where the effect changed a value and left it good [px]; NaN: nowhere.
     """
 
     truth: FrameTruth
     before: np.ndarray
     sensed: Sensed
     changed: np.ndarray
-    holes: float
-    bad: float
-    rms: float
 
 
 class SensorStudio:
@@ -119,20 +113,15 @@ class SensorStudio:
         sensed = effect.apply(Sensed.of(truth), truth.rig, effect_rng(SEED, 0, effect.name))
         lost = ~sensed.known & ~np.isnan(truth.disparity)
         with np.errstate(invalid="ignore"):
-            error = np.abs(sensed.disparity - truth.disparity)
-        good = (error > 0) & (error <= BAD)
-        rms = float(np.sqrt(np.mean(error[good] ** 2))) if good.any() else float("nan")
-        bad = float(np.mean(error > BAD))
-        changed = lost | (error > 0)
-        return DepthFigure(truth, truth.disparity, sensed, changed, float(np.mean(lost)), bad, rms)
+            changed = lost | (np.abs(sensed.disparity - truth.disparity) > 0)
+        return DepthFigure(truth, truth.disparity, sensed, changed)
 
     def surface_strip(self, effect: SensorEffect, path: Path) -> None:
         """Draw what the search finds with and without the candidates of second surfaces of a kind."""
         off, on = self.sensed("guided"), self.sensed("guided", effect.name)
         with np.errstate(invalid="ignore"):
             changed = (off.known != on.known) | (np.abs(off.disparity - on.disparity) > BAD)
-        nan = float("nan")
-        depth_strip(DepthFigure(self.truth, off.disparity, on, changed, nan, nan, nan), path)
+        depth_strip(DepthFigure(self.truth, off.disparity, on, changed), path)
 
     def sensed(self, tier: Tier, *effects: str) -> Sensed:
         """Return what a tier measures with some effects on depth, and image noise."""
@@ -235,11 +224,10 @@ def color_strip(before: np.ndarray, after: np.ndarray, path: Path, eye: str = "l
     draw_panels([(title, pixels, {}) for title, pixels in pictures], path)
 
 
-def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
-    """Draw the strip of every effect into ``folder`` and return the numbers of those on depth."""
-    figures = {effect.name: studio.depth_figure(effect) for effect in AFTER_MATCHING}
-    for name, figure in figures.items():
-        depth_strip(figure, folder / f"{name}.jpg")
+def draw_all(studio: SensorStudio, folder: Path) -> None:
+    """Draw the strip of every effect into ``folder``."""
+    for effect in AFTER_MATCHING:
+        depth_strip(studio.depth_figure(effect), folder / f"{effect.name}.jpg")
     for effect in SECOND_SURFACES:
         studio.surface_strip(effect, folder / f"{effect.name}.jpg")
     tiers_strip(studio, folder / f"{TIERS_PICTURE}.jpg")
@@ -250,7 +238,6 @@ def draw_all(studio: SensorStudio, folder: Path) -> dict[str, DepthFigure]:
     color_strip(*studio.infrared(), folder / f"{PROJECTOR.name}.jpg", "left infrared")
     path = folder / f"{CALIBRATION_DRIFT.name}.jpg"
     color_strip(studio.truth.right, studio.drifted(), path, "right")
-    return figures
 
 
 def window_of(changed: np.ndarray) -> tuple[slice, slice]:
