@@ -44,12 +44,14 @@ def likely_cause(
         pairs: those that are compared.
         as_recorded: how well they agree.
     """
+    enough = max(CONVINCING, BETTER * as_recorded.score + MARGIN)
+    if enough >= 1.0:  # no agreement is larger; this one leaves none of the findings below
+        return None
     tried = [
         (agreement({n: each.corrected(frame) for n, frame in frames.items()}, pairs), each)
         for each in explanations(cameras)
     ]
     explained, best = max(tried, key=lambda pair: pair[0].score)
-    enough = max(CONVINCING, BETTER * as_recorded.score + MARGIN)
     if explained.overlap >= OVERLAP and explained.score > enough:
         what = (
             f"Neighboring frames agree to {as_recorded.score:.0%}. They would agree to "
