@@ -16,12 +16,22 @@ gradient of the depth moves the centers, but does not change the scales through 
 
 import warp as wp
 
+from digs_warp.device.elementary import exp_of, larger
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.splat.device import DeviceGaussians
-from digs_warp.splat.footprint import ViewParams
+from digs_warp.splat.footprint import ViewParams, rotation_of
+from digs_warp.splat.group import GROUP_SIZE, put_vec3, put_vec4, vec3_at, vec4_at
 from digs_warp.splat.records import GaussianArrays
 
-wp.set_module_options({"enable_backward": False})
+# A loop with calls is not vectorized, and that over a group is longer than what LLVM inlines by itself.
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "max_unroll": 1,
+        "optimization_level": 3,
+        "cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=9000",
+    }
+)
 
 # [standard deviations] With it, the surface without a depth term is least biased: see docs/training.md.
 REACH = 2.5
@@ -29,6 +39,27 @@ REACH = 2.5
 # A splat as wide as its distance has its skin at this share of the distance, not behind the camera.
 _LEAST_SHARE = wp.constant(0.1)
 _REACH = wp.constant(REACH)
+
+_GROUP = wp.constant(GROUP_SIZE)
+# Where the fields of a group begin in its memory, after the means.
+_LOG_SCALES = wp.constant(3 * GROUP_SIZE)
+_QUATS = wp.constant(6 * GROUP_SIZE)
+_DEPTHS = wp.constant(10 * GROUP_SIZE)
+_MEMORY = 11 * GROUP_SIZE
+
+
+@wp.func
+def skin_depth(
+    cam: ViewParams, mean: wp.vec3, log_scale: wp.vec3, quat: wp.vec4, depth: float
+) -> float:
+    """Return the planar depth of a splat's skin [m]; ``depth`` is that of its center."""
+    # The length of the ray cancels out.
+    ray = mean - cam.center_world
+    forward = wp.vec3(cam.rotation[2, 0], cam.rotation[2, 1], cam.rotation[2, 2])
+    along = wp.transpose(rotation_of(quat)) * ray
+    inverse = wp.vec3(exp_of(-log_scale[0]), exp_of(-log_scale[1]), exp_of(-log_scale[2]))
+    ahead = _REACH * wp.dot(ray, forward) / wp.length(wp.cw_mul(along, inverse))
+    return larger(depth - ahead, _LEAST_SHARE * depth)
 
 
 @wp.kernel
@@ -40,22 +71,26 @@ def skin_kernel(
         float
     ],  # [n] planar depth of the centers, 0 if not drawn; then of the skins [m]
 ):
-    """Move the depth of one splat from its center to its skin."""
-    g = first + wp.tid()
-    depth = depths[g]
-    if depth <= 0.0:
-        return
+    """Move the depths of ``GROUP_SIZE`` splats from their centers to their skins."""
+    begin = (first + wp.tid()) * _GROUP
+    size = wp.min(_GROUP, depths.shape[0] - begin)
     cam = views[0]
-    ray = wp.normalize(gaussians.means[g] - cam.center_world)
-    forward = wp.vec3(cam.rotation[2, 0], cam.rotation[2, 1], cam.rotation[2, 2])
-    q = gaussians.quats[g]
-    axes = wp.quat_to_matrix(wp.normalize(wp.quat(q[0], q[1], q[2], q[3])))
-    along = wp.transpose(axes) * ray
-    s = gaussians.log_scales[g]
-    inverse = wp.vec3(wp.exp(-s[0]), wp.exp(-s[1]), wp.exp(-s[2]))
-    deviation = 1.0 / wp.length(wp.cw_mul(along, inverse))
-    ahead = _REACH * deviation
-    depths[g] = wp.max(depth - ahead * wp.dot(ray, forward), _LEAST_SHARE * depth)
+    memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
+    # A view: LLVM reloads the address of the local array itself after every write.
+    state = wp.array(ptr=memory.ptr, shape=(wp.static(_MEMORY),), dtype=float)
+    for member in range(size):
+        given = begin + member
+        put_vec3(gaussians.means[given], state, member)
+        put_vec3(gaussians.log_scales[given], state, _LOG_SCALES + member)
+        put_vec4(gaussians.quats[given], state, _QUATS + member)
+        state[_DEPTHS + member] = depths[given]
+    for i in range(_GROUP):
+        mean, log_scale = vec3_at(state, i), vec3_at(state, _LOG_SCALES + i)
+        quat, depth = vec4_at(state, _QUATS + i), state[_DEPTHS + i]
+        skin = skin_depth(cam, mean, log_scale, quat, depth)
+        state[_DEPTHS + i] = wp.where(depth > 0.0, skin, depth)
+    for out in range(size):
+        depths[begin + out] = state[_DEPTHS + out]
 
 
 def skin_launch(
@@ -63,4 +98,5 @@ def skin_launch(
 ) -> ParallelLaunch:
     """Return what moves the depths of the centers to those of the skins, in place."""
     inputs = [gaussians.for_kernels(), views, depths]
-    return ParallelLaunch(skin_kernel, len(gaussians), inputs, device, threads, even=True)
+    groups = -(-len(gaussians) // GROUP_SIZE)
+    return ParallelLaunch(skin_kernel, groups, inputs, device, threads, even=True)
