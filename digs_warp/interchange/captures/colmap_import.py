@@ -28,10 +28,14 @@ from digs_warp.interchange.captures.colmap_files import (
 )
 from digs_warp.interchange.captures.lens import Lens, undistorted
 from digs_warp.interchange.captures.recorded_files import is_readable
-from digs_warp.interchange.captures.recording import FRAME_RATE, RecordedFrame, Recording
+from digs_warp.interchange.captures.recording import RecordedFrame, Recording
 from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
+
+# COLMAP keeps no times. So far apart, photographs are not taken for a film, of which the neighbors of a frame
+# tell how the camera moved (`digs_warp/train/shutter.py`).
+SECONDS_APART = 1.0
 
 # Where a model may lie in a workspace; "*" is the number of one of several models.
 MODEL_PLACES = ("", "sparse", "sparse/*", "colmap", "colmap/sparse/*", "distorted/sparse/*", "*")
@@ -139,7 +143,7 @@ def _frame(
     return RecordedFrame(
         image=images / row.name,
         intrinsics=k,
-        time=number / FRAME_RATE,
+        time=SECONDS_APART * number,
         world_from_cam=invert_rigid(rigid(matrix_from_quat_xyzw(turn), row.pose[4:])),
         mask=mask,
         view=undistorted(k, lens),

@@ -17,6 +17,7 @@ from digs_warp.data.capture import Capture, read_capture
 from digs_warp.data.images import read_image
 from digs_warp.interchange.captures.formats import export_capture, read_recording
 from digs_warp.interchange.captures.lens import Lens
+from digs_warp.train.shutter import with_motions
 from reference.recorded import converted
 
 
@@ -56,6 +57,12 @@ def test_exports_come_back_with_images_masks_poses_and_points(
     assert points is not None and len(points) > 0
     for row, line in zip(points.points_world, lines, strict=False):
         np.testing.assert_allclose(row, np.array(line.split()[1:4], float), rtol=1e-6)
+
+
+def test_photographs_are_not_taken_for_a_film(copy: Path, tmp_path: Path) -> None:
+    found = converted("colmap", copy, tmp_path / "capture")
+    assert np.diff([frame.time for frame in found.frames]) == pytest.approx(1.0)
+    assert all(frame.exposure.motion is None for frame in with_motions(found.frames))
 
 
 @pytest.mark.parametrize(
