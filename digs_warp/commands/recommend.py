@@ -53,15 +53,15 @@ class Recommend(Command):
             return self._for_capture(self.capture)
         from digs_warp.study.engine.store import Store
         from digs_warp.study.recommend.published import study_folder
-        from digs_warp.study.studies.tradeoff import best_within
+        from digs_warp.study.studies.tradeoff import best_within, least_seconds
 
         folder = study_folder("tradeoff", self.study)
         records = Store(folder).finished()
         best = best_within(records, self.time_budget)
         if best is None:
             raise DigsError(
-                f"recommend: no case in '{folder}' takes {self.time_budget:g} s or less; allow more time, or "
-                "measure smaller recordings"
+                f"recommend: no case in '{folder}' takes {self.time_budget:g} s or less, the fastest "
+                f"{least_seconds(records):.1f} s; allow more time, or measure smaller recordings"
             )
         machines = sorted({record["machine"] for record in records})
         return format_facts(

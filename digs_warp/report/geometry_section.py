@@ -55,7 +55,7 @@ def geometry_section(result: Reconstruction, posed: PosedFrames) -> str:
     which = "held-out views" if posed.held_out else "views"
     compared = f" Depths are compared in at most 8 {which}, where both are known." if errors else ""
     return section(
-        "Cameras and depth",
+        "Cameras and depth" if errors else "Cameras",
         f"{counted(len(posed.by_time), 'camera')}.{compared}",
         f"<div class=charts>{''.join(charts)}</div>",
         figures,

@@ -89,7 +89,9 @@ def views_section(capture: Capture, result: Reconstruction) -> str:
         picture_grid(["True", "Rendered", "Difference, amplified"], rows),
         f"<div class=legends>{legend(DIFFERENCE)}</div>",
         details(
-            "Numbers of this view" if len(ranked) == 1 else f"Numbers of all {len(ranked)} views",
+            "Numbers of this view"
+            if len(ranked) == 1
+            else f"Numbers of {_all(len(ranked)).lower()} views",
             f"{table(names, [*numbers, mean])}<p>{escape(_aligned_words(result))}</p>",
         ),
     )
@@ -99,8 +101,12 @@ def _which(shown: int, total: int) -> str:
     """Say how many of the held-out views are shown."""
     if total == 1:
         return "The view that training never saw."
-    count = f"All {total}" if shown == total else f"{shown} of {total}"
+    count = _all(total) if shown == total else f"{shown} of {total}"
     return f"{count} views that training never saw, from the worst to the best."
+
+
+def _all(count: int) -> str:
+    return "Both" if count == 2 else f"All {count}"
 
 
 def _aligned_words(result: Reconstruction) -> str:

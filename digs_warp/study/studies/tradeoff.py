@@ -162,6 +162,12 @@ def best_within(records: Sequence[Record], budget: float) -> Best | None:
     return Best(name_of(key), kept, *within[key])
 
 
+def least_seconds(records: Sequence[Record]) -> float:
+    """Return the mean time of the fastest setting [s]; NaN without any."""
+    measured = _choices(_measured(records)).values()
+    return min((seconds.mean for seconds, _ in measured), default=float("nan"))
+
+
 Measured = dict[tuple[Any, ...], tuple[Spread, Spread]]
 
 

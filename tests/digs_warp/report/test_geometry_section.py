@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.report.geometry_section import geometry_section
@@ -31,6 +32,13 @@ def test_the_surface_is_compared_with_the_depth(tmp_path: Path) -> None:
     assert behind[1] <= behind[2]
     assert "measured - true" not in html and "surface - true" not in html
     assert "16 cameras" in html and "Path of 16 cameras" in html
+
+
+def test_without_depth_the_section_is_about_cameras_alone(tmp_path: Path) -> None:
+    tiny = write_tiny_capture(tmp_path / "capture")
+    blind = replace(tiny, frames=tuple(f.without_layer(Layer.DEPTH) for f in tiny.frames))
+    html = geometry_section(Reconstruction(gaussians=ball()), PosedFrames.as_recorded(blind))
+    assert "<h2>Cameras</h2>" in html
 
 
 def test_the_noise_of_a_simulated_sensor_is_told(tmp_path: Path) -> None:
