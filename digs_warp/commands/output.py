@@ -22,6 +22,8 @@ from digs_warp.record.run_log import RunRecord
 
 OUTPUT_FLAGS = ("out", "resume", "overwrite")  # of `OutputFolder`
 
+DEVICES = Path("/dev")
+
 _log = logging.getLogger(__name__)
 
 
@@ -150,6 +152,8 @@ def check_output_file(
         raise DigsError(f"{flag} '{path}': this is {_named(path)}; name a file")
     if path.exists() and not path.is_file():
         raise DigsError(f"{flag} '{path}': this is {_named(path)}; name a new file")
+    if path.absolute().parent == DEVICES:  # /dev/stdout leads to a file that would replace the link
+        raise DigsError(f"{flag} '{path}': this is in {DEVICES}; name a new file")
     if path.exists() and not overwrite:
         raise DigsError(f"{flag} '{path}': the file exists; add --overwrite or name another file")
     for source in inputs:

@@ -6,6 +6,7 @@ import pytest
 
 from digs_warp.checks import DigsError
 from digs_warp.cli import EXIT_BAD_INPUT, main
+from digs_warp.commands import output
 from digs_warp.commands.output import NewFolder, OutputFolder, is_ours
 from digs_warp.record.run_log import RunLog
 from reference.output_folders import SMALL, names, our_folder, state, write
@@ -164,3 +165,14 @@ def test_a_benchmark_replaces_a_file_only_when_told(tmp_path: Path) -> None:
     precious.write_text("precious")
     assert main(["bench", "sfm", "--json", str(precious)]) == EXIT_BAD_INPUT
     assert precious.read_text() == "precious"
+
+
+def test_a_link_among_the_devices_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where stdout goes to a file, /dev/stdout leads to a file; the system needs the link."""
+    monkeypatch.setattr(output, "DEVICES", tmp_path)
+    (tmp_path / "log").write_text("")
+    (tmp_path / "stdout").symlink_to(tmp_path / "log")
+    with pytest.raises(DigsError, match="name a new file"):
+        output.check_output_file(tmp_path / "stdout", overwrite=True)
