@@ -1,10 +1,13 @@
 """``--config FILE``: the settings of an earlier run as the defaults of a command."""
 
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from digs_warp.checks import DigsError
 from digs_warp.commands.command import SettingsCommand
 from digs_warp.record.files import read_json, read_yaml
+from digs_warp.record.noted_paths import places_of
 
 
 def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
@@ -30,6 +33,21 @@ def read_defaults(kind: type[SettingsCommand], path: Path) -> SettingsCommand:
             f"--config '{path}': no \"settings\" by name in it; expected the form of a run.json"
         )
     try:
-        return kind.from_settings(record["settings"])
+        return _with_found_files(kind.from_settings(record["settings"]), path)
     except DigsError as error:
         raise DigsError(f"--config '{path}': {error}") from error
+
+
+def _with_found_files(value: Any, config: Path) -> Any:
+    """Return settings whose files are where they lie as seen from this folder; what is nowhere stays."""
+    if isinstance(value, Path):
+        return next((place for place in places_of(value, config) if place.exists()), value)
+    if isinstance(value, tuple):
+        found = tuple(_with_found_files(each, config) for each in value)
+        return value if all(a is b for a, b in zip(found, value, strict=True)) else found
+    if not is_dataclass(value) or isinstance(value, type):
+        return value
+    old = {field.name: getattr(value, field.name) for field in fields(value) if field.init}
+    new = {name: _with_found_files(each, config) for name, each in old.items()}
+    changed = {name: each for name, each in new.items() if each is not old[name]}
+    return replace(value, **changed) if changed else value

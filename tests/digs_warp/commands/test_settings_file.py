@@ -44,6 +44,23 @@ def settings_of(command: object) -> Any:
     return command.recording if is_one else {"recording": command.recording, "scenes": command.many}
 
 
+def test_files_are_found_from_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = tmp_path / "project"
+    (project / "out").mkdir(parents=True)
+    (project / "a b.glb").write_text("")
+    command = cli.parse(["simulate", "--out", "x", "--scene", "a b.glb", "gone.glb"])
+    config = save(project / "out/run.json", "simulate", settings_of(command))
+    monkeypatch.chdir(tmp_path)
+    again = cli.parse(["simulate", "--out", "y", "--config", str(config)])
+    assert isinstance(again, Simulate)
+    assert again.recording.scene == (project / "a b.glb", Path("gone.glb"))
+    monkeypatch.chdir(project)
+    again = cli.parse(["simulate", "--out", "y", "--config", "out/run.json"])
+    assert settings_of(again) == settings_of(command)
+
+
 @pytest.mark.parametrize(
     ("name", "source", "flags"),
     [
