@@ -14,7 +14,11 @@ from digs_warp.study.recommend.look import Look, look_at
 from digs_warp.study.recommend.settings import Setting, measured_settings, usual_of
 from digs_warp.study.recommend.times import Times, times
 from digs_warp.study.studies.scaling import ONE_THREAD
+from digs_warp.study.studies.tradeoff import USUAL
 from digs_warp.words import counted
+
+# The settings that differ in the number of steps alone.
+STEP_KNOBS = ("iterations", USUAL)
 
 
 @dataclass(frozen=True)
@@ -195,9 +199,10 @@ def _capture_words(look: Look) -> str:
 
 
 def _steps_words(found: Recommendation) -> str:
-    """Say what other numbers of steps gave in the study."""
+    """Say what other numbers of steps gave in the study, all else as usual."""
     best = found.best.setting
-    others = [c.setting for c in found.front if c.setting.steps != best.steps]
+    settings = [choice.setting for choice in found.front]
+    others = [s for s in settings if s.knob in STEP_KNOBS and s.steps != best.steps]
     if not others:
         return "no other number of steps was better for its time"
     words = [f"{s.steps} gave {s.quality.mean - best.quality.mean:+.2f} dB" for s in others]

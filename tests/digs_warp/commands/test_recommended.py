@@ -51,6 +51,7 @@ def test_reconstruct_runs_what_is_recommended(
     out = tmp_path / "reconstruction"
     words = ["reconstruct", capture, "--out", str(out), "--recommended", "1h"]
     assert main(words) == 0
+    assert "INFO: setting: iterations 1000: the best of 3" in capsys.readouterr().err
     found = record(out)
     assert found["results"]["iterations"] == command.train.stop.iterations == 6
     assert found["settings"]["init"]["voxel_size"] == command.init.voxel_size

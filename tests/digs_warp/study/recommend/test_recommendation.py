@@ -1,5 +1,6 @@
 """Settings for a capture and a time: laws on published figures, the choice, and what the look sees."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,6 +154,8 @@ def test_the_best_that_fits_is_chosen(capture: Capture, studies: Studies) -> Non
     for choice in found.front:
         exact = recommend(capture, choice.seconds, config, studies, machine=1.0)
         assert exact.best.setting == choice.setting
+        named = re.findall(r"(\d+) gave", reasons(exact)["iterations"])
+        assert len(set(named)) == len(named)  # not what other knobs gave with as many steps
     assert found.look.color is not None
     assert f"degree {found.look.color.degree}" in reasons(found)["color"]
     least = found.front[0]
