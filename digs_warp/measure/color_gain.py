@@ -5,7 +5,8 @@ that is a factor, too, above the darkest values: from x = 1.055 L^(1/2.4) - 0.05
 
     y + 0.055 = s (x + 0.055),   s = g^(1/2.4)
 
-so one number for each channel describes both, and least squares give it in closed form.
+so one number for each channel describes both, and least squares give it in closed form. A camera whose
+contrast or black level changes, too, adds a lift to it (`digs_warp.measure.color_lift`).
 """
 
 from dataclasses import dataclass
@@ -38,13 +39,15 @@ ROUNDS = 4
 
 @dataclass(frozen=True, eq=False)
 class ColorGain:
-    """Gains of red, green and blue.
+    """Gains of red, green and blue, and a lift of all three.
 
     Attributes:
         log_factors: logarithms of the factors s on sRGB + 0.055, shape (3,).
+        lift: what is added to the sRGB values after that.
     """
 
     log_factors: np.ndarray
+    lift: float = 0.0
 
     @property
     def stops(self) -> np.ndarray:
@@ -52,17 +55,20 @@ class ColorGain:
         return STOPS_PER_LOG * self.log_factors
 
     def applied(self, colors: np.ndarray) -> np.ndarray:
-        """Return sRGB colors, shape (..., 3), after the gain; not clipped."""
-        return np.exp(self.log_factors) * (colors + OFFSET) - OFFSET
+        """Return sRGB colors, shape (..., 3), after gain and lift; not clipped."""
+        return np.exp(self.log_factors) * (colors + OFFSET) - OFFSET + self.lift
 
     def removal(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (factor, shift), shape (3,) each: ``factor * color + shift`` undoes `applied`."""
         factor = np.exp(-self.log_factors)
-        return factor, OFFSET * (factor - 1.0)
+        return factor, OFFSET * (factor - 1.0) - factor * self.lift
 
 
 def fit_color_gain(
-    colors: np.ndarray, photograph: np.ndarray, otherwise: np.ndarray | None = None
+    colors: np.ndarray,
+    photograph: np.ndarray,
+    otherwise: np.ndarray | None = None,
+    lift: float = 0.0,
 ) -> ColorGain:
     """Return the gain that turns ``colors`` into ``photograph``, by robust least squares.
 
@@ -71,6 +77,7 @@ def fit_color_gain(
         photograph: sRGB values in 0..1 of the same pixels, shape (n, 3).
         otherwise: log factors (3,) of channels that too few pixels tell about, being black, saturated or
             not finite. Default: 0, no gain.
+        lift: of the photograph, known; it is taken off before.
     """
     factors = np.zeros(3) if otherwise is None else np.array(otherwise, dtype=np.float64)
     limit = MOST_STOPS / STOPS_PER_LOG
@@ -79,17 +86,18 @@ def fit_color_gain(
         y = np.asarray(photograph[:, channel], dtype=np.float64)
         usable = np.isfinite(x) & (x > DARK) & (y > DARK) & (y < SATURATED / 255.0)
         if np.count_nonzero(usable) >= FEWEST_PIXELS:
-            factor = _robust_factor(x[usable] + OFFSET, y[usable] + OFFSET)
+            below = y[usable] if lift == 0 else np.maximum(y[usable] - lift, 0.0)
+            factor = _robust_factor(x[usable] + OFFSET, below + OFFSET)
             factors[channel] = np.clip(np.log(factor), -limit, limit)
-    return ColorGain(factors)
+    return ColorGain(factors, lift)
 
 
 def _robust_factor(x: np.ndarray, y: np.ndarray) -> float:
     """Return s that minimizes the Huber loss of y - s x; all values are above 0."""
-    factor = _median(y / x)
+    factor = median(y / x)
     for _ in range(ROUNDS):
         residuals = np.abs(y - factor * x)
-        deviation = DEVIATION_PER_MEDIAN * _median(residuals)
+        deviation = DEVIATION_PER_MEDIAN * median(residuals)
         allowed = HUBER * max(deviation, LEAST_DEVIATION)
         weights = allowed / np.maximum(residuals, allowed)
         weighted = weights * x
@@ -98,8 +106,8 @@ def _robust_factor(x: np.ndarray, y: np.ndarray) -> float:
     return factor
 
 
-def _median(values: np.ndarray) -> float:
-    """Return the median of finite values, at least one.
+def median(values: np.ndarray) -> float:
+    """Return the median of finite values (n,), at least one.
 
     As NumPy's, which also looks for NaN and takes four times as long: all cores wait for it in every step.
     """

@@ -16,7 +16,7 @@ class Score:
     """PSNR [dB] and SSIM on the object's pixels, and over the whole frame on white; NaN if undefined.
 
     The object comes first: most of a frame is white paper, which says nothing about the result. ``aligned``:
-    after the photograph's exposure and white balance were fitted, see `digs_warp.measure.color_gain`.
+    after the photograph's exposure, white balance and tone were fitted, see `digs_warp.measure.color_gain`.
     """
 
     psnr_object: float = math.nan

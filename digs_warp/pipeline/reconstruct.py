@@ -171,6 +171,7 @@ def _reconstruct(
             course=trained.course,
             stopped_by=trained.stopped_by,
             exposure_stops=trained.exposure_stops,
+            tone_lift=trained.tone_lift,
             folder=folder,
             capture=capture.stored_in,
             doubts=prepared.doubts,
@@ -246,7 +247,8 @@ def _finished_training(folder: Path, before: RunRecord, frames: int) -> Trained 
     known = Results.read(before, folder / RUN_RECORD)
     poses = load_trained_poses(folder, frames)
     gaussians, course = Gaussians.load(folder / GAUSSIANS), read_course(folder / TRAINING)
-    return Trained(gaussians, course, known.stopped_by, known.exposure_stops, poses)
+    found = known.stopped_by, known.exposure_stops, known.tone_lift
+    return Trained(gaussians, course, *found, poses)
 
 
 def _true_surface(result: Reconstruction, config: ReconstructConfig) -> TriangleMesh | None:

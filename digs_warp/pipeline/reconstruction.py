@@ -72,6 +72,7 @@ class Reconstruction:
         stopped_by: what ended the training: "iterations", "target psnr" or "time budget".
         exposure_stops: how much exposure and white balance vary between the photographs [stops]; None if that
             was not fitted.
+        tone_lift: how much contrast and black level vary, as lifts of values [sRGB, 0 to 1]; None like it.
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.
         capture: folder of the recording; None if it is not known, or only in memory.
@@ -94,6 +95,7 @@ class Reconstruction:
     course: tuple[CourseRow, ...] = ()
     stopped_by: str | None = None
     exposure_stops: float | None = None
+    tone_lift: float | None = None
     run: RunRecord = field(default_factory=lambda: RunRecord("", {}, {}))
     folder: Path | None = None
     capture: Path | None = None
@@ -161,6 +163,7 @@ class Reconstruction:
             stopped_by=self.stopped_by,
             training_seconds=round(last.seconds, 3) if last else None,
             exposure_stops=self.exposure_stops,
+            tone_lift=self.tone_lift,
             held_out=self.scores.mean if self.scores.views else None,
             adherence=self.adherence,
             surface=self.surface,
@@ -280,6 +283,7 @@ class Reconstruction:
             course=course,
             stopped_by=results.stopped_by,
             exposure_stops=results.exposure_stops,
+            tone_lift=results.tone_lift,
             run=run or RunRecord("", {}, {}),
             folder=folder,
             capture=place,

@@ -47,6 +47,7 @@ class Results:
         training_seconds: of the steps alone [s].
         exposure_stops: how much the exposure and white balance of the photographs vary: root mean square of
             their fitted gains [stops].
+        tone_lift: that of their fitted lifts [sRGB, 0 to 1]; 0 where the tone is constant.
         held_out: mean over the held-out views.
         adherence: median distance of the surface to the measured depth [m].
         surface: how far the surface is from the true one, where that is known.
@@ -71,6 +72,7 @@ class Results:
     stopped_by: str | None = None
     training_seconds: float | None = None
     exposure_stops: float | None = None
+    tone_lift: float | None = None
     held_out: Score | None = None
     adherence: float | None = None
     surface: SurfaceError | None = None
@@ -124,6 +126,7 @@ class Results:
             "stopped by": self.stopped_by,
             "training_seconds": self.training_seconds,
             "exposure_stops": self.exposure_stops,
+            "tone_lift": self.tone_lift,
             "held_out": self.held_out.to_json() if self.held_out else None,
             "adherence": self.adherence,
             "surface": asdict(self.surface) if self.surface else None,
@@ -164,6 +167,7 @@ class Results:
             stopped_by=found.text("stopped by", None),
             training_seconds=found.number("training_seconds", default=None),
             exposure_stops=found.number("exposure_stops", 0, default=None),
+            tone_lift=found.number("tone_lift", 0, default=None),
             held_out=Score.from_json(found.section("held_out").values)
             if "held_out" in found
             else None,

@@ -110,10 +110,13 @@ def _all(count: int) -> str:
 
 
 def _aligned_words(result: Reconstruction) -> str:
-    words = "Color-aligned: after the exposure and white balance of the photograph were fitted."
+    words = "Color-aligned: after exposure, white balance and tone of the photograph were fitted."
     if result.exposure_stops is None:
         return words
-    return f"{words} Those of the training views differ by {result.exposure_stops:.2f} stops."
+    words = f"{words} Those of the training views differ by {result.exposure_stops:.2f} stops."
+    if not result.tone_lift:
+        return words
+    return f"{words} Their tone differs, too: by {result.tone_lift:.1%} of white beside that."
 
 
 def _or_zero(value: float) -> float:

@@ -179,8 +179,8 @@ class TrainConfig:
     """Weight of the mean scale, in units of the scene's extent. Default: 0.01 with --density mcmc, else 0."""
 
     fit_exposure: Literal["on", "off"] = "on"
-    """Exposure and white balance of each photograph. on: fitted, so that the colors of the Gaussians are
-    those of all photographs; off: taken as equal in all of them."""
+    """Exposure, white balance and tone of each photograph. on: fitted, so that the colors of the Gaussians
+    are those of all photographs; off: taken as equal in all of them."""
 
     clean_rim: Literal["on", "off"] = "on"
     """Pixels at the rim of the object, which mix it with the room. on: with --mask-role object, they are

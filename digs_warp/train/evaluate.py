@@ -15,6 +15,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.device.threads import default_threads
 from digs_warp.measure.color_gain import OFFSET, ColorGain, fit_color_gain
+from digs_warp.measure.color_lift import trusted_lift
 from digs_warp.measure.metrics import mean_over, psnr, ssim_map
 from digs_warp.measure.scores import ViewScore
 from digs_warp.splat.blur import Blur
@@ -152,28 +153,31 @@ def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> l
 
 
 def color_aligned(rendering: Rendering, view: TestView) -> np.ndarray:
-    """Return the image of a rendering with the photograph's exposure and white balance, in 0..1."""
+    """Return the image of a rendering with the photograph's exposure, white balance and lift, in 0..1."""
     return with_gain(rendering, photographed_gain([rendering], [view]))
 
 
 def photographed_gain(renderings: Sequence[Rendering], views: Sequence[TestView]) -> ColorGain:
-    """Return the gain that turns the object in renderings into that in photographs of the same exposure."""
+    """Return the gain and lift that turn the object in renderings into that in photographs of one tone."""
     inside = [view.share >= INSIDE / 255.0 for view in views]
     rendered = [one.light[where] for one, where in zip(renderings, inside, strict=True)]
     photographed = [view.target[where] for view, where in zip(views, inside, strict=True)]
-    return fit_color_gain(np.concatenate(rendered), np.concatenate(photographed))
+    colors, photograph = np.concatenate(rendered), np.concatenate(photographed)
+    return fit_color_gain(colors, photograph, lift=trusted_lift(colors, photograph))
 
 
 def with_gain(rendering: Rendering, gain: ColorGain) -> np.ndarray:
     """Return the image of a rendering whose Gaussians, but not the white behind them, have a gain, in 0..1.
 
-    The gain of a color c is s (c + o) - o, see `digs_warp.measure.color_gain`. A pixel with coverage a and
-    the sum C of its Gaussians' colors, each times its share, becomes s (C + o a) - o a; the white stays.
+    A color c becomes s (c + o) - o + l, see `digs_warp.measure.color_gain`. A pixel with coverage a and the
+    sum C of its Gaussians' colors, each times its share, becomes s (C + o a) - o a + l a; the white stays.
     """
     covered = rendering.coverage[..., None]
     factors = np.exp(gain.log_factors).astype(np.float32)
     own = rendering.light - (1.0 - covered)
-    changed = (factors - 1.0) * (own + np.float32(OFFSET) * covered)
+    changed = (factors - 1.0) * (own + np.float32(OFFSET) * covered) + np.float32(
+        gain.lift
+    ) * covered
     return np.clip(rendering.light + changed, 0.0, 1.0)
 
 

@@ -33,12 +33,12 @@ def psnr_by_neighbors(
     """
     views = load_test_views(training)
     pairs = zip(render_views(gaussians, views), views, strict=True)
-    gains = [photographed_gain([rendering], [view]).log_factors for rendering, view in pairs]
+    gains = [photographed_gain([rendering], [view]) for rendering, view in pairs]
     times = np.array([frame.time for frame in training])
     tests = load_test_views(held_out)
     scores = [
         psnr(
-            with_gain(rendering, interpolated(times, np.stack(gains), frame.time)),
+            with_gain(rendering, interpolated(times, gains, frame.time)),
             view.target_for(rendering.image),
             view.object_pixels,
         )
@@ -49,14 +49,15 @@ def psnr_by_neighbors(
     return float(np.mean(scores))
 
 
-def interpolated(times: np.ndarray, log_factors: np.ndarray, moment: float) -> ColorGain:
+def interpolated(times: np.ndarray, gains: Sequence[ColorGain], moment: float) -> ColorGain:
     """Return the gain at a moment, linear in time between the known ones; outside of them the nearest.
 
     Args:
         times: of n photographs [s], (n,), in any order.
-        log_factors: of their gains, (n, 3).
+        gains: theirs.
         moment: [s].
     """
     order = np.argsort(times, kind="stable")
-    channels = (np.interp(moment, times[order], log_factors[order, k]) for k in range(3))
-    return ColorGain(np.array(list(channels)))
+    known = np.stack([[*gains[n].log_factors, gains[n].lift] for n in order])
+    *factors, lift = (float(np.interp(moment, times[order], values)) for values in known.T)
+    return ColorGain(np.array(factors), lift)

@@ -52,6 +52,7 @@ class Trained:
         gaussians: the result.
         course: one row every few iterations; the last one is from the end of the run.
         exposure_stops: root mean square of the photographs' gains [stops]; None if they were not fitted.
+        tone_lift: that of their lifts [sRGB, 0 to 1], 0 where the tone is constant; None like it.
         poses: of the training frames, then of the held-out ones, (n, 4, 4); None if they were not trained.
         stopped_by: what ended the run: "iterations", "target psnr" or "time budget"; None if unknown.
         measured: the held-out views as the result shows them; None where nobody measured just that.
@@ -61,6 +62,7 @@ class Trained:
     course: tuple[CourseRow, ...]
     stopped_by: str | None
     exposure_stops: float | None = None
+    tone_lift: float | None = None
     poses: np.ndarray | None = None
     measured: MeasuredViews | None = None
 
@@ -163,10 +165,11 @@ def train_gaussians(
     remove(checkpoint)
     exposures = trainer.exposures
     stops = round(exposures.rms_stops, 4) if exposures is not None else None
+    lift = round(exposures.rms_lift, 4) if exposures is not None else None
     # The last line measured all Gaussians, with the held-out cameras where they were.
     is_result = poses is None and len(gaussians) == len(trainer.gaussians)
     measured = course.measured if is_result else None
-    return Trained(gaussians, tuple(course.rows), stopped, stops, poses, measured)
+    return Trained(gaussians, tuple(course.rows), stopped, stops, lift, poses, measured)
 
 
 def load_trained_poses(folder: Path, count: int) -> np.ndarray | None:

@@ -10,7 +10,7 @@ from digs_warp.data.capture import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.images import linear_from_srgb, srgb_from_linear, to_uint8
 from digs_warp.data.layers import Layer
-from digs_warp.measure.color_gain import OFFSET
+from digs_warp.measure.color_gain import OFFSET, ColorGain
 from digs_warp.measure.scores import mean_score
 from digs_warp.sh import C0
 from digs_warp.splat.device import DeviceGaussians
@@ -88,6 +88,25 @@ def test_different_exposures_cost_little(frames: tuple[Frame, ...], stops: np.nd
     assert quality(with_fit, frames) > constant - 1.0
     found = with_fit.exposures.log_factors * 2.4 / np.log(2)
     assert np.sqrt(((found - stops) ** 2).mean()) < 0.1
+
+
+def in_tone(frame: Frame, contrast: float) -> Frame:
+    """Return a frame with a contrast around a dark gray, as cameras change it with the light."""
+    values = 0.3 + contrast * (frame.load_image() / 255.0 - 0.3)
+    return frame.with_layer(Layer.IMAGE, to_uint8(np.clip(values, 0.0, 1.0)))
+
+
+def test_different_tones_cost_little(frames: tuple[Frame, ...]) -> None:
+    contrasts = 1.0 + 0.35 * np.cos(2.4 * np.arange(len(frames)))
+    toned = [in_tone(frame, each) for frame, each in zip(frames, contrasts, strict=True)]
+    constant = quality(trained(list(frames)), frames)
+    trainer = trained(toned)
+    assert quality(trainer, frames) > constant - 1.5
+    assert trainer.exposures is not None and trainer.exposures.rms_lift > 0.03
+    assert np.corrcoef(trainer.exposures.lifts, contrasts)[0, 1] < -0.95
+    views = load_test_views(toned[:1])
+    score = score_views(render_views(trainer.gaussians, views), views)[0]
+    assert score.psnr_object_aligned > score.psnr_object + 2
 
 
 def test_constant_exposure_is_left_alone(frames: tuple[Frame, ...]) -> None:
@@ -182,8 +201,9 @@ def test_neighbors_in_time_tell_the_exposure_of_a_held_out_photograph(
     # The photograph itself is not looked at: another exposure of it only makes it worse.
     brighter = [exposed(frame, np.full(3, 1.0)) for frame in held_out]
     assert psnr_by_neighbors(scene, training, brighter) < found - 3
-    first = interpolated(np.array([3.0, 1.0]), np.array([[0.2] * 3, [0.1] * 3]), 0.0)
-    np.testing.assert_allclose(first.log_factors, 0.1)
+    gains = [ColorGain(np.full(3, 0.2), 0.3), ColorGain(np.full(3, 0.1), -0.1)]
+    first = interpolated(np.array([3.0, 1.0]), gains, 0.0)
+    np.testing.assert_allclose([*first.log_factors, first.lift], [0.1, 0.1, 0.1, -0.1])
 
 
 def test_samples_are_inside_the_mask_and_few() -> None:
