@@ -154,16 +154,28 @@ def score_views(renderings: Sequence[Rendering], views: Sequence[TestView]) -> l
 
 def color_aligned(rendering: Rendering, view: TestView) -> np.ndarray:
     """Return the image of a rendering with the photograph's exposure, white balance and lift, in 0..1."""
-    return with_gain(rendering, photographed_gain([rendering], [view]))
+    return with_gain(rendering, photographed_tone(rendering, view))
+
+
+def photographed_tone(rendering: Rendering, view: TestView) -> ColorGain:
+    """Return the gain and the lift that turn the object in a rendering into that in its photograph."""
+    colors, photograph = _on_object([rendering], [view])
+    return fit_color_gain(colors, photograph, lift=trusted_lift(colors, photograph))
 
 
 def photographed_gain(renderings: Sequence[Rendering], views: Sequence[TestView]) -> ColorGain:
-    """Return the gain and lift that turn the object in renderings into that in photographs of one tone."""
+    """Return the gain that turns the object in renderings into that in photographs of the same exposure."""
+    return fit_color_gain(*_on_object(renderings, views))
+
+
+def _on_object(
+    renderings: Sequence[Rendering], views: Sequence[TestView]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rendered and photographed sRGB values inside the object, (n, 3) each."""
     inside = [view.share >= INSIDE / 255.0 for view in views]
     rendered = [one.light[where] for one, where in zip(renderings, inside, strict=True)]
     photographed = [view.target[where] for view, where in zip(views, inside, strict=True)]
-    colors, photograph = np.concatenate(rendered), np.concatenate(photographed)
-    return fit_color_gain(colors, photograph, lift=trusted_lift(colors, photograph))
+    return np.concatenate(rendered), np.concatenate(photographed)
 
 
 def with_gain(rendering: Rendering, gain: ColorGain) -> np.ndarray:
