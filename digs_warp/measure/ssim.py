@@ -69,7 +69,7 @@ _LINE_MARGIN = wp.constant(_LINE_MARGIN_COLUMNS)
 _WINDOWS = wp.constant(_LINE_MARGIN_COLUMNS - _MARGIN_COLUMNS - REACH)
 _LINE = wp.constant(_LINE_COLUMNS)
 _LINES = wp.constant(4 * _LINE_COLUMNS)
-_LINES_TWICE = wp.constant(8 * _LINE_COLUMNS)
+_LINES_SIZE = 8 * _LINE_COLUMNS
 # Rows to prefetch: they are a pitch apart, which the processor does not predict.
 _AHEAD = wp.constant(4)
 # Rings of blurred rows: of the four moments, and of the three derivatives.
@@ -77,9 +77,9 @@ _RING_ROWS = wp.constant(WINDOW)
 _SEVERAL_RINGS = wp.constant(4 * WINDOW)
 _NOT_NEGATIVE = wp.constant(0x7FFFFFFF)
 _MOMENT_RING = wp.constant(WINDOW * _WIDE_COLUMNS)
-_MOMENT_RINGS = wp.constant(4 * WINDOW * _WIDE_COLUMNS)
+_MOMENTS_SIZE = 4 * WINDOW * _WIDE_COLUMNS
 _GRADIENT_RING = wp.constant(WINDOW * BLOCK_COLUMNS)
-_GRADIENT_RINGS = wp.constant(3 * WINDOW * BLOCK_COLUMNS)
+_GRADIENTS_SIZE = 3 * WINDOW * BLOCK_COLUMNS
 # Lines of the derivatives of a row and of 1 - SSIM, twice; then which columns exist, the weights of a row,
 # the sums of each column, and the gradient of a row.
 _DERIVATIVES = wp.constant(4 * _WIDE_COLUMNS)
@@ -88,17 +88,14 @@ _WEIGHT = wp.constant(9 * _WIDE_COLUMNS)
 _SUM_L1 = wp.constant(10 * _WIDE_COLUMNS)
 _SUM_DSSIM = wp.constant(11 * _WIDE_COLUMNS)
 _GRADIENT = wp.constant(12 * _WIDE_COLUMNS)
-_ROW_MEMORY = wp.constant(15 * _WIDE_COLUMNS)
+_ROWS_SIZE = 15 * _WIDE_COLUMNS
 # All lie in one piece of memory, from a cache line on: a vector that crosses two of them is read twice.
-_MOMENTS_FROM = 8 * _LINE_COLUMNS
-_GRADIENTS_FROM = _MOMENTS_FROM + 4 * WINDOW * _WIDE_COLUMNS
-_ROWS_FROM = _GRADIENTS_FROM + 3 * WINDOW * BLOCK_COLUMNS
 _CACHE_LINE = 16
-_MEMORY = wp.constant(_ROWS_FROM + 15 * _WIDE_COLUMNS + _CACHE_LINE)
-# Offsets in bytes.
-_MOMENTS_AT = wp.constant(wp.uint64(4 * _MOMENTS_FROM))
-_GRADIENTS_AT = wp.constant(wp.uint64(4 * _GRADIENTS_FROM))
-_ROWS_AT = wp.constant(wp.uint64(4 * _ROWS_FROM))
+_MEMORY = _LINES_SIZE + _MOMENTS_SIZE + _GRADIENTS_SIZE + _ROWS_SIZE + _CACHE_LINE
+# Where the parts begin [bytes].
+_MOMENTS_AT = wp.constant(wp.uint64(4 * _LINES_SIZE))
+_GRADIENTS_AT = wp.constant(wp.uint64(4 * (_LINES_SIZE + _MOMENTS_SIZE)))
+_ROWS_AT = wp.constant(wp.uint64(4 * (_LINES_SIZE + _MOMENTS_SIZE + _GRADIENTS_SIZE)))
 
 
 @wp.func
@@ -155,12 +152,14 @@ def similarity_kernel(
     left = block_x * _COLUMNS
     columns = wp.min(_COLUMNS, width - left)
     base = origin + channel * layout.plane + left
-    memory = wp.zeros(shape=(_MEMORY,), dtype=float)
+    memory = wp.zeros(shape=(wp.static(_MEMORY),), dtype=float)
     start = cache_line_at(memory.ptr)
-    line = wp.array(ptr=start, shape=(_LINES_TWICE,), dtype=float)
-    moments = wp.array(ptr=start + _MOMENTS_AT, shape=(_MOMENT_RINGS,), dtype=float)
-    gradients = wp.array(ptr=start + _GRADIENTS_AT, shape=(_GRADIENT_RINGS,), dtype=float)
-    rows = wp.array(ptr=start + _ROWS_AT, shape=(_ROW_MEMORY,), dtype=float)
+    line = wp.array(ptr=start, shape=(wp.static(_LINES_SIZE),), dtype=float)
+    moments = wp.array(ptr=start + _MOMENTS_AT, shape=(wp.static(_MOMENTS_SIZE),), dtype=float)
+    gradients = wp.array(
+        ptr=start + _GRADIENTS_AT, shape=(wp.static(_GRADIENTS_SIZE),), dtype=float
+    )
+    rows = wp.array(ptr=start + _ROWS_AT, shape=(wp.static(_ROWS_SIZE),), dtype=float)
     for i_e in range(_WIDE):
         column = left - _MARGIN + i_e
         rows[_EXISTS + i_e] = wp.where(column >= 0 and column < width, 1.0, 0.0)
