@@ -164,7 +164,12 @@ def import_recording(
             capture = write_capture(recording, form, folder)
         log.results = {"frames": len(capture), "poses_known": capture.knows_poses}
         log.save(folder / RUN_RECORD)
-    hint = "" if capture.knows_poses else "; poses unknown: structure from motion has to find them"
+    other = " or --poses rgbd" if capture.has_depth else ""
+    hint = (
+        ""
+        if capture.knows_poses
+        else f"; poses unknown: 'reconstruct --poses sfm'{other} finds them"
+    )
     return (
         f"{out}: {counted(len(capture), 'frame')} from {form}, {log.seconds['convert']:.1f} s{hint}"
     )

@@ -28,7 +28,7 @@ def of_capture(folder: Path) -> Facts:
         "field of view": f"{np.rad2deg(2 * np.arctan(k.width / 2 / k.fx)):.1f} degrees horizontally",
         "baseline": _baseline(capture),
         "layers": ", ".join(layer.label for layer in Layer if first.has(layer)),
-        "camera path": "unknown; reconstruct with --poses sfm",
+        "camera path": f"unknown; reconstruct with --poses sfm{' or rgbd' if capture.has_depth else ''}",
     }
     if capture.knows_poses:
         facts["scale"] = str(capture.metric_scale)

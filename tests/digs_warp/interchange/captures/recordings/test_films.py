@@ -40,7 +40,7 @@ def test_the_sharp_frames_of_a_film_become_a_capture_without_poses(
     film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert convert(film, tmp_path / "c", "--frames", "12", "--fov-deg", "70") == 0
-    assert "poses unknown" in capsys.readouterr().out
+    assert "poses unknown: 'reconstruct --poses sfm' finds them" in capsys.readouterr().out
     found = read_capture(tmp_path / "c")
     assert not found.knows_poses and len(found) == 12
     k = found.frames[0].camera.intrinsics
