@@ -5,6 +5,7 @@ glossy glaze, and a handle only a few millimetres thick.
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -71,10 +72,15 @@ HANDLE_POINTS = (
 )
 
 
+@cache
 def procedural_scene() -> Scene:
-    """Return the built-in object, always the same: 0.5 m tall, centered on the origin."""
+    """Return the built-in object, always the same: 0.5 m tall, centered on the origin, read-only."""
     patches = _patches()
-    return _scene(patches, _materials(patches[_NECK]))
+    scene = _scene(patches, _materials(patches[_NECK]))
+    textures = [each.texture for each in scene.materials if each.texture is not None]
+    for array in (scene.vertices, scene.faces, scene.normals, scene.uvs, *textures):
+        array.flags.writeable = False
+    return scene
 
 
 def procedural_shape() -> Scene:

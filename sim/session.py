@@ -242,9 +242,9 @@ def _make_renderer(config: SimulateConfig, scene: Scene, environment: Environmen
         from digs_warp.sim.render.gl import GlRenderer
 
         return GlRenderer(scene, environment)
-    from digs_warp.sim.render.raycast import RaycastRenderer
+    from digs_warp.sim.render.reuse import renderer_of
 
-    return RaycastRenderer(scene, environment)
+    return renderer_of(scene, environment)
 
 
 def _triple(vector: np.ndarray) -> Any:

@@ -6,6 +6,7 @@ Radiance is linear; 1 is about a white wall in the room's own light, lamps and w
 """
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -28,8 +29,9 @@ LAMP = 6.0
 Painter = Callable[[np.random.Generator], np.ndarray]
 
 
+@cache
 def studio_room_radiance() -> np.ndarray:
-    """Return the panorama, linear radiance, shape (1024, 2048, 3), float32. Always the same."""
+    """Return the panorama, linear radiance, (1024, 2048, 3), float32. Always the same, read-only."""
     painters: tuple[Painter, ...] = (
         _book_wall,
         _brick_wall,
@@ -40,7 +42,9 @@ def studio_room_radiance() -> np.ndarray:
     )
     seeds = np.random.SeedSequence(SEED).spawn(len(painters))
     walls = [paint(np.random.default_rng(s)) for paint, s in zip(painters, seeds, strict=True)]
-    return _panorama_of_walls(walls)
+    panorama = _panorama_of_walls(walls)
+    panorama.flags.writeable = False
+    return panorama
 
 
 def _panorama_of_walls(walls: list[np.ndarray]) -> np.ndarray:

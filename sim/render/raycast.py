@@ -3,6 +3,8 @@
 # Warp's type hints take the dtype of an array for a value, and structs for functions.
 # pyright: reportArgumentType=false, reportGeneralTypeIssues=false
 
+from threading import Lock
+
 import numpy as np
 import warp as wp
 
@@ -51,6 +53,7 @@ class RaycastRenderer:
         self._light = prepare_light(environment, threads, None if table is None else table.albedo)
         self._scene = upload_scene(scene)
         self._surface = self._scene.surface
+        self._measuring = Lock()
         self._has_openness = False  # measured for the first image
 
     @property
@@ -93,8 +96,9 @@ class RaycastRenderer:
         surround_step = float(max(pixel_angle, texel_angle))
         if self.surround.floor is not None:
             surround_step = pixel_angle  # the floor may be nearer than when its picture was taken
-        if not self._has_openness:
-            self._measure_openness()
+        with self._measuring:  # recordings of several threads may share a renderer
+            if not self._has_openness:
+                self._measure_openness()
         count = k.height * k.width
         encoded = wp.empty((count, 3), dtype=wp.uint8, device="cpu")
         light = wp.empty((count, 3), dtype=float, device="cpu")

@@ -1,0 +1,98 @@
+"""Recordings of the same scene in one process share its renderer, and cannot tell."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from digs_warp.sim.config import SimulateConfig
+from digs_warp.sim.environment import Environment
+from digs_warp.sim.procedural import procedural_scene, procedural_shape
+from digs_warp.sim.record import simulate
+from digs_warp.sim.render import reuse
+from digs_warp.sim.render.reuse import renderer_of
+from digs_warp.sim.scene import Scene
+from reference.file_hashes import file_hashes
+
+SKY = Environment(np.full((8, 16, 3), 0.5, np.float32))
+
+
+@pytest.fixture(autouse=True)
+def nothing_kept() -> Iterator[None]:
+    reuse._kept.clear()
+    yield
+    reuse._kept.clear()
+
+
+@pytest.fixture(scope="module")
+def plain() -> Scene:
+    return procedural_shape()
+
+
+def test_equal_scenes_share_a_renderer(plain: Scene) -> None:
+    first = renderer_of(plain, SKY)
+    copy = replace(plain, vertices=plain.vertices.copy())
+    assert renderer_of(copy, replace(SKY, radiance=SKY.radiance.copy())) is first
+
+
+def test_whatever_is_seen_tells_scenes_apart(plain: Scene) -> None:
+    vertices = plain.vertices.copy()
+    vertices[7, 2] += 1e-3
+    red = replace(plain.materials[0], base_color=np.array([1, 0, 0], np.float32))
+    shiny = replace(plain.materials[0], roughness=0.1)
+    scenes = [
+        *(plain, replace(plain, vertices=vertices)),
+        *(replace(plain, materials=(each, *plain.materials[1:])) for each in (red, shiny)),
+        replace(plain, face_materials=plain.face_materials[::-1]),
+    ]
+    bright = replace(SKY, radiance=SKY.radiance * 2)
+    skies = [SKY, bright, replace(SKY, level=2.0), replace(SKY, radius=9.0), replace(SKY, floor=-1)]
+    pairs = [*((scene, SKY) for scene in scenes), *((plain, sky) for sky in skies[1:])]
+    renderers = [renderer_of(*pair) for pair in pairs]
+    assert len({id(renderer) for renderer in renderers}) == len(pairs)
+
+
+def test_only_the_last_one_is_kept_and_only_if_it_is_small(
+    plain: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = renderer_of(plain, SKY)
+    renderer_of(plain, replace(SKY, level=2.0))
+    assert len(reuse._kept) == 1
+    assert renderer_of(plain, SKY) is not first
+    reuse._kept.clear()
+    monkeypatch.setattr(reuse, "LARGEST", plain.vertices.nbytes)
+    renderer_of(plain, SKY)
+    assert not reuse._kept
+
+
+def test_a_recording_does_not_depend_on_the_one_before(tmp_path: Path) -> None:
+    config = SimulateConfig(frames=2, width=64, seed=3)
+    alone = pixels_of(config, tmp_path / "alone")
+    reuse._kept.clear()
+    simulate(replace(config, seed=8, samples_per_pixel=1), tmp_path / "another")
+    assert pixels_of(config, tmp_path / "after") == alone
+
+
+def test_recordings_at_the_same_time_have_the_same_bytes(tmp_path: Path) -> None:
+    config = SimulateConfig(frames=2, width=64, samples_per_pixel=1)
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda name: pixels_of(config, tmp_path / name), ("a", "b"))
+    assert first == second == pixels_of(config, tmp_path / "c")
+
+
+def pixels_of(config: SimulateConfig, folder: Path) -> dict[str, str]:
+    """Record, and return the hashes of all images."""
+    simulate(config, folder)
+    hashes = file_hashes(folder)
+    return {name: each for name, each in hashes.items() if name.endswith((".png", ".exr"))}
+
+
+def test_the_built_in_object_cannot_be_changed() -> None:
+    scene = procedural_scene()
+    for array in (scene.vertices, scene.faces, scene.materials[0].texture):
+        assert array is not None
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
