@@ -1,5 +1,7 @@
 """A table: a rounded top of oak laminate on four legs, made by code for the size of what stands on it."""
 
+from functools import cache
+
 import numpy as np
 
 from digs_warp.sim.builtin.noise import mix, periodic_noise, smoothstep
@@ -62,9 +64,12 @@ def table_scene(top: float, floor: float, things: np.ndarray) -> Scene:
     )
 
 
+@cache
 def table_materials() -> tuple[Material, Material]:
-    """Return the laminate of the top and the paint of the legs."""
+    """Return the laminate of the top and the paint of the legs, always the same; textures are read-only."""
     color, normals = oak_textures(np.random.default_rng(SEED))
+    for texture in (color, normals):
+        texture.flags.writeable = False
     white = np.ones(3, np.float32)
     top = Material(TABLE_TOP, white, color, roughness=0.3, normal_texture=normals)
     return top, Material("table legs", np.array((0.03, 0.03, 0.035), np.float32), roughness=0.5)
