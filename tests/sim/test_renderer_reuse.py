@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from digs_warp.data.images import write_image
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.environment import Environment
 from digs_warp.sim.procedural import procedural_scene, procedural_shape
@@ -18,6 +19,7 @@ from digs_warp.sim.scene import Scene
 from reference.file_hashes import file_hashes
 
 SKY = Environment(np.full((8, 16, 3), 0.5, np.float32))
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 
 
 @pytest.fixture(autouse=True)
@@ -68,16 +70,29 @@ def test_only_the_last_one_is_kept_and_only_if_it_is_small(
     assert not reuse._kept
 
 
-def test_a_recording_does_not_depend_on_the_one_before(tmp_path: Path) -> None:
-    config = SimulateConfig(frames=2, width=64, seed=3)
+@pytest.fixture
+def config(tmp_path: Path) -> SimulateConfig:
+    """Of a small mesh on a table, in a surround of few pixels."""
+    mesh, environment = tmp_path / "pyramid.obj", tmp_path / "day.png"
+    mesh.write_text(TETRAHEDRON)
+    write_image(environment, np.random.default_rng(1).integers(0, 256, (16, 32, 3), np.uint8))
+    return SimulateConfig(mesh=mesh, environment=environment, frames=2, width=64, tier="law")
+
+
+def test_a_recording_does_not_depend_on_the_one_before(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
     alone = pixels_of(config, tmp_path / "alone")
     reuse._kept.clear()
     simulate(replace(config, seed=8, samples_per_pixel=1), tmp_path / "another")
+    (kept,) = reuse._kept.values()
     assert pixels_of(config, tmp_path / "after") == alone
+    assert list(reuse._kept.values()) == [kept]
 
 
-def test_recordings_at_the_same_time_have_the_same_bytes(tmp_path: Path) -> None:
-    config = SimulateConfig(frames=2, width=64, samples_per_pixel=1)
+def test_recordings_at_the_same_time_have_the_same_bytes(
+    config: SimulateConfig, tmp_path: Path
+) -> None:
     with ThreadPoolExecutor(2) as pool:
         first, second = pool.map(lambda name: pixels_of(config, tmp_path / name), ("a", "b"))
     assert first == second == pixels_of(config, tmp_path / "c")
