@@ -1,4 +1,4 @@
-"""What the plan leaves out would have changed next to nothing: every sample mesh, every effect."""
+"""What the plan leaves out would have changed next to nothing: sample meshes kept aside, every effect."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +52,7 @@ def changed(first: np.ndarray, second: np.ndarray) -> float:
 
 def test_effects_that_are_off_would_change_next_to_nothing(sample_data: Path) -> None:
     tried = set()
-    for place in places(sample_data):
+    for place in (each for each in places(sample_data) if not each.tuned):
         config = SimulateConfig(
             mesh=place.mesh,
             environment=place.environment,
