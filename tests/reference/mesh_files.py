@@ -15,6 +15,9 @@ from trimesh.visual.material import PBRMaterial
 from digs_warp.sim.scene import Scene
 from reference.scene_checks import check_arrays
 
+# The simplest mesh with an inside, without a material; an OBJ file, too.
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+
 # A textured square in the plane z = 0.
 OBJ = (
     "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl paint\nf 1/1 2/2 3/3\n"

@@ -17,8 +17,8 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.data_set import SceneResult, judge_depth, plan_jobs, simulate_many
 from digs_warp.sim.record import simulate
 from reference.file_hashes import file_hashes
+from reference.mesh_files import TETRAHEDRON
 
-TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 TINY = SimulateConfig(frames=2, width=48, samples_per_pixel=1)
 FLAGS = ["--frames", "2", "--width", "48", "--samples-per-pixel", "1"]
 

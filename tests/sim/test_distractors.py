@@ -13,6 +13,7 @@ from digs_warp.sim.distractors import GAP, REACH, add_distractors, places
 from digs_warp.sim.procedural import procedural_scene
 from digs_warp.sim.record import simulate_in_memory
 from digs_warp.sim.scene import FURNITURE, Scene
+from reference.mesh_files import TETRAHEDRON
 
 OBJECT = procedural_scene()
 PLATE_CORNERS = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0.5, 0.2)])
@@ -103,7 +104,7 @@ def test_shapes_are_closed_and_their_normals_point_outward() -> None:
 
 def test_they_are_seen_but_in_no_mask(tmp_path: Path) -> None:
     mesh, sky = tmp_path / "pyramid.obj", tmp_path / "sky.png"
-    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    mesh.write_text(TETRAHEDRON)
     write_image(sky, np.full((8, 16, 3), 200, np.uint8))
     alone = SimulateConfig(
         mesh=mesh, environment=sky, frames=1, width=96, samples_per_pixel=1, tier="truth"

@@ -17,9 +17,9 @@ from digs_warp.sim.render import reuse
 from digs_warp.sim.render.reuse import renderer_of
 from digs_warp.sim.scene import Scene
 from reference.file_hashes import file_hashes
+from reference.mesh_files import TETRAHEDRON
 
 SKY = Environment(np.full((8, 16, 3), 0.5, np.float32))
-TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 
 
 @pytest.fixture(autouse=True)

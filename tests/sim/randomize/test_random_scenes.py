@@ -15,8 +15,8 @@ from digs_warp.sim.randomize.draws import draw_scenes
 from digs_warp.sim.randomize.file import SHIPPED, Randomization, load_randomization
 from digs_warp.sim.record import simulate_in_memory
 from reference.file_hashes import file_hashes
+from reference.mesh_files import TETRAHEDRON
 
-TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 FLAGS = ["--frames", "2", "--width", "48", "--samples-per-pixel", "1", "--tier", "law"]
 
 
