@@ -23,6 +23,8 @@ wp.load_module({kernel}.module, device="cpu")
 """
 
 HOT_LOOP = "for i in range(BLOCK):"
+# Finds which blocks several splats touch.
+TOUCHED_LOOP = "for member in range(GROUP):"
 
 KERNELS = {
     "color, forward": "rasterize.forward_kernel(RasterOptions())",
@@ -50,14 +52,10 @@ def assert_vectorized(code: str, cache: Path, *loops: str) -> None:
 
 
 @pytest.mark.parametrize("name", KERNELS)
-def test_the_loop_over_a_block_of_pixels_is_vectorized(name: str, tmp_path: Path) -> None:
+def test_the_loops_of_the_rasterizer_are_vectorized(name: str, tmp_path: Path) -> None:
     code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS[name])
-    assert_vectorized(code, tmp_path, HOT_LOOP)
-
-
-def test_which_blocks_are_touched_is_found_for_several_splats_at_once(tmp_path: Path) -> None:
-    code = COMPILE.format(cache=str(tmp_path), kernel=KERNELS["color, forward"])
-    assert_vectorized(code, tmp_path, "for member in range(GROUP):")
+    loops = (HOT_LOOP, TOUCHED_LOOP) if "forward" in name else (HOT_LOOP,)
+    assert_vectorized(code, tmp_path, *loops)
 
 
 MODULES = {
