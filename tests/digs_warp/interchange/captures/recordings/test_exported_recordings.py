@@ -69,7 +69,7 @@ def test_tum_without_ground_truth_has_no_poses(capture: Capture, tmp_path: Path)
     export_capture(capture, "tum", tmp_path / "tum")
     (tmp_path / "tum/groundtruth.txt").unlink()
     assert not converted("tum", tmp_path / "tum", tmp_path / "capture").knows_poses
-    assert describe(tmp_path / "capture")["camera path"].endswith("--poses sfm")
+    assert describe(tmp_path / "capture")["camera path"].endswith("--poses sfm or rgbd")
 
 
 @pytest.mark.parametrize("name", ["depth.txt", "groundtruth.txt"])
