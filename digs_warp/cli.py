@@ -51,10 +51,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         _complain(str(missing))
         return EXIT_BAD_INPUT
     except BrokenPipeError:
-        # The interpreter flushes once more at its end, and would complain.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return EXIT_NO_READER
+    except OSError as error:  # of the output alone: those of a command are told where it runs
+        _drop_output()
+        _complain(
+            f"the output could not be written: {error.strerror}. Free some space, or send it elsewhere"
+        )
+        return EXIT_BAD_INPUT
     return code
+
+
+def _drop_output() -> None:
+    """Send what is left of the output nowhere: the interpreter flushes once more at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(argv: Sequence[str] | None) -> int:

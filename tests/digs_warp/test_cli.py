@@ -168,3 +168,25 @@ def test_the_package_runs_as_a_module() -> None:
     command = [sys.executable, "-m", "digs_warp", "--version"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("digs-warp ")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("buffered", [True, False])
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["info", "{capture}"]])
+def test_output_to_a_full_disk_is_an_error_in_one_line(
+    arguments: list[str], buffered: bool, capture_folder: Path
+) -> None:
+    flags = [] if buffered else ["-u"]
+    words = [each.format(capture=capture_folder) for each in arguments]
+    with open("/dev/full", "w") as full:
+        result = subprocess.run(
+            [sys.executable, *flags, "-m", "digs_warp", *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={name: each for name, each in os.environ.items() if name != "PYTHONUNBUFFERED"},
+            check=False,
+        )
+    assert result.returncode == EXIT_BAD_INPUT
+    (line,) = result.stderr.splitlines()
+    assert "could not be written: No space left on device" in line
