@@ -16,6 +16,7 @@ from digs_warp.sim.environment import (
     procedural_environment,
 )
 from digs_warp.sim.panorama import panorama_directions
+from digs_warp.sim.studio_room import studio_room_radiance
 
 
 def test_png_is_decoded_to_linear_light(tmp_path: Path) -> None:
@@ -108,6 +109,7 @@ def test_the_room_is_large_bright_and_always_the_same(room: Environment) -> None
     height, width = room.radiance.shape[:2]
     assert width == 2 * height >= 2048
     assert room.radiance.max() > 5 * np.median(room.radiance)
+    studio_room_radiance.cache_clear()
     np.testing.assert_array_equal(procedural_environment().radiance, room.radiance)
 
 
