@@ -77,9 +77,10 @@ def procedural_scene() -> Scene:
     """Return the built-in object, always the same: 0.5 m tall, centered on the origin, read-only."""
     patches = _patches()
     scene = _scene(patches, _materials(patches[_NECK]))
-    textures = [each.texture for each in scene.materials if each.texture is not None]
-    for array in (scene.vertices, scene.faces, scene.normals, scene.uvs, *textures):
-        array.flags.writeable = False
+    textures = [each.texture for each in scene.materials]
+    for array in (*vars(scene).values(), *textures):
+        if isinstance(array, np.ndarray):
+            array.flags.writeable = False
     return scene
 
 

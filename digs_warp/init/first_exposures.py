@@ -91,8 +91,9 @@ def log_factors(values: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         told = (values > DARK) & (values < SATURATED / 255.0)
     told &= told.sum(axis=1, keepdims=True) >= 2
+    count = values.shape[1]
     if not told.any():
-        return np.zeros(values.shape[1])
+        return np.zeros(count)
     # Only where a photograph tells a point, one point after the other: that is a third of all.
     point, photo = np.nonzero(told[told.any(axis=1)])
     starts = np.flatnonzero(np.diff(point, prepend=-1))
@@ -102,17 +103,17 @@ def log_factors(values: np.ndarray) -> np.ndarray:
 
     light = values[told] + OFFSET
     logs, usual = np.log(light), light**2  # an error of y is one of log y times y
-    weights, found = usual, np.zeros(values.shape[1])
-    roots = np.zeros((len(starts), len(found)))
+    weights, found = usual, np.zeros(count)
+    roots = np.zeros((len(starts), count))
     for _ in range(ROUNDS):
         totals = sums(weights)
         shares = weights / totals
         apart = logs - sums(shares * logs)
         roots[point, photo] = weights / np.sqrt(totals)
         # Not a product of matrices: its sums depend on the number of threads, and these wait for each other.
-        normal = np.diag(_by(photo, weights, found)) - np.einsum("nm,nk->mk", roots, roots)
+        normal = np.diag(_by(photo, weights, count)) - np.einsum("nm,nk->mk", roots, roots)
         before = found
-        found = np.linalg.lstsq(normal, _by(photo, weights * apart, found), rcond=1e-9)[0]
+        found = np.linalg.lstsq(normal, _by(photo, weights * apart, count), rcond=1e-9)[0]
         if np.abs(found - before).max() < SETTLED:
             break
         even = logs - found[photo]
@@ -122,9 +123,9 @@ def log_factors(values: np.ndarray) -> np.ndarray:
     return found - found.mean()
 
 
-def _by(photo: np.ndarray, values: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Return the sum of the values of each photograph."""
-    return np.bincount(photo, values, len(like))
+def _by(photo: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Return the sum of the values of each of ``count`` photographs."""
+    return np.bincount(photo, values, count)
 
 
 def _evened(points: PointCloud, frames: Sequence[Frame], factors: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import warp as wp
 
 from digs_warp.splat.footprint import footprint_of
 from digs_warp.splat.group import (
+    GROUP_OPTIONS,
     GROUP_PARAMETERS,
     GROUP_SIZE,
     parameters_at,
@@ -27,15 +28,7 @@ from digs_warp.splat.shape_gradient import (
     shape_gradient,
 )
 
-# A loop with calls is not vectorized, and the gradient is longer than what LLVM inlines by itself.
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "max_unroll": 1,
-        "optimization_level": 3,
-        "cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=9000",
-    }
-)
+wp.set_module_options(GROUP_OPTIONS)
 
 _GROUP = wp.constant(GROUP_SIZE)
 # Where the fields of a group begin in its memory: first the parameters, which make room for their gradients.

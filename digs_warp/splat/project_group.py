@@ -7,22 +7,19 @@ by splat.
 import warp as wp
 
 from digs_warp.splat.footprint import facing_normal, footprint_of
-from digs_warp.splat.group import GROUP_PARAMETERS, GROUP_SIZE, parameters_at, put_parameters
+from digs_warp.splat.group import (
+    GROUP_FLAGS,
+    GROUP_OPTIONS,
+    GROUP_PARAMETERS,
+    GROUP_SIZE,
+    parameters_at,
+    put_parameters,
+)
 from digs_warp.splat.project import color_is_finite, projection_of, put_color, put_record
 from digs_warp.splat.records import SPLAT_FIELDS, GaussianArrays, Splats
 
-_flags = ["-march=native", "-ffp-contract=off"]
-# A loop with calls is not vectorized, and the projection is longer than what LLVM inlines by itself.
-_flags.append("-mllvm=-inline-threshold=9000")
 # Neither fused nor reordered: the determinant of a needle is a small difference of large products.
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "max_unroll": 1,
-        "optimization_level": 3,
-        "cpu_compiler_flags": " ".join(_flags),
-    }
-)
+wp.set_module_options({**GROUP_OPTIONS, "cpu_compiler_flags": f"{GROUP_FLAGS} -ffp-contract=off"})
 
 _GROUP = wp.constant(GROUP_SIZE)
 _RECORD = wp.constant(SPLAT_FIELDS)

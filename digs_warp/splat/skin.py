@@ -20,18 +20,10 @@ from digs_warp.device.elementary import exp_of, larger
 from digs_warp.device.parallel import ParallelLaunch
 from digs_warp.splat.device import DeviceGaussians
 from digs_warp.splat.footprint import ViewParams, rotation_of
-from digs_warp.splat.group import GROUP_SIZE, put_vec3, put_vec4, vec3_at, vec4_at
+from digs_warp.splat.group import GROUP_OPTIONS, GROUP_SIZE, put_vec3, put_vec4, vec3_at, vec4_at
 from digs_warp.splat.records import GaussianArrays
 
-# A loop with calls is not vectorized, and that over a group is longer than what LLVM inlines by itself.
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "max_unroll": 1,
-        "optimization_level": 3,
-        "cpu_compiler_flags": "-march=native -mllvm=-inline-threshold=9000",
-    }
-)
+wp.set_module_options(GROUP_OPTIONS)
 
 # [standard deviations] With it, the surface without a depth term is least biased: see docs/training.md.
 REACH = 2.5
