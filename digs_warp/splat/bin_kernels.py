@@ -8,6 +8,7 @@ from digs_warp.splat.footprint import ViewParams
 from digs_warp.splat.records import (
     SPLAT_A,
     SPLAT_B,
+    SPLAT_C,
     SPLAT_HALF_HEIGHT,
     SPLAT_HALF_WIDTH,
     SPLAT_TAU,
@@ -28,6 +29,52 @@ def half_chord(share: float, widest: float) -> float:
     return widest * wp.sqrt(larger(0.0, 1.0 - share * share))
 
 
+@wp.func
+def outline_of(conic: wp.vec3, tau: float, half: wp.vec2) -> wp.vec4:
+    """What all spans of an ellipse follow from; ``half`` of its width and height are given.
+
+    That is its shear, half its longest chord, 1 / half its height, and the height above its center at which
+    it is furthest to the right.
+    """
+    shear = conic[1] / conic[0]
+    widest = wp.sqrt(tau / conic[0])
+    return wp.vec4(shear, widest, 1.0 / half[1], -half[0] * conic[1] / conic[2])
+
+
+@wp.func
+def drawn_columns(cam: ViewParams) -> wp.vec2:
+    """The first and the last pixel column of the drawn tiles, exact as floats."""
+    right = wp.min(cam.end_column * _TILE, cam.width) - 1
+    return wp.vec2(float(cam.first_column * _TILE), float(right))
+
+
+@wp.func
+def columns_in_row(
+    center: wp.vec2,
+    half: wp.vec2,
+    outline: wp.vec4,
+    tile_row: int,
+    slack: float,
+    drawn: wp.vec2,
+) -> wp.vec2i:
+    """The drawn tile columns, first and one past the last, that an ellipse touches in a tile row."""
+    top = float(tile_row * _TILE) + 0.5 - center[1]
+    low = larger(top, -half[1])
+    high = smaller(top + float(_TILE - 1), half[1])
+    dy_right = larger(smaller(outline[3], high), low)
+    dy_left = larger(smaller(-outline[3], high), low)
+    right = -outline[0] * dy_right + half_chord(dy_right * outline[2], outline[1])
+    left = -outline[0] * dy_left - half_chord(dy_left * outline[2], outline[1])
+    right = smaller(right, half[0]) + slack
+    left = larger(left, -half[0]) - slack
+    # Pixel centers lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
+    x0 = int(larger(wp.ceil(center[0] + left - 0.5), drawn[0]))
+    x1 = int(smaller(wp.floor(center[0] + right - 0.5), drawn[1]))
+    t0 = x0 >> _TILE_BITS
+    touches = low <= high and x0 <= x1
+    return wp.vec2i(t0, wp.where(touches, (x1 >> _TILE_BITS) + 1, t0))
+
+
 @wp.kernel
 def span_kernel(
     first: int,
@@ -42,43 +89,20 @@ def span_kernel(
 ):
     """Find the drawn tile columns that each splat touches in each of its tile rows."""
     g = first + wp.tid()
-    left_column = views[0].first_column
-    end_column = views[0].end_column
-    left_pixel = float(left_column * _TILE)
-    right_pixel = float(wp.min(end_column * _TILE, views[0].width) - 1)
+    drawn = drawn_columns(views[0])
     pairs = int(0)
     begin = row_starts[g]
     end = row_starts[g + 1]
     if begin < end:
-        u = splats[g, SPLAT_U]
-        v = splats[g, SPLAT_V]
-        a = splats[g, SPLAT_A]
-        shear = splats[g, SPLAT_B] / a
-        widest = wp.sqrt(splats[g, SPLAT_TAU] / a)
-        half_width = splats[g, SPLAT_HALF_WIDTH]
-        half_height = splats[g, SPLAT_HALF_HEIGHT]
-        per_height = 1.0 / half_height
-        # Height above the center at which the ellipse is furthest to the right.
-        right_dy = -half_width * splats[g, SPLAT_B] / splats[g, SPLAT_A + 2]
+        center = wp.vec2(splats[g, SPLAT_U], splats[g, SPLAT_V])
+        half = wp.vec2(splats[g, SPLAT_HALF_WIDTH], splats[g, SPLAT_HALF_HEIGHT])
+        conic = wp.vec3(splats[g, SPLAT_A], splats[g, SPLAT_B], splats[g, SPLAT_C])
+        outline = outline_of(conic, splats[g, SPLAT_TAU], half)
         for row in range(begin, end):
-            top = float((first_tile_rows[g] + row - begin) * _TILE) + 0.5 - v
-            low = larger(top, -half_height)
-            high = smaller(top + float(_TILE - 1), half_height)
-            dy_right = larger(smaller(right_dy, high), low)
-            dy_left = larger(smaller(-right_dy, high), low)
-            right = -shear * dy_right + half_chord(dy_right * per_height, widest)
-            left = -shear * dy_left - half_chord(dy_left * per_height, widest)
-            right = smaller(right, half_width) + slack
-            left = larger(left, -half_width) - slack
-            # Pixel centers lie at +0.5. Clamped as floats: a huge splat would overflow an integer.
-            x0 = int(larger(wp.ceil(u + left - 0.5), left_pixel))
-            x1 = int(smaller(wp.floor(u + right - 0.5), right_pixel))
-            t0 = x0 >> _TILE_BITS
-            t1 = t0
-            if low <= high and x0 <= x1:
-                t1 = (x1 >> _TILE_BITS) + 1
-            spans[row] = wp.vec2i(span_of(t0, t1), pairs)
-            pairs += t1 - t0
+            tile_row = first_tile_rows[g] + row - begin
+            touched = columns_in_row(center, half, outline, tile_row, slack, drawn)
+            spans[row] = wp.vec2i(span_of(touched[0], touched[1]), pairs)
+            pairs += touched[1] - touched[0]
     pair_counts[g] = pairs
 
 
@@ -165,22 +189,22 @@ def tile_count_kernel(
     ranges: wp.array[wp.vec4i],
     spans: wp.array[wp.vec2i],
     # outputs
-    tile_counts: wp.array2d[int],  # [parts, tiles of the largest view], 0 before
+    tile_changes: wp.array2d[int],  # [parts, tiles of the largest view + 1], 0 before
 ):
-    """Count the splats of every tile, in one of ``parts`` equal parts of the order."""
+    """Count by how many splats a tile has more than the one before it, in one of ``parts`` of the order."""
     part = first + wp.tid()
     columns = views[0].columns
     end = part_start(counts, part + 1, parts)
     for i in range(part_start(counts, part, parts), end):
         drawn = range_in_order(i, end - 1, order, ranges, spans)
-        count_tiles(drawn, columns, spans, part, tile_counts)
+        count_tiles(drawn, columns, spans, part, tile_changes)
 
 
 @wp.kernel
 def tile_scan_kernel(
     parts: int,
     tiles: int,
-    tile_counts: wp.array2d[int],
+    tile_changes: wp.array2d[int],  # [parts, tiles of the largest view + 1]; lost
     # outputs
     cursors: wp.array2d[int],  # [parts, tiles] where a part's splats of a tile begin
     tile_starts: wp.array[int],  # [tiles + 1]
@@ -191,7 +215,9 @@ def tile_scan_kernel(
         tile_starts[tile] = total
         for part in range(parts):
             cursors[part, tile] = total
-            total += tile_counts[part, tile]
+            count = tile_changes[part, tile]
+            tile_changes[part, tile + 1] = tile_changes[part, tile + 1] + count
+            total += count
     tile_starts[tiles] = total
 
 
@@ -251,11 +277,13 @@ def unpack_kernel(
     # outputs
     tile_splats: wp.array[int],
     tile_pairs: wp.array[int],
-    tile_counts: wp.array2d[int],  # [1, tiles]
+    tile_changes: wp.array2d[int],  # [1, tiles + 1]
 ):
     """Turn sorted keys into tile lists; integer atomics, so the counts are exact on every device."""
     slot = wp.tid()
     pair = pairs[slot]
     tile_splats[slot] = pair_splats[pair]
     tile_pairs[slot] = pair
-    wp.atomic_add(tile_counts, 0, int(keys[slot] >> wp.int64(32)), 1)
+    tile = int(keys[slot] >> wp.int64(32))
+    wp.atomic_add(tile_changes, 0, tile, 1)
+    wp.atomic_add(tile_changes, 0, tile + 1, -1)

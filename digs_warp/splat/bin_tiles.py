@@ -31,7 +31,9 @@ from digs_warp.splat.bin_kernels import (
 )
 from digs_warp.splat.config import EXTENT_SLACK, TILE_SIZE
 from digs_warp.splat.depth_sort import HISTOGRAM, depth_sort_kernel
+from digs_warp.splat.group import GROUP_SIZE
 from digs_warp.splat.records import COLOR_FIELDS, SPLAT_FIELDS
+from digs_warp.splat.span_group import span_group_kernel
 from digs_warp.splat.spans import MAX_TILE_COLUMNS
 
 # Buffers grow by half when a view needs more: a few growths, then none.
@@ -49,7 +51,9 @@ class TileLists:
     row_starts: wp.array  # [n + 1]
     pair_counts: wp.array  # [n]
     pair_starts: wp.array  # [n + 1]
-    tile_counts: wp.array  # [parts, tiles]
+    tile_changes: (
+        wp.array
+    )  # [parts, tiles + 1] by how many splats a tile has more than the one before
     tile_starts: wp.array  # [tiles + 1]
     cursors: wp.array  # [parts, tiles]
     ranges: wp.array  # [n] vec4i: first tile row, first span, number of spans, first pair
@@ -144,7 +148,7 @@ class TileBinner:
         return x0, y0, min(x1, self.width), min(y1, self.height)
 
     def _bin_by_counting(self) -> None:
-        self.lists.tile_counts.zero_()
+        self.lists.tile_changes.zero_()
         self._count_launch.run()
         self._scan_tiles()
         self._emit_launch.run()
@@ -165,12 +169,12 @@ class TileBinner:
         )
         if pairs:
             wp.utils.radix_sort_pairs(keys, values, pairs)
-        lists.tile_counts.zero_()
+        lists.tile_changes.zero_()
         wp.launch(
             unpack_kernel,
             dim=pairs,
             inputs=[keys, values, pair_splats],
-            outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_counts],
+            outputs=[lists.tile_splats, lists.tile_pairs, lists.tile_changes],
             device=self.device,
             record_tape=False,
         )
@@ -188,7 +192,7 @@ class TileBinner:
             row_starts=self._zeros(n + 1),
             pair_counts=self._zeros(n),
             pair_starts=self._zeros(n + 1),
-            tile_counts=self._zeros_by_part(),
+            tile_changes=self._zeros_by_part(),
             tile_starts=self._zeros(self._capacity + 1),
             cursors=self._zeros_by_part(),
             ranges=wp.zeros(n, dtype=wp.vec4i, device=self.device),
@@ -229,7 +233,7 @@ class TileBinner:
         )
         self._tile_scan = self._serial(
             tile_scan_kernel,
-            [self._parts, self.tiles, lists.tile_counts, lists.cursors, lists.tile_starts],
+            [self._parts, self.tiles, lists.tile_changes, lists.cursors, lists.tile_starts],
         )
         self._number_pairs = self._serial(
             pair_scan_kernel,
@@ -243,15 +247,15 @@ class TileBinner:
             + [self._order, self._sorted_count],
         )
         self._span_launch = self._launch(
-            span_kernel,
-            self.count,
+            span_group_kernel if self.counting else span_kernel,
+            -(-self.count // GROUP_SIZE) if self.counting else self.count,
             [self._views, lists.splats, lists.first_tile_rows, lists.row_starts, EXTENT_SLACK]
             + [lists.spans, lists.pair_counts],
         )
         parts = [self._views, self._parts, self._sorted_count, self._order]
         parts += [lists.ranges, lists.spans]
         self._count_launch = self._launch(
-            tile_count_kernel, self._parts, [*parts, lists.tile_counts]
+            tile_count_kernel, self._parts, [*parts, lists.tile_changes]
         )
         self._emit_launch = self._launch(
             emit_kernel,
@@ -277,7 +281,7 @@ class TileBinner:
         return int(starts.numpy()[self.count])
 
     def _zeros_by_part(self) -> wp.array:
-        return wp.zeros((self._parts, self._capacity), dtype=int, device=self.device)
+        return wp.zeros((self._parts, self._capacity + 1), dtype=int, device=self.device)
 
     def _zeros(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=int, device=self.device)

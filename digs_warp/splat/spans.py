@@ -40,9 +40,8 @@ _COUNT = f"""
 int* here = counts.data + part * (counts.strides[0] >> 2) + drawn[0] * columns;
 const wp::vec2i* span = spans.data + drawn[1];
 for (int row = 0; row < drawn[2]; ++row, ++span, here += columns) {{
-    const int end = (*span)[0] >> {_BITS};
-    for (int column = (*span)[0] & {_MASK}; column < end; ++column)
-        ++here[column];
+    ++here[(*span)[0] & {_MASK}];
+    --here[(*span)[0] >> {_BITS}];
 }}
 """
 
@@ -55,7 +54,10 @@ def count_tiles(
     part: int,
     counts: wp.array2d[int],
 ):
-    """Count one more splat in each of its tiles; a row of the image has ``columns`` of them."""
+    """Add 1 where the tiles of a splat begin, and -1 behind them; a row of the image has ``columns`` tiles.
+
+    Running sums over all tiles, row after row, are how many splats each has.
+    """
     ...
 
 

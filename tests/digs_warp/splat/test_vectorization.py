@@ -82,6 +82,7 @@ OWN_OPTIONS = {
     "digs_warp.splat.project_group": ["for i in range(_GROUP):"],
     "digs_warp.splat.project_adjoint_group": ["for i in range(_GROUP):"],
     "digs_warp.splat.skin": ["for i in range(_GROUP):"],
+    "digs_warp.splat.span_group": ["for i in range(_GROUP):", "for j in range(_GROUP):"],
     "digs_warp.measure.ssim": [
         "for i in range(_LINE):",
         "for (int x = 0; x < count; ++x)",
