@@ -65,17 +65,17 @@ def fit_lift(colors: np.ndarray, photograph: np.ndarray, otherwise: float = 0.0)
     return float(np.clip(lift, -MOST_LIFT, MOST_LIFT))
 
 
-def trusted_share(square: float, error: float = 0.0) -> float:
-    """Return the share of lifts that their errors do not explain, 0 to 1 (James and Stein).
+def trusted_share(square: float, error: float) -> float:
+    """Return the share of lifts, or gains, that their errors do not explain, 0 to 1 (James and Stein).
 
     Args:
-        square: mean square of the lifts.
-        error: mean square of what is known of their errors, beside those that there always are.
+        square: their mean square.
+        error: that of their errors, above 0.
     """
-    return max(0.0, 1.0 - (NOISE_LIFT**2 + error) / max(square, NOISE_LIFT**2))
+    return 1.0 - error / max(square, error)
 
 
 def trusted_lift(colors: np.ndarray, photograph: np.ndarray) -> float:
     """Return the lift of one photograph, as far as its errors do not explain it."""
     lift = fit_lift(colors, photograph)
-    return trusted_share(lift**2) * lift
+    return trusted_share(lift**2, NOISE_LIFT**2) * lift

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.first_exposures import without_exposure
+from digs_warp.init.first_exposures import first_exposures, without_exposure
 from digs_warp.init.seen_colors import look_up
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
 from digs_warp.pipeline.prepared import Prepared
@@ -61,12 +61,14 @@ def load_views(
         if seeds is not None:
             opening = beside.submit(open_data, frames, config, folder, resume, shutter, seeds)
         held_out = load_test_views(prepared.frames.held_out, shutter)
-        points, judging = prepared.start.points, None
+        points, judging, constant = prepared.start.points, None, False
         evens = seeds is not None and config.fit_exposure == "on"
         if evens or config.sh_degree is None:
             seen = look_up(frames, points.points_world)
             if config.sh_degree is None:
                 judging = beside.submit(view_dependence, seen)
-            points = without_exposure(points, frames, seen) if evens else points
-        data = opening.result() if opening else None
+            found = first_exposures(points, frames, seen) if evens else None
+            if found is not None:
+                points, constant = without_exposure(points, frames, found), not found.vary
+        data = replace(opening.result(), constant_exposure=constant) if opening else None
         return LoadedViews(data, held_out, judging.result() if judging else None, points)

@@ -70,8 +70,8 @@ class Reconstruction:
         scores: how well the held-out views match.
         course: loss and quality along the training, a row every few iterations.
         stopped_by: what ended the training: "iterations", "target psnr" or "time budget".
-        exposure_stops: how much exposure and white balance vary between the photographs [stops]; None if that
-            was not fitted.
+        exposure_stops: how much exposure and white balance vary between the photographs [stops]; 0 where they
+            are known to be constant, None if that was not fitted.
         tone_lift: how much contrast and black level vary, as lifts of values [sRGB, 0 to 1]; None like it.
         run: settings, versions and machine, and the seconds of each stage.
         folder: where it is stored.

@@ -46,7 +46,7 @@ class Results:
         stopped_by: what ended the training.
         training_seconds: of the steps alone [s].
         exposure_stops: how much the exposure and white balance of the photographs vary: root mean square of
-            their fitted gains [stops].
+            their fitted gains [stops]; 0 where they are known to be constant.
         tone_lift: that of their fitted lifts [sRGB, 0 to 1]; 0 where the tone is constant.
         held_out: mean over the held-out views.
         adherence: median distance of the surface to the measured depth [m].

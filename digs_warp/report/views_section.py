@@ -113,6 +113,8 @@ def _aligned_words(result: Reconstruction) -> str:
     words = "Color-aligned: after exposure, white balance and tone of the photograph were fitted."
     if result.exposure_stops is None:
         return words
+    if not result.exposure_stops and not result.tone_lift:
+        return f"{words} The training views have the same."
     words = f"{words} Those of the training views differ by {result.exposure_stops:.2f} stops."
     if not result.tone_lift:
         return words

@@ -20,7 +20,7 @@ import numpy as np
 
 from digs_warp.checks import check_shape
 from digs_warp.measure.color_gain import STOPS_PER_LOG, ColorGain, fit_color_gain
-from digs_warp.measure.color_lift import fit_lift, trusted_share
+from digs_warp.measure.color_lift import NOISE_LIFT, fit_lift, trusted_share
 from digs_warp.splat.blur_renderer import BlurRenderer
 
 # Pixels of a view that its gain follows from, spread over the object.
@@ -72,6 +72,7 @@ class Exposures:
 
     Args:
         count: number of views.
+        constant: whether exposure and tone are known to be constant; nothing is fitted then.
 
     Attributes:
         log_factors: see `ColorGain`, shape (count, 3); 0 for views that were not fitted.
@@ -80,7 +81,8 @@ class Exposures:
         fitted: which views were fitted, shape (count,).
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, constant: bool = False) -> None:
+        self.constant = constant
         self.log_factors = np.zeros((count, 3))
         self.lifts = np.zeros(count)
         self.changes = np.zeros(count)
@@ -94,6 +96,8 @@ class Exposures:
             colors: rendered sRGB values, shape (k, 3).
             photograph: those of the photograph, in 0..1, shape (k, 3).
         """
+        if self.constant:
+            return None
         some = slice(None, None, LIFT_SAMPLES)
         before = float(self.lifts[index])
         self.changes[index] = LIFT_RATE * (
@@ -120,7 +124,7 @@ class Exposures:
     @property
     def trusted_share(self) -> float:
         """The share of the gains that their errors do not explain, 0 to 1 (James and Stein)."""
-        return max(0.0, 1.0 - (NOISE_STOPS / max(self.rms_stops, NOISE_STOPS)) ** 2)
+        return trusted_share(self.rms_stops**2, NOISE_STOPS**2)
 
     @property
     def lift_share(self) -> float:
@@ -128,7 +132,8 @@ class Exposures:
         if not self.fitted.any():
             return 0.0
         lifts, changes = self.lifts[self.fitted], self.changes[self.fitted]
-        return trusted_share(float(np.mean(lifts**2)), float(np.mean(changes**2)))
+        error = NOISE_LIFT**2 + float(np.mean(changes**2))
+        return trusted_share(float(np.mean(lifts**2)), error)
 
     @property
     def rms_lift(self) -> float:

@@ -75,11 +75,13 @@ class TrainingData:
         views: to train on.
         measured: views whose measured depth the surface is compared with.
         first_step: the step that the training starts or goes on at.
+        constant_exposure: whether exposure and tone of the views are known to be constant.
     """
 
     views: ViewStore
     measured: Sequence[MeasuredView]
     first_step: int = 0
+    constant_exposure: bool = False
 
 
 def open_data(
@@ -142,7 +144,10 @@ def train_gaussians(
     checkpoint = folder / CHECKPOINT
     try:
         with log.stage("prepare kernels"):
-            trainer = Trainer(seeds, data.views, config, held, train_poses)
+            trainer = Trainer(
+                *(seeds, data.views, config, held, train_poses),
+                constant_exposure=data.constant_exposure,
+            )
         if data.first_step:
             load_checkpoint(checkpoint, trainer)
         course = CourseRecorder(folder / TRAINING, trainer, test_views, data.measured)

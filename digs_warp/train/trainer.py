@@ -50,6 +50,7 @@ class Trainer:
         config: settings.
         held: which of them stay as they are, shape (n,), bool; None: none.
         train_poses: whether the cameras move until their photographs fit.
+        constant_exposure: whether exposure and tone of the views are known to be constant.
 
     Attributes:
         gaussians: the parameters on the device; `DeviceGaussians.to_numpy` gives a copy.
@@ -68,6 +69,8 @@ class Trainer:
         config: TrainConfig,
         held: np.ndarray | None = None,
         train_poses: bool = False,
+        *,
+        constant_exposure: bool = False,
     ) -> None:
         if len(gaussians) == 0:
             raise DigsError("no Gaussians to train; the initialization found no points")
@@ -91,7 +94,9 @@ class Trainer:
         self._center = gaussians.means.mean(axis=0)
         self._half_size_steps = half_size_steps(config, gaussians, views.cameras)
         self.control = density_control(len(gaussians), gaussians.sh_degree, config, self._extent)
-        self.exposures = Exposures(len(views)) if config.fit_exposure == "on" else None
+        self.exposures: Exposures | None = None
+        if config.fit_exposure == "on":
+            self.exposures = Exposures(len(views), constant_exposure)
         trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
         self.depth_judge = DepthJudge(len(views), trusted) if with_depth else None
         self.poses: TrainedPoses | None = None

@@ -9,7 +9,12 @@ import pytest
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.data.point_cloud import PointCloud
-from digs_warp.init.first_exposures import log_factors, without_exposure
+from digs_warp.init.first_exposures import (
+    FirstExposures,
+    first_exposures,
+    log_factors,
+    without_exposure,
+)
 from digs_warp.init.seen_colors import look_up
 from digs_warp.measure.color_gain import OFFSET, ColorGain
 from reference.tiny_capture import ball, write_tiny_capture
@@ -51,6 +56,89 @@ def test_photographs_that_share_no_point_have_no_factor() -> None:
     np.testing.assert_array_equal(log_factors(black), 0.0)
 
 
+def toned(
+    log_gains: np.ndarray, lifts: np.ndarray, noise: float = 0.005, points: int = 600
+) -> tuple[np.ndarray, np.ndarray]:
+    """Colors of matte points in photographs of these gains (m,) or (m, 3) and lifts, and the true colors."""
+    random = np.random.default_rng(0)
+    true = random.uniform(0.1, 0.55, (points, 3))
+    seen_from = random.uniform(0, 2 * np.pi, points)[:, None] - ANGLES
+    gains = np.exp(np.broadcast_to(log_gains.reshape(VIEWS, -1), (VIEWS, 3)))
+    colors = gains * (true[:, None] + OFFSET) - OFFSET + lifts[:, None]
+    colors = np.clip(colors + noise * random.normal(size=colors.shape), 0.0, 1.0)
+    return np.where(np.cos(seen_from)[..., None] < 0.3, np.nan, colors), true
+
+
+def glossy(points: int = 600) -> np.ndarray:
+    """Colors in constant exposure: points are up to 0.2 lighter from where they reflect a bluish sky.
+
+    The sky stands on one side, so that all points together are lighter from there.
+    """
+    colors, _ = toned(np.zeros(VIEWS), np.zeros(VIEWS))
+    random = np.random.default_rng(1)
+    turned = random.normal(0, 1.0, (points, 1))
+    sheen = np.maximum(np.cos(ANGLES - turned), 0.0) * random.uniform(0, 0.2, (points, 1))
+    return np.clip(colors + sheen[..., None] * [0.6, 0.8, 1.0], 0.0, 1.0)
+
+
+def test_gloss_is_no_exposure() -> None:
+    colors = glossy()
+    gain = 3.46 * np.sqrt(np.mean(log_factors(colors[..., 2]) ** 2))
+    assert gain > 0.1  # stops that are found, but explain little
+    found = FirstExposures.of(colors)
+    assert not found.vary
+    np.testing.assert_array_equal([*found.log_factors, *found.lifts], 0.0)
+    # Exposures of a shiny object are found.
+    logs = 0.2 * np.cos(ANGLES)
+    adapted = np.exp(logs)[:, None] * (colors + OFFSET) - OFFSET
+    shiny = FirstExposures.of(adapted)
+    assert shiny.vary and np.corrcoef(shiny.log_factors, logs)[0, 1] > 0.95
+
+
+def test_small_exposures_of_a_matte_object_are_believed() -> None:
+    logs = 0.02 * np.cos(2 * ANGLES)
+    found = FirstExposures.of(toned(logs, np.zeros(VIEWS))[0])
+    assert found.vary
+    np.testing.assert_allclose(found.log_factors, logs, atol=0.005)
+    np.testing.assert_array_equal(found.lifts, 0.0)
+
+
+def test_a_few_photographs_of_another_exposure_vary() -> None:
+    logs = np.where(np.arange(VIEWS) % 12 == 0, -0.3, 0.0)
+    found = FirstExposures.of(toned(logs, np.zeros(VIEWS))[0])
+    assert found.vary
+    np.testing.assert_allclose(found.log_factors, logs - logs.mean(), atol=0.01)
+
+
+def test_white_balance_alone_varies() -> None:
+    logs = np.cos(ANGLES)[:, None] * [0.1, 0.0, -0.1]
+    assert FirstExposures.of(toned(logs, np.zeros(VIEWS))[0]).vary
+
+
+def test_lifts_are_found_and_taken_off_with_the_gains() -> None:
+    lifts = 0.06 * np.cos(ANGLES + 0.7)
+    colors, true = toned(-0.15 * np.cos(ANGLES), lifts, points=1500)
+    found = FirstExposures.of(colors)
+    assert found.vary and np.corrcoef(found.lifts, lifts)[0, 1] > 0.95
+    off = np.nanmean(np.abs(found.removed(colors) - true[:, None]))
+    by_gains = log_factors(np.concatenate([colors[..., k] for k in range(3)]))
+    alone = FirstExposures(by_gains, np.zeros(VIEWS), vary=True).removed(colors)
+    assert off < 0.75 * np.nanmean(np.abs(alone - true[:, None]))
+    np.testing.assert_allclose(
+        found.removed(colors)[:, 5], found.removed(colors[:, 5], 5), equal_nan=True
+    )
+
+
+def test_black_white_unseen_and_no_photographs_are_constant() -> None:
+    for colors in (
+        *(np.full((50, 6, 3), value) for value in (0.0, 0.5, 1.0, np.nan)),
+        *(np.zeros((0, 6, 3)), np.zeros((50, 0, 3)), np.full((50, 1, 3), 0.4)),
+    ):
+        found = FirstExposures.of(colors)
+        assert not found.vary and found.lifts.shape == found.log_factors.shape
+        assert len(found.lifts) == colors.shape[1]
+
+
 def adapting(folder: Path, stops: float) -> tuple[list[Frame], np.ndarray]:
     """Frames of a small capture whose exposure follows their number, and their log factors."""
     capture = write_tiny_capture(folder / "capture", frames=VIEWS)
@@ -70,12 +158,18 @@ def mean_colors(frames: list[Frame], points: PointCloud) -> tuple[np.ndarray, np
     return counts > 0, np.nansum(colors, axis=1) / np.maximum(counts, 1)[:, None]
 
 
+def in_one_exposure(points: PointCloud, frames: list[Frame]) -> PointCloud:
+    found = first_exposures(points, frames)
+    assert found is not None
+    return without_exposure(points, frames, found)
+
+
 def test_first_colors_are_those_of_one_exposure(tmp_path: Path) -> None:
     even, _ = adapting(tmp_path / "even", 0.0)
     uneven, _ = adapting(tmp_path / "uneven", 1.0)
     points = PointCloud(ball(2000).means, np.full((2000, 3), 0.3))
     seen, expected = mean_colors(even, points)
-    found = without_exposure(points, uneven).colors
+    found = in_one_exposure(points, uneven).colors
     assert np.abs(found - expected)[seen].mean() < 0.015
     np.testing.assert_array_equal(found[~seen], points.colors[~seen])
     # Taken as they are, the photographs give other colors.
@@ -83,12 +177,28 @@ def test_first_colors_are_those_of_one_exposure(tmp_path: Path) -> None:
     assert np.abs(taken - expected)[seen].mean() > 0.03
 
 
+def test_clipped_photographs_do_not_darken_first_colors(tmp_path: Path) -> None:
+    """A light point is clipped where the exposure is long, and known where it is short."""
+    frames, _ = adapting(tmp_path / "capture", 0.0)
+    points = PointCloud(ball(500).means, np.full((500, 3), 0.3))
+    bright = []
+    for number, frame in enumerate(frames):
+        gain = ColorGain(np.full(3, 0.25 * (-1) ** number))
+        image = np.clip(gain.applied(frame.load_image() / 255.0 + 0.4), 0.0, 1.0)
+        bright.append(frame.with_layer(Layer.IMAGE, np.rint(255.0 * image).astype(np.uint8)))
+    seen, even = mean_colors(frames, points)
+    expected = np.clip(even + 0.4, 0.0, 1.0)
+    sure = seen & (expected < 0.95).all(axis=1)
+    assert sure.sum() > 100
+    assert np.abs(in_one_exposure(points, bright).colors - expected)[sure].mean() < 0.02
+
+
 def test_nothing_changes_where_the_exposure_is_constant_or_depth_is_missing(tmp_path: Path) -> None:
     even, _ = adapting(tmp_path / "even", 0.0)
     points = PointCloud(ball(500).means, np.full((500, 3), 0.3))
-    assert without_exposure(points, even) is points
+    assert in_one_exposure(points, even) is points
     uneven, _ = adapting(tmp_path / "uneven", 1.0)
     blind = [frame.without_layer(Layer.DEPTH) for frame in uneven]
-    assert without_exposure(points, blind) is points
+    assert first_exposures(points, blind) is None
     none = replace(points, points_world=np.zeros((0, 3)), colors=np.zeros((0, 3)))
-    assert without_exposure(none, uneven) is none
+    assert first_exposures(none, uneven) is None

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from digs_warp.data.layers import Layer
-from digs_warp.init.first_exposures import exposures, in_one_exposure
+from digs_warp.init.first_exposures import FirstExposures, log_factors
 from digs_warp.init.seen_colors import SeenColors, look_up
 from digs_warp.init.view_dependence import (
     POINTS,
     chosen,
+    in_one_exposure,
     plainest,
     prediction_error,
     view_dependence,
@@ -69,9 +70,9 @@ def adapting(
 def test_a_camera_that_adapts_to_the_light_is_no_gloss() -> None:
     directions, changed, factors = adapting(*seen(1, points=200))
     assert chosen(directions, changed).degree == 3
-    found = exposures(changed)
-    assert chosen(directions, in_one_exposure(changed, found)).degree == 1
-    np.testing.assert_allclose(found, factors - factors.mean(), atol=0.06)
+    found = FirstExposures.of(changed)
+    assert chosen(directions, in_one_exposure(changed)).degree == 1
+    np.testing.assert_allclose(found.log_factors, factors - factors.mean(), atol=0.06)
 
 
 def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
@@ -86,7 +87,43 @@ def test_the_exposure_of_a_recording_is_taken_off(tmp_path: Path) -> None:
 
 def test_the_exposure_of_photographs_hides_no_gloss() -> None:
     directions, changed, _ = adapting(*seen(3, points=200))
-    assert chosen(directions, in_one_exposure(changed, exposures(changed))).degree == 3
+    assert chosen(directions, in_one_exposure(changed)).degree == 3
+
+
+def exposures_alone(colors: np.ndarray) -> np.ndarray:
+    """Colors without the gains of their photographs; contrasts and clipped values stay."""
+    factors = log_factors(np.concatenate([colors[..., k] for k in range(3)]))
+    return FirstExposures(factors, np.zeros_like(factors), vary=True).removed(colors)
+
+
+def in_contrasts(directions: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of points that are seen, and their colors in photographs of other contrasts, clipped."""
+    some = np.isfinite(colors[..., 0]).any(axis=1)
+    angle = np.linspace(0, 6 * np.pi, colors.shape[1], endpoint=False)
+    exponents = np.exp(0.25 * np.cos(2 * angle))[:, None]
+    values = 0.4 * (np.clip(colors[some] + OFFSET, 0.0, None) / 0.4) ** exponents - OFFSET
+    return directions[some], np.clip(values, 0.0, 1.0)
+
+
+def test_a_camera_that_changes_its_contrast_and_clips_is_no_gloss() -> None:
+    directions, noisy = seen(0, points=400, noise=0.01)
+    light = RNG.uniform(0.1, 0.95, (400, 1, 3))
+    directions, changed = in_contrasts(
+        directions, noisy - np.nanmean(noisy, axis=1)[:, None] + light
+    )
+    by_gains = exposures_alone(changed)
+    assert chosen(directions, by_gains).degree == 3
+    assert chosen(directions, in_one_exposure(changed)).degree == 1
+
+
+def test_clipped_highlights_are_gloss_where_other_photographs_see_them_darker() -> None:
+    directions, matte = seen(0, points=200)
+    toward = np.broadcast_to(directions @ [0.6, 0.0, -0.8], matte.shape[:2])
+    shiny = matte + 0.9 * np.exp(-12 * (1 - toward))[..., None]
+    directions, changed, _ = adapting(directions, shiny)
+    changed = np.clip(changed, 0.0, 1.0)
+    assert (changed == 1.0).any()
+    assert chosen(directions, in_one_exposure(changed)).degree == 3
 
 
 def off_the_surface(points: int = 12000, off: float = 0.01) -> SeenColors:
@@ -153,7 +190,7 @@ def test_points_that_few_photographs_see_tell_no_exposure_of_a_room() -> None:
     points = random.normal(size=(len(directions) + len(twice), 3)) * 1e-6
     colors = np.concatenate([changed, twice])
     assert view_dependence(SeenColors(points, -directions[0], colors)).degree == 1
-    uneven = in_one_exposure(changed, exposures(colors))
+    uneven = FirstExposures.of(colors).removed(changed)
     assert chosen(directions, uneven).degree == 3
 
 

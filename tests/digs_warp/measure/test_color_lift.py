@@ -82,6 +82,6 @@ def test_the_lift_is_that_of_weighted_least_squares() -> None:
 
 
 def test_small_lifts_are_not_trusted() -> None:
-    assert trusted_share(0.0) == trusted_share(0.01**2) == 0
-    assert trusted_share(0.1**2) > 0.98
-    assert trusted_share(0.1**2, 0.1**2) == 0
+    assert trusted_share(0.0, 0.01**2) == trusted_share(0.01**2, 0.01**2) == 0
+    assert trusted_share(0.1**2, 0.01**2) > 0.98
+    assert trusted_share(0.1**2, 0.2**2) == 0

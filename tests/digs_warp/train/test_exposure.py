@@ -114,6 +114,14 @@ def test_constant_exposure_is_left_alone(frames: tuple[Frame, ...]) -> None:
     assert fitted > quality(trained(list(frames), fit_exposure="off"), frames) - 0.05
 
 
+def test_nothing_is_fitted_where_the_exposure_is_known_to_be_constant() -> None:
+    exposures = Exposures(3, constant=True)
+    scene = np.random.default_rng(0).uniform(0.2, 0.8, (100, 3))
+    for index in (0, 1, 2, 0):
+        assert exposures.fit(index, scene, np.clip((0.5 + 0.3 * index) * scene, 0, 1)) is None
+    assert exposures.rms_stops == exposures.rms_lift == 0.0
+
+
 def test_the_gains_have_a_mean_of_zero() -> None:
     exposures = Exposures(5)
     rng = np.random.default_rng(0)
