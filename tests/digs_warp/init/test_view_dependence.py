@@ -105,14 +105,24 @@ def in_contrasts(directions: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray
     return directions[some], np.clip(values, 0.0, 1.0)
 
 
-def test_a_camera_that_changes_its_contrast_and_clips_is_no_gloss() -> None:
+def matte_points() -> tuple[np.ndarray, np.ndarray]:
+    """Directions and colors of points from dark to white, hardly noisy."""
     directions, noisy = seen(0, points=400, noise=0.01)
-    light = RNG.uniform(0.1, 0.95, (400, 1, 3))
-    directions, changed = in_contrasts(
-        directions, noisy - np.nanmean(noisy, axis=1)[:, None] + light
-    )
-    by_gains = exposures_alone(changed)
-    assert chosen(directions, by_gains).degree == 3
+    some = np.isfinite(noisy[..., 0]).any(axis=1)
+    noise = noisy[some] - np.nanmean(noisy[some], axis=1)[:, None]
+    return directions[some], noise + RNG.uniform(0.1, 0.95, (len(noise), 1, 3))
+
+
+def test_a_camera_that_changes_its_contrast_is_no_gloss() -> None:
+    directions, changed = in_contrasts(*matte_points())
+    assert chosen(directions, exposures_alone(changed)).degree == 3
+    assert chosen(directions, in_one_exposure(changed)).degree == 1
+
+
+def test_white_that_only_long_exposures_clip_is_no_gloss() -> None:
+    directions, changed, _ = adapting(*matte_points())
+    changed = np.clip(changed, 0.0, 1.0)
+    assert chosen(directions, exposures_alone(changed)).degree == 3
     assert chosen(directions, in_one_exposure(changed)).degree == 1
 
 
