@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from digs_warp.data.evenly import evenly
+from digs_warp.device.threads import over_rows
 from digs_warp.sh import MAX_DEGREE, USUAL_DEGREE, coefficient_count, sh_basis
 
 if TYPE_CHECKING:  # results name the decision, and need no kernels
@@ -28,6 +29,8 @@ if TYPE_CHECKING:  # results name the decision, and need no kernels
 
 # The most points that are compared.
 POINTS = 2000
+# Points that a core works on at once: what it computes from their colors fits into its cache.
+CHUNK = 256
 # A point is seen often enough for a prediction.
 FEWEST_VIEWS = 8
 # This share of the points seen often is compared: those with the least texture among their nearest neighbors.
@@ -128,7 +131,8 @@ def plainest(points_world: np.ndarray, colors: np.ndarray) -> np.ndarray:
     wanted = max(POINTS, int(PLAIN * count))
     if count <= wanted:
         return np.arange(count)
-    means = np.nanmean(colors, axis=1)
+    parts = over_rows(count, lambda rows: np.nanmean(colors[rows], axis=1), CHUNK)
+    means = np.concatenate(parts)
     _, around = KDTree(points_world).query(points_world, k=NEIGHBORS, workers=-1)
     return np.sort(np.argsort(means[around].var(axis=1).sum(axis=1), kind="stable")[:wanted])
 
@@ -161,6 +165,12 @@ def prediction_error(basis: np.ndarray, colors: np.ndarray) -> float:
         basis: values of the k functions that are fitted, the constant first, shape (n, m, k).
         colors: shape (n, m, 3), NaN where a camera does not see the point.
     """
+    parts = over_rows(len(colors), lambda rows: _left_out(basis[rows], colors[rows]), CHUNK)
+    return float(np.mean(np.concatenate(parts) ** 2))
+
+
+def _left_out(basis: np.ndarray, colors: np.ndarray) -> np.ndarray:
+    """Return the errors of the colors that are seen, each predicted from the others of its point."""
     seen = np.isfinite(colors[..., :1])
     rows, values = np.where(seen, basis, 0.0), np.where(seen, colors, 0.0)
     ridge = RIDGE * np.eye(basis.shape[-1])
@@ -170,4 +180,4 @@ def prediction_error(basis: np.ndarray, colors: np.ndarray) -> float:
     residuals = values - rows @ (solved @ values)
     leverage = np.einsum("nmk,nkm->nm", rows, solved)
     left_out = residuals / np.maximum(1.0 - leverage[..., None], 1e-6)
-    return float(np.mean(left_out[np.broadcast_to(seen, colors.shape)] ** 2))
+    return left_out[np.broadcast_to(seen, colors.shape)]

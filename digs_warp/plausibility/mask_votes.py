@@ -3,9 +3,10 @@
 A point that most views call surround is surround, whatever one mask says.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import warp as wp
@@ -27,6 +28,9 @@ FEWEST_VOTES, LEAST_KNOWN = 3, 0.1
 # A mask that overlaps with the votes by less is contradicted. Good masks of nine simulated objects do not
 # fall below it, even where 10 of 24 are empty, cut in half or hold a neighboring object; of those, 9 do.
 AGREES = 0.65
+
+# Frames whose points the second round finds again: 75 MB.
+KEPT = 128
 
 # Where the best quarter of the masks overlaps by less than this, the depth is too bad to vote. Good depth
 # reaches 0.83, that of a thin, mirroring sword 0.54.
@@ -58,15 +62,36 @@ def mask_votes(frames: Sequence[SmallDepth]) -> list[MaskVotes]:
     contradict a mask, votes on what is seen through glass are left out.
     """
     views = Views.of(frames)
-    first = _round(frames, views, range(len(frames)))
+
+    @lru_cache(KEPT)
+    def measured(number: int) -> MeasuredPoints:
+        return MeasuredPoints.of(frames[number])
+
+    first = _round(frames, views, range(len(frames)), measured)
     middle = np.median([each.agreement for each in first])
     voters = [number for number, each in enumerate(first) if each.agreement >= middle]
-    votes = _round(frames, views, voters)
+    votes = _round(frames, views, voters, measured)
     for number, each in enumerate(votes):
         if each.agreement < AGREES:
             others = evenly([other for other in voters if other != number], VOTERS)
             votes[number] = _without_glass(frames[number], each, [frames[n] for n in others])
     return votes
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoints:
+    """What a frame measures: pixels of its thumbnail, and the points in the world [m] that they show."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    points: wp.array
+
+    @staticmethod
+    def of(frame: SmallDepth) -> "MeasuredPoints":
+        """Return the pixels with depth."""
+        rows, columns = np.nonzero(np.isfinite(frame.depth))
+        points = wp.array(frame.points_at(rows, columns), dtype=wp.vec3d, device="cpu")
+        return MeasuredPoints(rows, columns, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +113,11 @@ class Views:
             wp.array(np.concatenate(masks), dtype=wp.uint8, device="cpu"),
         )
 
-    def votes(self, points: np.ndarray, voters: Sequence[int]) -> np.ndarray:
+    def votes(self, points: wp.array, voters: Sequence[int]) -> np.ndarray:
         """Return how many of the voters vote on each point, and how many for the object, (n, 2)."""
         found = wp.zeros((len(points), 2), dtype=int, device="cpu")
         inputs = [
-            wp.array(points, dtype=wp.vec3d, device="cpu"),
+            points,
             wp.array(np.array(voters, dtype=np.int32), dtype=int, device="cpu"),
             *(self.eyes, self.depth, self.masks, found),
         ]
@@ -101,11 +126,16 @@ class Views:
         return found.numpy()
 
 
-def _round(frames: Sequence[SmallDepth], views: Views, voters: Sequence[int]) -> list[MaskVotes]:
+def _round(
+    frames: Sequence[SmallDepth],
+    views: Views,
+    voters: Sequence[int],
+    measured: Callable[[int], MeasuredPoints],
+) -> list[MaskVotes]:
     centers = np.stack([frame.camera.center_world for frame in frames])
 
     def votes(number: int) -> MaskVotes:
-        return _votes(frames[number], views, _nearer(centers, number, voters))
+        return _votes(frames[number], measured(number), views, _nearer(centers, number, voters))
 
     with ThreadPoolExecutor(default_threads()) as pool:
         return list(pool.map(votes, range(len(frames))))
@@ -144,9 +174,11 @@ def _without_glass(frame: SmallDepth, votes: MaskVotes, others: Sequence[SmallDe
     return replace(votes, known=known, is_object=is_object, without_glass=overlap)
 
 
-def _votes(frame: SmallDepth, views: Views, others: Sequence[int]) -> MaskVotes:
-    rows, columns = np.nonzero(np.isfinite(frame.depth))
-    votes, for_object = views.votes(frame.points_at(rows, columns), others).T
+def _votes(
+    frame: SmallDepth, measured: MeasuredPoints, views: Views, others: Sequence[int]
+) -> MaskVotes:
+    rows, columns = measured.rows, measured.columns
+    votes, for_object = views.votes(measured.points, others).T
     known, is_object = np.zeros((2, *frame.depth.shape), dtype=bool)
     enough = votes >= FEWEST_VOTES
     known[rows[enough], columns[enough]] = True
