@@ -55,7 +55,7 @@ from digs_warp.surface.true_surface import read_true_surface
 from digs_warp.train.blur_plan import plan_blur
 from digs_warp.train.config import TrainConfig
 from digs_warp.train.course import read_course
-from digs_warp.train.evaluate import MeasuredViews, TestView, measure_views
+from digs_warp.train.evaluate import measure_views
 from digs_warp.train.session import (
     Trained,
     Watch,
@@ -183,14 +183,19 @@ def _reconstruct(
             color=color,
         )
         log.results = result.results.to_json()
-    with log.stage("evaluate"), ThreadPoolExecutor(1) as beside:
+    with log.stage("evaluate"), ThreadPoolExecutor(default_threads()) as beside:
         truth = beside.submit(_true_surface, result, config)
         measured = trained.measured
         if measured is None:
             gaussians = DeviceGaussians.from_numpy(trained.gaussians, config.train.device)
             measured = measure_views(gaussians, test_views)
-        scores = _saved(measured, test_views, folder)
+        pairs = zip(test_views, measured.renderings, strict=True)
+        writes = [beside.submit(write_render, folder, view.name, one.image) for view, one in pairs]
         surface = _surface_error(result, truth.result(), config)
+        for write in writes:
+            write.result()
+        scores = Scores(tuple(measured.scores))
+        write_scores(folder, scores)
     result = replace(result, scores=scores, surface=surface)
     log.results = result.results.to_json()
     log.save(record)
@@ -269,15 +274,3 @@ def _surface_error(
         return None
     frames = (*result.frames.training, *result.frames.held_out)
     return surface_error(result.gaussians, frames, truth, config.train.device)
-
-
-def _saved(measured: MeasuredViews, views: Sequence[TestView], folder: Path) -> Scores:
-    """Save the held-out views as the result shows them, and their scores."""
-    pairs = zip(views, measured.renderings, strict=True)
-    with ThreadPoolExecutor(default_threads()) as pool:
-        writes = [pool.submit(write_render, folder, view.name, one.image) for view, one in pairs]
-        for write in writes:
-            write.result()
-    scores = Scores(tuple(measured.scores))
-    write_scores(folder, scores)
-    return scores

@@ -1,4 +1,4 @@
-"""Color and depth of the surface that the Gaussians show, as seen from each camera."""
+"""Depth of the surface that the Gaussians show, and its color, as seen from each camera."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -40,7 +40,23 @@ def depth_views(
     device: str = "cpu",
     is_object: bool = True,
 ) -> Iterator[DepthView]:
-    """Yield the view of each camera; images may differ in size.
+    """Yield the view of each camera; the arguments are those of `surface_depths`."""
+    drawn = _drawn(gaussians, cameras, center_world, device, is_object)
+    for camera, renderer in zip(cameras, drawn, strict=True):
+        alpha = 1.0 - renderer.transmittance.to_numpy()
+        color = renderer.image.to_numpy() / np.maximum(alpha, LEAST_ALPHA)
+        depth = surface_depth(renderer.depth.to_numpy())
+        yield DepthView(camera, np.clip(color, 0.0, 1.0), depth)
+
+
+def surface_depths(
+    gaussians: Gaussians,
+    cameras: Sequence[Camera],
+    center_world: np.ndarray,
+    device: str = "cpu",
+    is_object: bool = True,
+) -> Iterator[np.ndarray]:
+    """Yield the depth that each camera sees, as of `DepthView`; images may differ in size.
 
     Args:
         gaussians: the scene.
@@ -49,6 +65,18 @@ def depth_views(
         device: "cpu" or a CUDA device of Warp.
         is_object: of one object, trained with masks; False: of all in view, see `surface_place`.
     """
+    for renderer in _drawn(gaussians, cameras, center_world, device, is_object):
+        yield surface_depth(renderer.depth.to_numpy())
+
+
+def _drawn(
+    gaussians: Gaussians,
+    cameras: Sequence[Camera],
+    center_world: np.ndarray,
+    device: str,
+    is_object: bool,
+) -> Iterator[SplatRenderer]:
+    """Yield the same renderer for each camera, with its view on black."""
     if not cameras:
         return
     width = max(camera.intrinsics.width for camera in cameras)
@@ -62,7 +90,4 @@ def depth_views(
     for camera in cameras:
         near = near_plane(camera, center_world)
         renderer.forward(camera, near=near, background=(0.0, 0.0, 0.0))
-        alpha = 1.0 - renderer.transmittance.to_numpy()
-        color = renderer.image.to_numpy() / np.maximum(alpha, LEAST_ALPHA)
-        depth = surface_depth(renderer.depth.to_numpy())
-        yield DepthView(camera, np.clip(color, 0.0, 1.0), depth)
+        yield renderer

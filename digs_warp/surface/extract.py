@@ -104,8 +104,12 @@ def extract_surface(
 
 def within_mask(view: DepthView, mask: np.ndarray) -> DepthView:
     """Return the view with depth where the mask says object; ``mask`` is (height, width), 0..255."""
-    depth = np.where(mask > OBJECT_THRESHOLD, view.depth, np.float32(np.nan))
-    return DepthView(view.camera, view.color, depth)
+    return DepthView(view.camera, view.color, depth_within(view.depth, mask))
+
+
+def depth_within(depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return depth [m] where the mask says object, else NaN; both are (height, width)."""
+    return np.where(mask > OBJECT_THRESHOLD, depth, np.float32(np.nan))
 
 
 def _with_progress(views: Iterable[DepthView], count: int) -> Iterator[DepthView]:

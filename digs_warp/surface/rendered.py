@@ -16,9 +16,9 @@ from digs_warp.measure.surface_metrics import (
     sample_with_normals,
 )
 from digs_warp.measure.visible_places import visible_places
-from digs_warp.surface.depth_views import DepthView, depth_views
+from digs_warp.surface.depth_views import surface_depths
 from digs_warp.surface.error import SurfaceError
-from digs_warp.surface.extract import within_mask
+from digs_warp.surface.extract import depth_within
 
 # Of all around the object; the figures hardly change with more views, or more points for the accuracy.
 VIEWS = 16
@@ -41,8 +41,11 @@ def surface_error(
     """
     chosen = evenly(frames, VIEWS)
     cameras = [frame.camera for frame in chosen]
-    views = depth_views(gaussians, cameras, gaussians.means.mean(axis=0), device)
-    points = np.concatenate([_points(v, f) for v, f in zip(views, chosen, strict=True)])
+    depths = surface_depths(gaussians, cameras, gaussians.means.mean(axis=0), device)
+    with ThreadPoolExecutor(1) as beside:  # while the next view is rendered
+        pairs = zip(chosen, depths, strict=True)
+        shown = [beside.submit(_points, frame, depth) for frame, depth in pairs]
+    points = np.concatenate([each.result() for each in shown])
     if not len(points) or not len(truth):
         return None
     places, normals = sample_with_normals(truth, DEFAULT_SAMPLES)
@@ -65,10 +68,10 @@ def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
     return KDTree(points, balanced_tree=False, compact_nodes=False).query(places, workers=-1)[0]
 
 
-def _points(view: DepthView, frame: Frame) -> np.ndarray:
-    """Return the points of the surface in the world [m], shape (n, 3)."""
+def _points(frame: Frame, depth: np.ndarray) -> np.ndarray:
+    """Return the points of the surface that a frame sees, in the world [m], shape (n, 3)."""
     if frame.has(Layer.MASK):
-        view = within_mask(view, frame.load_mask())
-    rows, columns = np.nonzero(np.isfinite(view.depth))
+        depth = depth_within(depth, frame.load_mask())
+    rows, columns = np.nonzero(np.isfinite(depth))
     pixels = np.stack([columns + 0.5, rows + 0.5], axis=-1)
-    return view.camera.unproject(pixels, view.depth[rows, columns])
+    return frame.camera.unproject(pixels, depth[rows, columns])
