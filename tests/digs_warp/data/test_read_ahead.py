@@ -1,5 +1,6 @@
 """Frames that are decoded while the program starts: the same pixels, each once, errors where they belong."""
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import enumerate as running_threads
@@ -14,7 +15,7 @@ from digs_warp.data.capture import Capture
 from digs_warp.data.decoded import decoded_once, room_left
 from digs_warp.data.images import read_image
 from digs_warp.data.layers import Layer
-from digs_warp.data.read_ahead import reading_ahead
+from digs_warp.data.read_ahead import TURN, reading_ahead
 from reference.ball_capture import ball_views, write_capture
 
 
@@ -83,3 +84,19 @@ def test_nothing_goes_on_behind_the_block(capture: Capture) -> None:
         raise DigsError("wrong flag")
     assert "read ahead" not in [thread.name for thread in running_threads()]
     assert room_left() == 0
+
+
+def test_threads_take_short_turns_only_while_files_are_read(
+    capture: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual, turns = sys.getswitchinterval(), []
+
+    def read(path: Path, what: str) -> np.ndarray:
+        turns.append(sys.getswitchinterval())
+        raise DigsError("broken")
+
+    monkeypatch.setattr(module, "read_image", read)
+    with reading_ahead(capture.frames):
+        wait_for_the_reader()
+        assert sys.getswitchinterval() == usual
+    assert turns == [pytest.approx(TURN)] * (3 * len(capture))
