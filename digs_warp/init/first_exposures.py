@@ -32,7 +32,7 @@ from digs_warp.measure.color_gain import DARK, OFFSET, SATURATED
 from digs_warp.measure.color_lift import fit_lift
 
 # Points that tell the exposures.
-POINTS = 4000
+POINTS = 2000
 # What gains or lifts have to explain of the mean square of what differs without them. Where exposure and tone
 # are constant, they explain at most 0.05 (a flight helmet, a case of polished metal, a cow, a box), in images
 # of 72x54 pixels 0.24; where they are not, 0.28 (the helmet in exposures that differ by 0.16 stops) or more.
