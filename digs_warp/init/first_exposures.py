@@ -34,8 +34,8 @@ from digs_warp.measure.color_lift import fit_lift
 # Points that tell the exposures.
 POINTS = 2000
 # What gains or lifts have to explain of the mean square of what differs without them. Where exposure and tone
-# are constant, they explain at most 0.05 (a flight helmet, a case of polished metal, a cow, a box), in images
-# of 72x54 pixels 0.24; where they are not, 0.28 (the helmet in exposures that differ by 0.16 stops) or more.
+# are constant, they explain at most 0.07 (a flight helmet, a case of polished metal, a cow, a box), in images
+# of 72x54 pixels 0.24; where they are not, 0.27 or more.
 LEAST_EXPLAINED = 0.25
 # Rounds of reweighting: highlights, and what hides a point, hardly count. A difference that is larger than
 # usual weighs less by the square of that, so that it pulls the less, the larger it is: where one photograph
