@@ -3,12 +3,13 @@
 import math
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from digs_warp.measure.scores import mean_score
 from digs_warp.train.adherence import MeasuredView, adherence
 from digs_warp.train.course import CourseRow, read_course, write_course
-from digs_warp.train.evaluate import MeasuredViews, TestView, measure_views
+from digs_warp.train.evaluate import MeasuredViews, TestView, render_views, score_views
 from digs_warp.train.snapshots import drop_snapshots_after, save_snapshot
 from digs_warp.train.trainer import Trainer
 
@@ -65,15 +66,14 @@ class CourseRecorder:
         if measure and trainer.config.keep_course:
             save_snapshot(self._path.parent, step, trainer.gaussians.to_numpy())
         self.measured = None
-        if measure and self._test_views:
-            self.measured = measure_views(trainer.gaussians, self._test_views)
+        found = self._measure() if measure else None
         row = CourseRow(
             iteration=step,
             seconds=round(trainer.seconds, 4),
             loss=trainer.loss_value() if step else None,
             splats=len(trainer.gaussians),
             score=mean_score(self.measured.scores) if self.measured else None,
-            adherence=adherence(trainer.gaussians, self._measured_views) if measure else None,
+            adherence=found,
         )
         if row.score:
             self.psnr = row.score.psnr_object
@@ -81,6 +81,16 @@ class CourseRecorder:
         write_course(self._path, self.rows)
         self.seconds += time.perf_counter() - start
         return self._in_words(row.loss)
+
+    def _measure(self) -> float | None:
+        """Measure the held-out views; return the adherence, for which others are rendered meanwhile."""
+        gaussians, views = self._trainer.gaussians, self._test_views
+        renderings = render_views(gaussians, views)
+        with ThreadPoolExecutor(1, thread_name_prefix="score") as beside:
+            scoring = beside.submit(score_views, renderings, views)
+            found = adherence(gaussians, self._measured_views)
+        self.measured = MeasuredViews(renderings, scoring.result()) if views else None
+        return found
 
     def _in_words(self, loss: float | None) -> str:
         words = [] if loss is None else [f"loss {loss:.4f}"]
