@@ -116,8 +116,7 @@ def without_exposure(
 ) -> PointCloud:
     """Return points in their mean colors in photographs of one exposure.
 
-    Points keep their colors where all photographs clip them or do not see them, and where the exposure is
-    constant.
+    Points keep their colors where they are seen by none, and where the exposure is constant.
 
     Args:
         points: the first ones.
@@ -128,9 +127,8 @@ def without_exposure(
         return points
     sums, counts = np.zeros((len(points), 3)), np.zeros((len(points), 1))
     for number, frame in enumerate(frames):
-        taken = colors_in(points.points_world, frame)
-        colors = found.removed(taken, number)
-        is_seen = np.isfinite(colors[:, :1]) & ~clipped(taken).any(axis=1, keepdims=True)
+        colors = found.removed(colors_in(points.points_world, frame), number)
+        is_seen = np.isfinite(colors[:, :1])
         sums += np.where(is_seen, colors, 0.0)
         counts += is_seen
     means = np.clip(sums / np.maximum(counts, 1), 0.0, 1.0)

@@ -177,22 +177,6 @@ def test_first_colors_are_those_of_one_exposure(tmp_path: Path) -> None:
     assert np.abs(taken - expected)[seen].mean() > 0.03
 
 
-def test_clipped_photographs_do_not_darken_first_colors(tmp_path: Path) -> None:
-    """A light point is clipped where the exposure is long, and known where it is short."""
-    frames, _ = adapting(tmp_path / "capture", 0.0)
-    points = PointCloud(ball(500).means, np.full((500, 3), 0.3))
-    bright = []
-    for number, frame in enumerate(frames):
-        gain = ColorGain(np.full(3, 0.25 * (-1) ** number))
-        image = np.clip(gain.applied(frame.load_image() / 255.0 + 0.4), 0.0, 1.0)
-        bright.append(frame.with_layer(Layer.IMAGE, np.rint(255.0 * image).astype(np.uint8)))
-    seen, even = mean_colors(frames, points)
-    expected = np.clip(even + 0.4, 0.0, 1.0)
-    sure = seen & (expected < 0.95).all(axis=1)
-    assert sure.sum() > 100
-    assert np.abs(in_one_exposure(points, bright).colors - expected)[sure].mean() < 0.02
-
-
 def test_nothing_changes_where_the_exposure_is_constant_or_depth_is_missing(tmp_path: Path) -> None:
     even, _ = adapting(tmp_path / "even", 0.0)
     points = PointCloud(ball(500).means, np.full((500, 3), 0.3))
