@@ -35,6 +35,7 @@ from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.pipeline.refined_poses import with_trained_poses
 from digs_warp.pipeline.results import Results
 from digs_warp.pipeline.stored_views import write_render, write_scores
+from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.record.files import remove
 from digs_warp.record.layout import (
     CHECKPOINT,
@@ -63,6 +64,7 @@ from digs_warp.train.session import (
     train_gaussians,
 )
 from digs_warp.train.shutter import ShutterPlan, plan_shutter, with_motions
+from digs_warp.train.trained_poses import PoseTraining
 
 logger = logging.getLogger(__name__)
 
@@ -237,12 +239,18 @@ def _train(
 ) -> Trained:
     seeds = with_colors(seeds, views.points.colors, config.train.usual_sh_degree)
     assert views.data is not None
-    trains_poses = bool(prepared.refinement and prepared.refinement.in_training)
     return train_gaussians(
         *(seeds, views.data, views.held_out, config.train, folder, log, watch),
         held=views.points.hidden,
-        train_poses=trains_poses and config.train.mask_role == "object",
+        train_poses=_pose_training(prepared.refinement, config.train),
     )
+
+
+def _pose_training(refinement: PoseRefinement | None, config: TrainConfig) -> PoseTraining:
+    """Return what the cameras do in the training: the centers of refined poses are held."""
+    if refinement is None or not refinement.in_training or config.mask_role != "object":
+        return "held"
+    return "turned" if refinement.refined else "moved"
 
 
 def _finished_training(folder: Path, before: RunRecord, frames: int) -> Trained | None:

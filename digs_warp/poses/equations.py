@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,9 +16,9 @@ from digs_warp.poses.pair_kernel import (
     DEPTH_SUM,
     SIDE,
     Limits,
-    Target,
     pair_kernel,
 )
+from digs_warp.poses.view_arrays import arrays_of
 from digs_warp.poses.views import View
 
 # Share of its diagonal that is added to an equation: nothing else holds a frame that sees little.
@@ -71,19 +70,7 @@ class PairComparison:
 
     def __init__(self, views: Sequence[View], pairs: np.ndarray) -> None:
         self._pairs = pairs
-        sizes = np.cumsum([0, *(view.image.size for view in views)])
-        form: Any = Target.numpy_dtype()
-        rows = [_target(view, int(at)) for view, at in zip(views, sizes, strict=False)]
-        targets = np.array(rows, dtype=form)
-        counts = np.cumsum([0, *(len(view.points) for view in views)])
-        self._arrays = [
-            wp.array(counts.astype(np.int32), dtype=int, device="cpu"),
-            wp.array(np.concatenate([view.points for view in views]), dtype=wp.vec3, device="cpu"),
-            _floats([view.values for view in views]),
-            wp.array(targets, dtype=Target, device="cpu"),
-            _floats([view.image.reshape(-1) for view in views]),
-            _floats([view.picture.depth.reshape(-1) for view in views]),
-        ]
+        self._arrays = arrays_of(views)
 
     def sums(self, poses: np.ndarray, scales: Scales, hidden: float, threads: int = 0) -> PairSums:
         """Return the equations of all pairs.
@@ -111,7 +98,7 @@ def solve(sums: PairSums, pairs: np.ndarray, count: int) -> np.ndarray:
     Ad(target_from_source) a - b.
     """
     matrix, side = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
-    moves = _adjoints(sums.target_from_source)
+    moves = adjoints_of(sums.target_from_source)
     for each, own, moved, (i, j) in zip(sums.matrices, sums.sides, moves, pairs, strict=True):
         matrix[i, :, i] += moved.T @ each @ moved
         matrix[j, :, j] += each
@@ -135,7 +122,7 @@ def _pair_sums(found: np.ndarray, relative: np.ndarray) -> PairSums:
     return PairSums(matrices, found[:, SIDE : SIDE + 6], relative, scales, int(total[COLOR_COUNT]))
 
 
-def _adjoints(transforms: np.ndarray) -> np.ndarray:
+def adjoints_of(transforms: np.ndarray) -> np.ndarray:
     """Return what takes motions (turn, shift) in axes a to those in axes b, (k, 6, 6), for b_from_a."""
     rotations = transforms[:, :3, :3]
     adjoints = np.zeros((len(transforms), 6, 6))
@@ -143,13 +130,3 @@ def _adjoints(transforms: np.ndarray) -> np.ndarray:
     columns = np.cross(transforms[:, None, :3, 3], np.swapaxes(rotations, 1, 2))
     adjoints[:, 3:, :3] = np.swapaxes(columns, 1, 2)
     return adjoints
-
-
-def _target(view: View, offset: int) -> tuple[object, ...]:
-    k, picture = view.picture.intrinsics, view.picture
-    motion = (tuple(picture.turn), tuple(picture.shift))
-    return (offset, k.width, k.height, k.fx, k.fy, k.cx, k.cy, *motion)
-
-
-def _floats(parts: Sequence[np.ndarray]) -> wp.array:
-    return wp.array(np.concatenate(parts).astype(np.float32), dtype=float, device="cpu")

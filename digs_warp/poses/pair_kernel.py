@@ -9,6 +9,8 @@ number of threads.
 
 import warp as wp
 
+from digs_warp.poses.lookup import Target, bilinear, downwards, look, row_of, to_right
+
 wp.set_module_options({"enable_backward": False})
 
 # Columns of the result: the upper triangle of the 6 x 6 matrix, the right side from SIDE on, and of both
@@ -28,50 +30,12 @@ _DEPTH_COUNT = wp.constant(DEPTH_COUNT)
 
 
 @wp.struct
-class Target:
-    """Where a frame's pixels are, and its camera.
-
-    ``turn`` and ``shift``: motion of the camera while all rows are read, see `digs_warp.splat.row_motion`.
-    """
-
-    offset: int
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    turn: wp.vec3
-    shift: wp.vec3
-
-
-@wp.struct
 class Limits:
     """What counts: a residual as large as ``color`` or ``depth`` counts half."""
 
     color: float
     depth: float  # [1/m]
     hidden: float  # relative difference of depth from which on another surface is seen
-
-
-@wp.func
-def bilinear(plane: wp.array[float], target: Target, u: float, v: float) -> float:
-    """Return the value at pixel (u, v), which lies at least a pixel inside the rim."""
-    x = wp.floor(u - 0.5)
-    y = wp.floor(v - 0.5)
-    a = u - 0.5 - x
-    b = v - 0.5 - y
-    at = target.offset + int(y) * target.width + int(x)
-    top = plane[at] * (1.0 - a) + plane[at + 1] * a
-    below = plane[at + target.width] * (1.0 - a) + plane[at + target.width + 1] * a
-    return top * (1.0 - b) + below * b
-
-
-@wp.func
-def at_its_row(q: wp.vec3, target: Target) -> wp.vec3:
-    """Return the point in the axes that the target's camera has when it reads the point's row."""
-    moment = (target.fy * q[1] / q[2] + target.cy) / float(target.height) - 0.5
-    return q - moment * (wp.cross(target.turn, q) + target.shift)
 
 
 @wp.kernel
@@ -95,34 +59,20 @@ def pair_kernel(
     source = sources[pair]
     target = frames[targets[pair]]
     motion = target_from_source[pair]
-    found = Sums()
+    sums_of_pair = Sums()
     for index in range(starts[source], starts[source + 1]):
         middle = wp.transform_point(motion, points[index])
-        if middle[2] <= 0.0:
+        found = look(middle, values[index], target, image, depth, limits.hidden)
+        if not found.seen:
             continue
-        q = at_its_row(middle, target)
-        if q[2] <= 0.0:
-            continue
-        per_z = 1.0 / q[2]
-        u = target.fx * q[0] * per_z + target.cx
-        v = target.fy * q[1] * per_z + target.cy
-        if u < 2.0 or v < 2.0 or u > float(target.width) - 2.0 or v > float(target.height) - 2.0:
-            continue
-        measured = bilinear(depth, target, u, v)
-        if not wp.abs(q[2] - measured) * per_z < limits.hidden:  # also where it is NaN
-            continue
-        apart = 1.0 / measured - per_z
-        # The pixel's motion per motion of the point.
-        du = wp.vec3(target.fx * per_z, 0.0, -target.fx * q[0] * per_z * per_z)
-        dv = wp.vec3(0.0, target.fy * per_z, -target.fy * q[1] * per_z * per_z)
-        across = bilinear(image, target, u + 0.5, v) - bilinear(image, target, u - 0.5, v)
-        down = bilinear(image, target, u, v + 0.5) - bilinear(image, target, u, v - 0.5)
-        color = bilinear(image, target, u, v) - values[index]
-        slope = across * du + down * dv
-        ratio = color / limits.color
+        ratio = found.color / limits.color
         weight = 1.0 / (limits.color * limits.color * (1.0 + ratio * ratio))
-        found[_COLOR_SUM] += wp.float64(wp.abs(color))
-        found[_COLOR_COUNT] += wp.float64(1.0)
+        sums_of_pair[_COLOR_SUM] += wp.float64(wp.abs(found.color))
+        sums_of_pair[_COLOR_COUNT] += wp.float64(1.0)
+        u = found.u
+        v = found.v
+        per_z = 1.0 / found.q[2]
+        apart = 1.0 / found.measured - per_z
         right = bilinear(depth, target, u + 0.5, v) - bilinear(depth, target, u - 0.5, v)
         below = bilinear(depth, target, u, v + 0.5) - bilinear(depth, target, u, v - 0.5)
         away = wp.vec3(0.0, 0.0, 0.0)
@@ -130,13 +80,15 @@ def pair_kernel(
         if right == right and below == below:
             ratio = apart / limits.depth
             trust = 1.0 / (limits.depth * limits.depth * (1.0 + ratio * ratio))
-            nearer = -1.0 / (measured * measured)
+            nearer = -1.0 / (found.measured * found.measured)
+            du = to_right(found.q, target)
+            dv = downwards(found.q, target)
             away = wp.vec3(0.0, 0.0, per_z * per_z) + nearer * (right * du + below * dv)
-            found[_DEPTH_SUM] += wp.float64(wp.abs(apart))
-            found[_DEPTH_COUNT] += wp.float64(1.0)
-        found += equations(q, slope, color, weight, away, apart, trust)
+            sums_of_pair[_DEPTH_SUM] += wp.float64(wp.abs(apart))
+            sums_of_pair[_DEPTH_COUNT] += wp.float64(1.0)
+        sums_of_pair += equations(found.q, found.slope, found.color, weight, away, apart, trust)
     for column in range(_COLUMNS):
-        sums[pair, column] = found[column]
+        sums[pair, column] = sums_of_pair[column]
 
 
 @wp.func
@@ -162,10 +114,3 @@ def equations(
             column += 1
         sums[_SIDE + i] = -wp.float64(of_color * color + of_depth * apart)
     return sums
-
-
-@wp.func
-def row_of(q: wp.vec3, slope: wp.vec3):
-    """Return the slope of a residual per motion (w, t) of the source frame."""
-    turn = wp.cross(q, slope)
-    return wp.spatial_vector(turn[0], turn[1], turn[2], slope[0], slope[1], slope[2])

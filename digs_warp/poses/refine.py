@@ -10,6 +10,8 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
+from digs_warp.poses.bundle import adjusted
+from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.views import load_pictures
 from digs_warp.words import counted
@@ -20,8 +22,6 @@ from digs_warp.words import counted
 LEAST_GAIN = 0.14
 # Poses that turn by more (root mean square) were not nearly right, or the frames do not hold them [degree].
 LARGEST_TURN = 5.0
-# By how much the scale of depth is usually wrong: half of a percent with a drifted stereo camera.
-DEPTH_SCALE = 0.005
 # The widest images in which a frame is compared before and after [px].
 COMPARED = 320
 
@@ -53,8 +53,10 @@ def refine(
     if gain < LEAST_GAIN and not needed:
         return _left(frames, f"with refined poses the frames would differ {_less(gain)}", needed)
     small = [picture.at_most(COMPARED) for picture in pictures]
-    worse = got_worse(small, given, found.poses, found.pairs)
-    poses = np.where(worse[:, None, None], given, in_likely_scale(found.poses, given))
+    near = in_likely_scale(found.poses, given)
+    moved = adjusted(pictures, found.pairs, near, given)
+    worse = got_worse(small, given, moved, found.pairs)
+    poses = np.where(worse[:, None, None], given, moved)
     motion = _motion(given, poses)
     if motion[1] > LARGEST_TURN:
         return _left(frames, f"the frames do not hold together: turned by {motion[1]:.1f}°", needed)
@@ -66,29 +68,6 @@ def refine(
     if worse.any():
         because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
     return posed, PoseRefinement(True, because, *motion)
-
-
-def in_likely_scale(poses: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Return the poses with their centers farther apart or closer together, as the given ones say.
-
-    Refined poses have the scale of the depth. The given centers have one as well, which errors of single
-    poses hardly change if there are many around an object, and which says nothing on a short arc. Each counts
-    by the inverse of its variance.
-
-    Args:
-        poses: refined, (n, 4, 4).
-        given: the same as they were, on which the refined ones lie as well as a rigid motion can.
-    """
-    middle = poses[:, :3, 3].mean(axis=0)
-    own, before = poses[:, :3, 3] - middle, given[:, :3, 3] - given[:, :3, 3].mean(axis=0)
-    extent, known = float((own**2).sum()), 3 * len(poses) - 7
-    if known <= 0 or extent == 0:
-        return poses
-    larger = float((own * before).sum()) / extent - 1
-    variance = float(((before - (1 + larger) * own) ** 2).sum()) / known / extent
-    scaled = poses.copy()
-    scaled[:, :3, 3] += larger * DEPTH_SCALE**2 / (DEPTH_SCALE**2 + variance) * own
-    return scaled
 
 
 def _left(

@@ -121,8 +121,8 @@ def _half(plane: np.ndarray) -> np.ndarray:
     return (rows[:, 0::2] + rows[:, 1::2]) * np.float32(0.25)
 
 
-def view_of(picture: Picture) -> View:
-    """Return a picture with the points that others are looked up for; without depth it has none."""
+def view_of(picture: Picture, points: int = POINTS) -> View:
+    """Return a picture with about so many points that others are looked up for; without depth none."""
     from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
     fine = gaussian_filter(picture.brightness, FINE)
@@ -131,7 +131,7 @@ def view_of(picture: Picture) -> View:
     known = np.where(np.isfinite(picture.depth), picture.depth, np.float32(-1e6))
     flat = maximum_filter(known, 3) - minimum_filter(known, 3) < RIM * known
     rows, columns = np.gradient(image) if min(image.shape) > 1 else (image, image)
-    y, x = _strongest(np.where(flat, np.hypot(rows, columns), 0))
+    y, x = _strongest(np.where(flat, np.hypot(rows, columns), 0), points)
     return View(picture, image, _points(picture, y, x), image[y, x])
 
 
@@ -143,9 +143,9 @@ def _points(picture: Picture, y: np.ndarray, x: np.ndarray) -> np.ndarray:
     return (seen + moment * (np.cross(picture.turn, seen) + picture.shift)).astype(np.float32)
 
 
-def _strongest(strength: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of about `POINTS` pixels: in every cell of a grid the strongest above 0."""
-    cell = max(1, int(np.ceil(np.sqrt(np.count_nonzero(strength) / POINTS))))
+def _strongest(strength: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns of about so many pixels: in every cell of a grid the strongest above 0."""
+    cell = max(1, int(np.ceil(np.sqrt(np.count_nonzero(strength) / points))))
     height, width = (-(-n // cell) for n in strength.shape)
     padded = np.zeros((height * cell, width * cell))
     padded[: strength.shape[0], : strength.shape[1]] = strength

@@ -19,12 +19,14 @@ from digs_warp.train.trained_poses import filled_depth
 POOLS = (4, 4, 2, 2, 1, 1, 1)
 
 
-def moved_views(gaussians: DeviceGaussians, views: Sequence[TestView]) -> list[TestView]:
-    """Return the views with moved cameras; the Gaussians stay as they are."""
+def moved_views(
+    gaussians: DeviceGaussians, views: Sequence[TestView], shifts: bool = True
+) -> list[TestView]:
+    """Return the views with moved cameras, which only turn without ``shifts``; the Gaussians stay."""
     found = list(views)
     middle = np.median(gaussians.means.numpy(), axis=0)
     for pool in POOLS:
-        renderings = render_views(gaussians, found, with_depth=pool == 1)
+        renderings = render_views(gaussians, found, with_depth=shifts and pool == 1)
         for number, (rendering, view) in enumerate(zip(renderings, found, strict=True)):
             image, pose = color_aligned(rendering, view), view.camera.world_from_cam
             box = mask_box(view.share)

@@ -26,7 +26,7 @@ from digs_warp.train.evaluate import MeasuredViews, TestView
 from digs_warp.train.moved_views import moved_views
 from digs_warp.train.recorder import LOG_EVERY, CourseRecorder
 from digs_warp.train.shutter import NO_SHUTTER, ShutterPlan
-from digs_warp.train.trained_poses import TrainedPoses
+from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import ViewStore, open_views
 
@@ -119,7 +119,7 @@ def train_gaussians(
     log: RunLog,
     watch: Watch | None = None,
     held: np.ndarray | None = None,
-    train_poses: bool = False,
+    train_poses: PoseTraining = "held",
 ) -> Trained:
     """Train ``seeds`` on ``data``; also save the Gaussians and the training progress to ``folder``.
 
@@ -134,7 +134,7 @@ def train_gaussians(
         log: receives the times of the stages.
         watch: looks on; None: nobody does.
         held: which seeds stay as they are, shape (n,), bool; None: none.
-        train_poses: whether the cameras move until their photographs fit, held-out ones at the end.
+        train_poses: what the cameras do until their photographs fit, held-out ones at the end.
 
     Raises:
         DigsError: a broken checkpoint, or a training that diverged.
@@ -195,7 +195,7 @@ def _all_poses(
     trained: TrainedPoses, gaussians: Gaussians, test_views: Sequence[TestView], device: str
 ) -> np.ndarray:
     """Return the poses of the training frames, then those of the held-out ones."""
-    views = moved_views(DeviceGaussians.from_numpy(gaussians, device), test_views)
+    views = moved_views(DeviceGaussians.from_numpy(gaussians, device), test_views, trained.shifts)
     return np.stack([*trained.poses, *(view.camera.world_from_cam for view in views)])
 
 

@@ -3,7 +3,8 @@
 Whenever a view is drawn, its camera moves by what lays the drawing over the photograph, see
 `digs_warp.train.registration`; the next drawing of the view shows what is left. At first cameras only turn.
 Then they shift as well, in small steps: a shift across the view moves the image of an object nearly as a turn
-does, and the little that tells them apart comes out over many visits.
+does, and the little that tells them apart comes out over many visits. Where a bundle adjustment found the
+centers before (`digs_warp.poses.bundle`), they are better than that, and cameras only turn.
 
 Gaussians and cameras together may move without any change in the images, and all may become larger. After
 every epoch all move back, so that on average the cameras see the object where they saw it at first, from as
@@ -11,6 +12,7 @@ far.
 """
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from digs_warp.geometry import (
     transform_points,
 )
 from digs_warp.train.registration import motion_between, moved
+
+# What cameras do: stay where they are, turn, or turn and shift.
+PoseTraining = Literal["held", "turned", "moved"]
 
 # Share of a run after which cameras begin to move: before, the drawings tell little.
 START = 0.15
@@ -40,17 +45,22 @@ class TrainedPoses:
         cameras: as given.
         points: of the object [m], (n, 3): the centers of the Gaussians at the start.
         steps: of the whole run.
+        shifts: whether cameras shift as well as turn.
 
     Attributes:
         poses: ``world_from_cam``, (n, 4, 4), float64.
+        shifts: as given.
     """
 
-    def __init__(self, cameras: Sequence[Camera], points: np.ndarray, steps: int) -> None:
+    def __init__(
+        self, cameras: Sequence[Camera], points: np.ndarray, steps: int, shifts: bool = True
+    ) -> None:
         given = np.stack([camera.world_from_cam for camera in cameras])
         self.poses = given.copy()
         self._cam_from_world = np.stack([invert_rigid(pose) for pose in given])
         self._visits = np.zeros(len(cameras), dtype=np.int64)
         self._first_step = int(START * steps)
+        self.shifts = shifts
         around = float(np.std(points)) * np.concatenate([np.eye(3), -np.eye(3)])
         self._middle = np.median(points, axis=0)
         self._marks = self._middle + around
@@ -78,7 +88,9 @@ class TrainedPoses:
             return
         pool = _pool(int(self._visits[index]))
         pose = self.poses[index]
-        seen = filled_depth(depth, drawn.shape[:2], pose, self._middle) if pool == 1 else None
+        seen = None
+        if pool == 1 and self.shifts:
+            seen = filled_depth(depth, drawn.shape[:2], pose, self._middle)
         k = camera.intrinsics
         motion = motion_between(drawn, photograph, k, box, pool, seen, DAMPING)
         self.poses[index] = moved(pose, motion)

@@ -31,7 +31,7 @@ from digs_warp.train.finite import FiniteCheck, non_finite_rows
 from digs_warp.train.half_size import half_size_steps
 from digs_warp.train.objective import Objective
 from digs_warp.train.optimizer import Adam
-from digs_warp.train.trained_poses import TrainedPoses
+from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
 from digs_warp.train.view_store import ViewStore
 from digs_warp.train.views import View, scene_extent
 from digs_warp.words import counted
@@ -49,7 +49,7 @@ class Trainer:
         views: what to train on; their sizes may differ.
         config: settings.
         held: which of them stay as they are, shape (n,), bool; None: none.
-        train_poses: whether the cameras move until their photographs fit.
+        train_poses: what the cameras do until their photographs fit.
         constant_exposure: whether exposure and tone of the views are known to be constant.
 
     Attributes:
@@ -68,7 +68,7 @@ class Trainer:
         views: ViewStore,
         config: TrainConfig,
         held: np.ndarray | None = None,
-        train_poses: bool = False,
+        train_poses: PoseTraining = "held",
         *,
         constant_exposure: bool = False,
     ) -> None:
@@ -100,8 +100,9 @@ class Trainer:
         trusted = TRUSTED_SPREAD if views.have_masks else TRUSTED_IN_SCENES
         self.depth_judge = DepthJudge(len(views), trusted) if with_depth else None
         self.poses: TrainedPoses | None = None
-        if train_poses:
-            self.poses = TrainedPoses(views.cameras, gaussians.means, config.stop.iterations)
+        if train_poses != "held":
+            steps, shifts = config.stop.iterations, train_poses == "moved"
+            self.poses = TrainedPoses(views.cameras, gaussians.means, steps, shifts)
         self._build_optimizer(step=0)
         if held is not None:
             self.optimizer.hold(held)

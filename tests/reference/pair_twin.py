@@ -20,19 +20,17 @@ def pair_equations(
     inside = (q[:, 2] > 0) & (u >= 2) & (v >= 2) & (u <= k.width - 2) & (v <= k.height - 2)
     q, u, v, values = q[inside], u[inside], v[inside], source.values[inside].astype(np.float64)
     depth = target.picture.depth
-    z, measured = q[:, 2], _bilinear(depth, u, v)
+    z, measured = q[:, 2], bilinear(depth, u, v)
     seen = np.abs(z - measured) / z < hidden
     q, u, v, z, measured, values = (each[seen] for each in (q, u, v, z, measured, values))
-    zero = np.zeros_like(z)
-    du = np.stack([k.fx / z, zero, -k.fx * q[:, 0] / z**2], axis=1)
-    dv = np.stack([zero, k.fy / z, -k.fy * q[:, 1] / z**2], axis=1)
-    color_slope = _slope(target.image, u, v, du, dv)
-    color = _bilinear(target.image, u, v) - values
+    du, dv = _flow(target, q)
+    of_color = color_slope(target, q, u, v)
+    color = bilinear(target.image, u, v) - values
     depth_slope = -_slope(depth, u, v, du, dv) / measured[:, None] ** 2
-    inverse_slope = np.stack([zero, zero, 1 / z**2], axis=1) + depth_slope
+    inverse_slope = np.outer(1 / z**2, [0, 0, 1]) + depth_slope
     matrix, side = np.zeros((6, 6)), np.zeros(6)
     for slope, error, scale in (
-        (color_slope, color, scales.color),
+        (of_color, color, scales.color),
         (inverse_slope, 1 / measured - 1 / z, scales.depth),
     ):
         known = np.isfinite(slope).all(axis=1)
@@ -43,15 +41,30 @@ def pair_equations(
     return matrix, side
 
 
+def color_slope(target: View, q: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return how the image at points q, seen at (u, v), changes per motion of each, (n, 3)."""
+    return _slope(target.image, u, v, *_flow(target, q))
+
+
+def _flow(target: View, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far the pixels of points move to the right and down per motion of each, (n, 3)."""
+    k, z = target.picture.intrinsics, q[:, 2]
+    zero = np.zeros_like(z)
+    du = np.stack([k.fx / z, zero, -k.fx * q[:, 0] / z**2], axis=1)
+    dv = np.stack([zero, k.fy / z, -k.fy * q[:, 1] / z**2], axis=1)
+    return du, dv
+
+
 def _slope(
     plane: np.ndarray, u: np.ndarray, v: np.ndarray, du: np.ndarray, dv: np.ndarray
 ) -> np.ndarray:
-    across = _bilinear(plane, u + 0.5, v) - _bilinear(plane, u - 0.5, v)
-    down = _bilinear(plane, u, v + 0.5) - _bilinear(plane, u, v - 0.5)
+    across = bilinear(plane, u + 0.5, v) - bilinear(plane, u - 0.5, v)
+    down = bilinear(plane, u, v + 0.5) - bilinear(plane, u, v - 0.5)
     return across[:, None] * du + down[:, None] * dv
 
 
-def _bilinear(plane: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+def bilinear(plane: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the values of a plane at pixels."""
     x, y = np.floor(u - 0.5).astype(int), np.floor(v - 0.5).astype(int)
     a, b = u - 0.5 - x, v - 0.5 - y
     top = plane[y, x] * (1 - a) + plane[y, x + 1] * a

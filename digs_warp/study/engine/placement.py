@@ -13,6 +13,7 @@ import numpy as np
 from digs_warp.data.evenly import evenly
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
+from digs_warp.data.sfm_model import scaled_pose
 from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.geometry import invert_rigid, laid_over, transform_points
 
@@ -47,6 +48,14 @@ def seen_in_place(frames: Sequence[Frame], to_truth: np.ndarray) -> list[Frame]:
     back = invert_rigid(to_truth)
     return [
         replace(f, camera=replace(f.camera, world_from_cam=back @ f.camera.world_from_cam))
+        for f in frames
+    ]
+
+
+def in_scale(frames: Sequence[Frame], scale: float) -> list[Frame]:
+    """Return the frames with their cameras farther from the origin by a factor, as in a larger world."""
+    return [
+        replace(f, camera=replace(f.camera, world_from_cam=scaled_pose(f.camera, 1 / scale)))
         for f in frames
     ]
 

@@ -20,8 +20,7 @@ from digs_warp.study.bench_found_poses import (
 from digs_warp.study.bench_recordings import FIGURES, FINDINGS, POSES
 from digs_warp.study.benchmarks import find_benchmark
 from digs_warp.study.perturbed_poses import (
-    IN_PLACE,
-    IN_PLACE_LOSS,
+    LOSSES,
     PERTURBED_MESHES,
     TABLE,
     WAYS,
@@ -68,8 +67,8 @@ def test_nearly_right_poses_are_compared_with_true_ones(tmp_path: Path) -> None:
     assert "pose error [px]" not in true.values
     for row in others:
         assert row.values["pose error [px]"] > 0.05
-        loss = true.values[IN_PLACE] - row.values[IN_PLACE]
-        assert row.values[IN_PLACE_LOSS] == pytest.approx(loss)
+        for name, loss in LOSSES.items():
+            assert row.values[loss] == pytest.approx(true.values[name] - row.values[name])
 
 
 def test_cases_are_scenes_and_perturbed_meshes() -> None:

@@ -21,7 +21,7 @@ from digs_warp.train.config import Stop, TrainConfig
 from digs_warp.train.evaluate import load_test_views
 from digs_warp.train.moved_views import moved_views
 from digs_warp.train.registration import motion_between, moved
-from digs_warp.train.trained_poses import TrainedPoses
+from digs_warp.train.trained_poses import PoseTraining, TrainedPoses
 from digs_warp.train.trainer import Trainer
 from digs_warp.train.view_store import open_views
 from reference.tiny_capture import ball, write_tiny_capture
@@ -143,9 +143,28 @@ def misplaced(capture: Capture) -> Capture:
     return replace(capture, frames=tuple(frames))
 
 
-def trainer_of(capture: Capture, config: TrainConfig, first_step: int = 0) -> Trainer:
+def trainer_of(
+    capture: Capture, config: TrainConfig, first_step: int = 0, poses: PoseTraining = "moved"
+) -> Trainer:
     views = open_views(capture.frames, config, first_step)
-    return Trainer(ball(300), views, config, train_poses=True)
+    return Trainer(ball(300), views, config, train_poses=poses)
+
+
+def test_cameras_that_only_turn_keep_their_centers(capture: Capture) -> None:
+    wrong = misplaced(capture)
+    trainer = trainer_of(wrong, TrainConfig(stop=Stop(iterations=60)), poses="turned")
+    for _ in range(60):
+        trainer.step()
+    assert trainer.poses is not None
+    before = np.stack([frame.camera.world_from_cam for frame in wrong.frames])
+    assert spread(trainer.poses.poses, capture) < 0.4 * spread(before, capture)
+    # All together are moved back and scaled, so only the shape of the whole tells.
+    apart = [
+        np.linalg.norm(p[:, None, :3, 3] - p[:, :3, 3], axis=2)
+        for p in (before, trainer.poses.poses)
+    ]
+    shapes = [each / each.mean() for each in apart]
+    np.testing.assert_allclose(*shapes, atol=1e-9)
 
 
 def test_training_moves_cameras_and_continues_bit_for_bit(capture: Capture, tmp_path: Path) -> None:
