@@ -11,17 +11,14 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from digs_warp.data.capture import Capture
 from digs_warp.data.frame import Frame
 from digs_warp.pipeline.reconstruct import ReconstructConfig, reconstruct
-from digs_warp.pipeline.reconstruction import Reconstruction
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
-from digs_warp.study.engine.placement import in_scale, motion_to_truth, seen_in_place
-from digs_warp.study.engine.scores import YARDSTICK, psnr_in_place
+from digs_warp.study.engine.placement import motion_to_truth
+from digs_warp.study.engine.scores import YARDSTICK, psnr_in_place, psnr_in_scale
 from digs_warp.study.pose_pixels import pose_pixels
 from digs_warp.study.results import Result
 from digs_warp.study.timing import Stopwatch
@@ -92,22 +89,12 @@ def _measured(
         apart = pose_pixels(capture.frames, [cameras[frame.name] for frame in capture.frames])
         scale = apart.scale
         errors = {"pose error [px]": apart.error, "scale error [%]": 100 * (scale - 1)}
-    to_truth = motion_to_truth(result.frames.training, capture.frames, result.gaussians)
+    posed = result.frames.training
+    to_truth = motion_to_truth(posed, capture.frames, result.gaussians)
     return {
         IN_PLACE: psnr_in_place(result.gaussians, perfect, to_truth),
-        IN_SCALE: _psnr_in_scale(result, capture.frames, perfect, scale),
+        IN_SCALE: psnr_in_scale(result.gaussians, perfect, posed, capture.frames, scale),
         HELD_OUT: result.scores.mean.psnr_object,
         **errors,
         "CPU [s]": watch.cpu_seconds,
     }
-
-
-def _psnr_in_scale(
-    result: Reconstruction, recorded: tuple[Frame, ...], perfect: tuple[Frame, ...], scale: float
-) -> float:
-    """Return the PSNR after a similarity of the whole result, which is larger than the truth by ``scale``."""
-    assert result.frames is not None
-    true_size = replace(result.gaussians, means=result.gaussians.means / np.float32(scale))
-    to_truth = motion_to_truth(in_scale(result.frames.training, 1 / scale), recorded, true_size)
-    views = in_scale(seen_in_place(perfect, to_truth), scale)
-    return psnr_in_place(result.gaussians, views, np.eye(4))

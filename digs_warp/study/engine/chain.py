@@ -29,10 +29,12 @@ from digs_warp.study.engine.placement import mesh_in_place, motion_to_truth
 from digs_warp.study.engine.scores import (
     YARDSTICK,
     psnr_in_place,
+    psnr_in_scale,
     score_finishes,
     score_on_yardstick,
 )
 from digs_warp.study.machine import processor
+from digs_warp.study.pose_pixels import pose_pixels
 from digs_warp.study.real_recordings import few_frames
 from digs_warp.study.timing import Stopwatch
 
@@ -205,6 +207,12 @@ def _against_truth(
     score = score_on_yardstick(result.gaussians, yardstick)
     to_truth = motion_to_truth(result.frames.training, capture.frames, result.gaussians)
     score["psnr_object_in_place"] = psnr_in_place(result.gaussians, yardstick, to_truth)
+    if config.sfm.poses != "capture":
+        posed = result.frames.training
+        scale = _found_scale(posed, capture.frames)
+        score["psnr_object_in_scale"] = psnr_in_scale(
+            result.gaussians, yardstick, posed, capture.frames, scale
+        )
     return {
         "yardstick": score,
         "finishes": score_finishes(result.gaussians, yardstick) if case.finishes else {},
@@ -218,6 +226,12 @@ def _yardstick(case: Case, folder: Path) -> Sequence[Frame]:
     scene = {name: case.recording[name] for name in SCENE_SETTINGS if name in case.recording}
     config = with_settings(SimulateConfig(**YARDSTICK), scene)
     return _recorded(config, f"yardstick-{digest(scene)}", folder).frames
+
+
+def _found_scale(posed: Sequence[Frame], recorded: Sequence[Frame]) -> float:
+    """Return the scale of found poses over the true one."""
+    true = {frame.name: frame for frame in recorded}
+    return pose_pixels([true[f.name] for f in posed], [f.camera for f in posed]).scale
 
 
 def _scale_error(capture: Capture, config: "ReconstructConfig", posed: PosedFrames) -> float:

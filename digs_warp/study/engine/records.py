@@ -77,6 +77,8 @@ one_gain_psnr = number("yardstick", "psnr_object_one_gain")
 _gain_of_each = number("yardstick", "psnr_object_aligned")
 # After one rigid motion, too: found poses leave it open where the whole scene lies.
 placed_psnr = number("yardstick", "psnr_object_in_place")
+# After one similarity; only of found poses.
+scaled_psnr = number("yardstick", "psnr_object_in_scale")
 
 
 def final_psnr(record: Record) -> float | None:

@@ -7,6 +7,7 @@ stored.
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import fmean, median
@@ -17,7 +18,7 @@ import numpy as np
 from digs_warp.data.frame import Frame
 from digs_warp.data.gaussians import Gaussians
 from digs_warp.measure.metrics import psnr
-from digs_warp.study.engine.placement import seen_in_place
+from digs_warp.study.engine.placement import in_scale, motion_to_truth, seen_in_place
 from digs_warp.study.timing import Stopwatch
 
 if TYPE_CHECKING:
@@ -73,6 +74,27 @@ def psnr_in_place(gaussians: Gaussians, frames: Sequence[Frame], to_truth: np.nd
 
     views = load_test_views(seen_in_place(frames, to_truth))
     return psnr_with_one_gain(render_views(DeviceGaussians.from_numpy(gaussians), views), views)
+
+
+def psnr_in_scale(
+    gaussians: Gaussians,
+    frames: Sequence[Frame],
+    posed: Sequence[Frame],
+    recorded: Sequence[Frame],
+    scale: float,
+) -> float:
+    """Return the PSNR on the object [dB] after one gain and one similarity of the whole result.
+
+    Args:
+        gaussians: the result.
+        frames: the yardstick's.
+        posed: the frames that the result was made from, with their final poses.
+        recorded: the recording, whose poses are true.
+        scale: of the result over the truth.
+    """
+    true_size = replace(gaussians, means=gaussians.means / np.float32(scale))
+    to_truth = motion_to_truth(in_scale(posed, 1 / scale), recorded, true_size)
+    return psnr_in_place(gaussians, in_scale(seen_in_place(frames, to_truth), scale), np.eye(4))
 
 
 def psnr_with_one_gain(renderings: "Sequence[Rendering]", views: "Sequence[TestView]") -> float:

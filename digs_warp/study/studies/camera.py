@@ -19,6 +19,7 @@ from digs_warp.study.engine.records import (
     group_by,
     number,
     one_gain_psnr,
+    scaled_psnr,
 )
 from digs_warp.study.page import Section
 from digs_warp.study.scenes import objects
@@ -201,7 +202,8 @@ def _compared(records: Sequence[Record]) -> Section:
         "eight views of a perfect camera on another walk, after one brightness and white balance were fitted "
         "to all of them, which auto exposure leaves open; the distance is that of the rendered surface to "
         "the true mesh. Both are taken after one rigid motion of the whole result, which found poses leave "
-        "open; the last table has PSNR without it, too. CPU seconds are those of all threads for the "
+        "open; the last table has PSNR without it, too, and after a similarity: the scale of found poses is "
+        "that of the given centers or of the depth. CPU seconds are those of all threads for the "
         "reconstruction, without the recording and structure from motion. With "
         f"{EXPOSURE}, the camera follows the light four times as far as it should, and nothing else is wrong "
         f"with its images; {STEADY} is the same light without that. With the usual size of photographs, "
@@ -218,8 +220,12 @@ def _compared(records: Sequence[Record]) -> Section:
 
 
 def _places(by_source: Mapping[str, Sequence[Pair]]) -> list[Table]:
-    """Return the medians of PSNR as the results lie and in their places, where poses were found."""
-    values = {"as it lies": one_gain_psnr, "in its place": final_psnr}
+    """Return the medians of PSNR as the results lie, in their places and in their scale, for found poses."""
+    values = {
+        "as it lies": one_gain_psnr,
+        "in its place": final_psnr,
+        "in its place and scale": scaled_psnr,
+    }
     figures = [Figure("", "", 2, value) for value in values.values()]
     rows = [
         [source, *(_median([pair[i] for pair in pairs], f) for i in (0, 1) for f in figures)]

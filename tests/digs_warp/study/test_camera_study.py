@@ -58,7 +58,11 @@ def _record(case: Case, gain: float) -> dict[str, Any]:
     training = case.labels["training"]
     gains = {camera.NOTHING: 0.0, camera.without("depth term"): gain + 0.5}
     psnr = 25.0 + gains.get(training, gain)
-    record["yardstick"] |= {"psnr_object_one_gain": psnr - 3.0, "psnr_object_in_place": psnr}
+    record["yardstick"] |= {
+        "psnr_object_one_gain": psnr - 3.0,
+        "psnr_object_in_place": psnr,
+        "psnr_object_in_scale": psnr + 1.0,
+    }
     far = training in (camera.NOTHING, camera.without("depth term"))
     record["results"]["surface"] = {"accuracy": 0.0035, "completeness": 0.004}
     record["surface"] = {"accuracy_in_place": 0.0015 if far else 0.0005}
@@ -70,7 +74,9 @@ def test_the_table_holds_nothing_beside_everything() -> None:
     compared, _ = camera.sections(measured())
     medians, every, places = compared.tables
     assert [row[0] for row in places.rows] == [camera.SPOILED, camera.ESTIMATED]
-    assert all(row[1:] == ["22.00", "25.00", "24.00", "27.00"] for row in places.rows)
+    assert all(
+        row[1:] == ["22.00", "25.00", "26.00", "24.00", "27.00", "28.00"] for row in places.rows
+    )
     assert [row[0] for row in medians.rows] == list(camera.COMPARED)
     cells = ["25.00", "27.00", "1.50", "0.50", "20.0", "22.0"]
     assert all(row[1:] == ["1", *cells] for row in medians.rows)
