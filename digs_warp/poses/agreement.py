@@ -70,6 +70,16 @@ def disagreements(
     return np.maximum(there, _one_way(Samples.of(second, most), first, back))
 
 
+def mean_disagreement(pictures: Sequence[Picture], poses: np.ndarray, pairs: np.ndarray) -> float:
+    """Return the mean `disagreement` of pairs of frames (k, 2) with poses ``world_from_cam``, (n, 4, 4)."""
+
+    def compared(pair: np.ndarray) -> float:
+        i, j = pair
+        return disagreement(pictures[i], pictures[j], invert_rigid(poses[j]) @ poses[i])
+
+    return float(np.mean(over_items(list(pairs), compared)))
+
+
 def got_worse(
     pictures: Sequence[Picture],
     before: np.ndarray,

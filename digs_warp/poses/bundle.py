@@ -14,6 +14,7 @@ import warp as wp
 
 from digs_warp.device.parallel import launch_parallel, packed
 from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.poses.agreement import mean_disagreement
 from digs_warp.poses.bundle_kernel import Block, Bundle, Motion, nearness_kernel, sum_kernel
 from digs_warp.poses.equations import DAMPING, LEAST_COLOR, adjoints_of
 from digs_warp.poses.likely_scale import in_likely_scale
@@ -35,8 +36,23 @@ FIRST_COLOR = 0.3
 HIDDEN = 0.05
 # By how much a step changes the distance of a point at most, as a share; and what is expected of it at first.
 LARGEST_CHANGE, EXPECTED = 0.02, 1.0
+# The widest images in which frames are compared before and after [px].
+COMPARED = 320
 # Given poses are not relied on by more than this [rad; m at a distance of 1 m].
 LEAST_ERROR = 1e-4
+
+
+def adjusted_where_better(
+    pictures: Sequence[Picture], pairs: np.ndarray, poses: np.ndarray, given: np.ndarray
+) -> np.ndarray:
+    """Return the poses after `adjusted`, or as they are if color and depth of the frames then agree less.
+
+    Where little has texture, images leave too much open, and depth tells more.
+    """
+    found = adjusted(pictures, pairs, poses, given)
+    small = [picture.at_most(COMPARED) for picture in pictures]
+    after, before = (mean_disagreement(small, each, pairs) for each in (found, poses))
+    return found if after < before else poses
 
 
 def adjusted(

@@ -10,7 +10,7 @@ from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
-from digs_warp.poses.bundle import adjusted
+from digs_warp.poses.bundle import COMPARED, adjusted_where_better
 from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.refinement import PoseRefinement
 from digs_warp.poses.views import load_pictures
@@ -22,8 +22,6 @@ from digs_warp.words import counted
 LEAST_GAIN = 0.14
 # Poses that turn by more (root mean square) were not nearly right, or the frames do not hold them [degree].
 LARGEST_TURN = 5.0
-# The widest images in which a frame is compared before and after [px].
-COMPARED = 320
 
 
 def refine(
@@ -54,7 +52,7 @@ def refine(
         return _left(frames, f"with refined poses the frames would differ {_less(gain)}", needed)
     small = [picture.at_most(COMPARED) for picture in pictures]
     near = in_likely_scale(found.poses, given)
-    moved = adjusted(pictures, found.pairs, near, given)
+    moved = adjusted_where_better(pictures, found.pairs, near, given)
     worse = got_worse(small, given, moved, found.pairs)
     poses = np.where(worse[:, None, None], given, moved)
     motion = _motion(given, poses)

@@ -13,7 +13,7 @@ from digs_warp.device.threads import over_items
 from digs_warp.geometry import invert_rigid
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
-from digs_warp.poses.bundle import adjusted
+from digs_warp.poses.bundle import adjusted_where_better
 from digs_warp.poses.chain import along, bridged, holds, measured_again, measured_chain, turn_deg
 from digs_warp.poses.edges import Edge, Sight, edge_between
 from digs_warp.poses.information import usual_distance
@@ -101,7 +101,7 @@ def _closed(
     found = align(pictures, placed)
     if found is None:
         return placed, loops
-    poses = adjusted(pictures, found.pairs, found.poses, placed)
+    poses = adjusted_where_better(pictures, found.pairs, found.poses, placed)
     pairs = np.array([(edge.source, edge.target) for edge in (*chain, *loops)])
     worse = got_worse([sight.picture for sight in sights], placed, poses, pairs)
     return np.where(worse[:, None, None], placed, poses), loops

@@ -10,7 +10,13 @@ from digs_warp.device.parallel import launch_parallel
 from digs_warp.geometry import invert_rigid
 from digs_warp.poses import bundle
 from digs_warp.poses.align import align, in_place
-from digs_warp.poses.bundle import Adjustment, adjusted, motions_between, solved
+from digs_warp.poses.bundle import (
+    Adjustment,
+    adjusted,
+    adjusted_where_better,
+    motions_between,
+    solved,
+)
 from digs_warp.poses.equations import DAMPING
 from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.views import Picture, view_of
@@ -74,6 +80,20 @@ def test_depth_that_is_wrong_in_regions_does_not_move_the_cameras() -> None:
     assert error_mm(found.poses) > 0.6
     poses = adjusted(pictures, found.pairs, found.poses, given)
     assert error_mm(poses) < 0.3 * error_mm(found.poses)
+
+
+def test_where_nothing_has_texture_the_measured_depth_counts() -> None:
+    rng = np.random.default_rng(0)
+    plain = [
+        replace(
+            p,
+            brightness=(0.5 + 0.02 * rng.normal(size=p.brightness.shape)).astype(np.float32),
+        )
+        for p in PICTURES
+    ]
+    given = perturbed(0.1, 0.001)
+    np.testing.assert_array_equal(adjusted_where_better(plain, PAIRS, TRUTH, given), TRUTH)
+    assert error_mm(adjusted(plain, PAIRS, TRUTH, given)) > 0.5
 
 
 def test_good_poses_and_depth_stay() -> None:
