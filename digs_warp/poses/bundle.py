@@ -38,9 +38,10 @@ HIDDEN = 0.05
 LARGEST_CHANGE, EXPECTED = 0.02, 1.0
 # The widest images in which frames are compared before and after [px].
 COMPARED = 320
-# How much more they may differ afterwards. On five simulated objects .99 to 1.004 times as much was found, with
-# far better poses; on a cabinet without texture 1.08 times.
-MOST_LOST = 1.02
+# How much more they may differ afterwards. On five simulated objects it was .99 to 1.004 times as much, with
+# far better poses; in a room measured by time of flight 1.016 times, on a cabinet without texture 1.08
+# times, both with worse ones.
+MOST_LOST = 1.01
 # Given poses are not relied on by more than this [rad; m at a distance of 1 m].
 LEAST_ERROR = 1e-4
 
