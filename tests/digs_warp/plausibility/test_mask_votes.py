@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import warp as wp
 
 from digs_warp.device.threads import limited_threads
 from digs_warp.plausibility.mask_votes import Views, mask_votes
@@ -31,17 +32,22 @@ def frames_with_holes(count: int) -> list[SmallDepth]:
     return [*frames[:-1], replace(frames[-1], depth=np.full_like(frames[-1].depth, np.nan))]
 
 
+def on_device(points: np.ndarray) -> wp.array:
+    return wp.array(points, dtype=wp.vec3d, device="cpu")
+
+
 def test_views_vote_as_the_twin_says() -> None:
     frames = frames_with_holes(9)
     rng = np.random.default_rng(2)
     own = frames[0].points_at(*np.nonzero(np.isfinite(frames[0].depth)))
     points = np.concatenate([own, rng.uniform(-3, 3, (500, 3))])  # also behind cameras
     voters = [1, 2, 5, 7, 8]
-    found = Views.of(frames).votes(points, voters)
+    views = Views.of(frames)
+    found = views.votes(on_device(points), voters)
     np.testing.assert_array_equal(found, votes_on(points, [frames[n] for n in voters]))
     assert 0 < found[:, 1].sum() < found[:, 0].sum() < len(voters) * len(points)
-    assert Views.of(frames).votes(points, []).sum() == 0
-    assert Views.of(frames).votes(points[:0], voters).shape == (0, 2)
+    assert views.votes(on_device(points), []).sum() == 0
+    assert views.votes(on_device(points[:0]), voters).shape == (0, 2)
 
 
 def test_the_number_of_threads_changes_no_vote() -> None:
