@@ -101,7 +101,7 @@ def _coarse_to_fine(
         for _ in range(STEPS):
             sums = comparison.sums(poses, sums.scales, hidden, threads)
             steps = solve(sums, pairs, len(given))
-            poses = _moved(poses, steps)
+            poses = stepped(poses, steps)
             if np.abs(steps).max() < SMALL:
                 break
     assert judge is not None
@@ -138,6 +138,7 @@ def _distance(pictures: Sequence[Picture]) -> float:
     )
 
 
-def _moved(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def stepped(poses: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Return the poses after a turn [rad] and a shift [m] of each camera in its own axes, (n, 6)."""
     motions = [rigid(matrix_from_rotation_vector(step[:3]), step[3:]) for step in steps]
     return poses @ np.stack(motions)

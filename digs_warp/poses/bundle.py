@@ -13,8 +13,9 @@ import numpy as np
 import warp as wp
 
 from digs_warp.device.parallel import launch_parallel, packed
-from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.geometry import invert_rigid
 from digs_warp.poses.agreement import mean_disagreement
+from digs_warp.poses.align import stepped
 from digs_warp.poses.bundle_kernel import Block, Bundle, Motion, nearness_kernel, sum_kernel
 from digs_warp.poses.equations import DAMPING, LEAST_COLOR, adjoints_of
 from digs_warp.poses.likely_scale import in_likely_scale
@@ -122,7 +123,7 @@ class Adjustment:
             matrix, side, color = self.equations(system)
             steps = solved(matrix, side, motions_between(given, poses), trust) + MOMENTUM * last
             self.move_points(system, steps)
-            poses, last = poses @ _rigid(steps), steps
+            poses, last = stepped(poses, steps), steps
             if np.abs(steps).max() < SMALL:
                 break
         return poses
@@ -212,10 +213,6 @@ def motions_between(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     turns = Rotation.from_matrix(moved[:, :3, :3]).as_rotvec()
     shifts = np.einsum("nji,nj->ni", moved[:, :3, :3], moved[:, :3, 3])
     return np.concatenate([turns, shifts], axis=1)
-
-
-def _rigid(steps: np.ndarray) -> np.ndarray:
-    return np.stack([rigid(matrix_from_rotation_vector(step[:3]), step[3:]) for step in steps])
 
 
 def _halved(picture: Picture, times: int) -> Picture:

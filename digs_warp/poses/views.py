@@ -122,7 +122,7 @@ def _half(plane: np.ndarray) -> np.ndarray:
 
 
 def view_of(picture: Picture, points: int = POINTS) -> View:
-    """Return a picture with about so many points that others are looked up for; without depth none."""
+    """Return a picture with about ``points`` points that others look up; without depth it has none."""
     from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
     fine = gaussian_filter(picture.brightness, FINE)
@@ -144,7 +144,7 @@ def _points(picture: Picture, y: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _strongest(strength: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of about so many pixels: in every cell of a grid the strongest above 0."""
+    """Return rows and columns of about ``points`` pixels: in every cell of a grid the strongest above 0."""
     cell = max(1, int(np.ceil(np.sqrt(np.count_nonzero(strength) / points))))
     height, width = (-(-n // cell) for n in strength.shape)
     padded = np.zeros((height * cell, width * cell))
