@@ -14,9 +14,10 @@ share their factor: in a dark one, reflections would look like exposure. The tra
 The lift of each photograph (`digs_warp.measure.color_lift`) follows from the mean colors of the points
 without these factors, and the factors then from the photographs without their lifts.
 
-Something is always found: a shiny object is brighter from where it reflects the sky, and that looks like
-exposure. But exposure explains most of what differs between photographs, in all points alike, and gloss only
-little. So gains and lifts are believed where they explain enough; otherwise, the exposure is constant.
+Some exposure is always found: a shiny object is brighter from where it reflects the sky, which looks like a
+longer exposure. A real change of exposure explains most of the differences between photographs, at every
+point; gloss explains little of them. So gains and lifts are believed only where they explain enough;
+otherwise, the exposure is constant.
 """
 
 from collections.abc import Sequence

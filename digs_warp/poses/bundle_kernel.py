@@ -1,9 +1,9 @@
 """Kernels of `digs_warp.poses.bundle`: the equations of one frame's points, one thread per frame.
 
-The value of a point depends on the motions of its own frame and of all frames that see it, and on its
-distance, which is eliminated here: every point's share of the equations is that of its slopes J along the
-motions, less g g' / h, where g = sum w s J, h = 1 / sigma^2 + sum w s^2 and s is the slope along the
-distance (the Schur complement). Sums are made in the order of the points, so they do not depend on the
+How a point looks to another frame depends on how both cameras move and on the distance of the point. The
+distance is eliminated here: a point adds to the equations the products of its slopes J along the motions,
+less g g' / h, where g = sum w s J, h = 1 / sigma^2 + sum w s^2 and s is the slope along the distance
+(the Schur complement). Sums are made in the order of the points, so they do not depend on the
 number of threads.
 """
 
