@@ -144,8 +144,7 @@ class TileBinner:
 
     def drawn_box(self) -> PixelBox:
         """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
-        x0, y0, x1, y1 = (edge * TILE_SIZE for edge in mask_box(self.drawn_tiles()))
-        return x0, y0, min(x1, self.width), min(y1, self.height)
+        return pixels_of(self.drawn_tiles(), self.width, self.height)
 
     def _bin_by_counting(self) -> None:
         self.lists.tile_changes.zero_()
@@ -285,6 +284,12 @@ class TileBinner:
 
     def _zeros(self, count: int) -> wp.array:
         return wp.zeros(count, dtype=int, device=self.device)
+
+
+def pixels_of(tiles: np.ndarray, width: int, height: int) -> PixelBox:
+    """Return the box of the tiles that are true, (rows, columns), in an image of the given size [px]."""
+    x0, y0, x1, y1 = (edge * TILE_SIZE for edge in mask_box(tiles))
+    return x0, y0, min(x1, width), min(y1, height)
 
 
 def _on_cache_lines(count: int, fields: int, device: str) -> wp.array:

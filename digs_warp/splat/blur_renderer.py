@@ -10,8 +10,9 @@ from digs_warp.device.contiguous import flat
 from digs_warp.device.image_planes import ImagePlanes
 from digs_warp.device.parallel import ParallelLaunch, run_together
 from digs_warp.device.small_arrays import put
-from digs_warp.geometry import PixelBox, mask_box
+from digs_warp.geometry import PixelBox
 from digs_warp.splat.background import tiles_with_background
+from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur import Blur
 from digs_warp.splat.config import DEFAULT_OPTIONS, TILE_SIZE, RasterOptions
 from digs_warp.splat.device import DeviceGaussians
@@ -168,8 +169,8 @@ class BlurRenderer:
 
     def drawn_box(self) -> PixelBox:
         """Return the pixels (x0, y0, x1, y1) of the tiles that have splats; all 0 when none has."""
-        x0, y0, x1, y1 = (edge * TILE_SIZE for edge in mask_box(self.drawn_tiles()))
-        return x0, y0, min(x1, self.middle.image.width), min(y1, self.middle.image.height)
+        image = self.middle.image
+        return pixels_of(self.drawn_tiles(), image.width, image.height)
 
     def _average(self, content: PixelBox | None) -> None:
         """Fill ``image`` and ``transmittance`` where the views hold something."""

@@ -16,6 +16,7 @@ from digs_warp.losses.regularizers import RegularizerLoss
 from digs_warp.losses.target import Target
 from digs_warp.losses.unknown import LeftOut
 from digs_warp.measure.color_gain import ColorGain
+from digs_warp.splat.bin_tiles import pixels_of
 from digs_warp.splat.blur_renderer import BlurRenderer
 from digs_warp.splat.surface_depth import covered_depth
 from digs_warp.train.config import TrainConfig
@@ -94,7 +95,8 @@ class Objective:
             depth_errors: what is wrong with the measured depth.
         """
         renderer = self._renderer
-        blocks = loss_blocks(view.tiles, renderer.drawn_tiles())
+        drawn = renderer.drawn_tiles()
+        blocks = loss_blocks(view.tiles, drawn)
         region = read_region(blocks, view.size)
         self._target.compose(
             view.pixels,
@@ -111,9 +113,9 @@ class Objective:
             left_out.accept(view.unknown)
         self._photometric.run(view.size, blocks, weighted=self._keeps_color)
         if self._coverage is not None:
-            self._coverage.run(view.size, view.box, renderer.drawn_box())
+            self._coverage.run(view.size, view.box, pixels_of(drawn, *view.size))
         if self._depth is not None and view.depth is not None:
-            boxes = view.box, renderer.drawn_box()
+            boxes = view.box, pixels_of(drawn, *view.size)
             errors = depth_errors.offset, depth_errors.trust
             self._depth.run(view.depth, *boxes, *errors, slope_factor=renderer.moments)
         if left_out and view.unknown:

@@ -165,10 +165,6 @@ class Trainer:
             "views": self.views.names,
         }
 
-    def compare_again(self) -> None:
-        """Compare the image of the last step with the next view; for profiling."""
-        self.objective.compare(self._view(), self._background())
-
     def loss_value(self) -> float:
         """Return the loss of the last step."""
         return self.objective.value()
