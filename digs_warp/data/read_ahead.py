@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 
 from digs_warp.checks import DigsError
 from digs_warp.data.decoded import kept_for_later, room_left
@@ -28,6 +28,31 @@ _LAYERS = {
 TURN = 0.0002
 
 
+class _ShortTurns:
+    """Turns of `TURN` while at least one thread is within the block: they are those of the whole process."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._users = 0
+        self._usual = 0.0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._users == 0:
+                self._usual = sys.getswitchinterval()
+                sys.setswitchinterval(TURN)
+            self._users += 1
+
+    def __exit__(self, *error: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0:
+                sys.setswitchinterval(self._usual)
+
+
+_SHORT_TURNS = _ShortTurns()
+
+
 @contextmanager
 def reading_ahead(frames: Sequence[Frame]) -> Iterator[None]:
     """Within the block, decode frames beside it, for the next `decoded_once` and as far as its memory goes.
@@ -37,12 +62,8 @@ def reading_ahead(frames: Sequence[Frame]) -> Iterator[None]:
     enough = Event()
 
     def read() -> None:
-        usual = sys.getswitchinterval()
-        sys.setswitchinterval(TURN)
-        try:
+        with _SHORT_TURNS:
             _read(frames, enough)
-        finally:
-            sys.setswitchinterval(usual)
 
     with kept_for_later():
         reader = Thread(target=read, name="read ahead")

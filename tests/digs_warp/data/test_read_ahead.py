@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 from threading import enumerate as running_threads
 
 import numpy as np
@@ -100,3 +101,28 @@ def test_threads_take_short_turns_only_while_files_are_read(
         wait_for_the_reader()
         assert sys.getswitchinterval() == usual
     assert turns == [pytest.approx(TURN)] * (3 * len(capture))
+
+
+def test_turns_are_the_usual_ones_after_two_readers_that_overlap(
+    capture: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = sys.getswitchinterval()
+    others = write_capture(capture.folder / "others", ball_views(1))
+    within, go_on = Event(), Event()
+
+    def read(path: Path, what: str) -> np.ndarray:
+        if "others" in path.parts:
+            within.set()
+            assert go_on.wait(30)
+        assert within.wait(30)
+        raise DigsError("broken")
+
+    monkeypatch.setattr(module, "read_image", read)
+    first = reading_ahead(others.frames)
+    with reading_ahead(capture.frames):
+        first.__enter__()
+        assert within.wait(30)
+    assert sys.getswitchinterval() == pytest.approx(TURN), "one of them is still reading"
+    go_on.set()
+    first.__exit__(None, None, None)
+    assert sys.getswitchinterval() == usual
