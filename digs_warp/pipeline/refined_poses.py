@@ -13,8 +13,10 @@ from digs_warp.data.layers import Layer
 from digs_warp.data.posed_frames import PosedFrames
 from digs_warp.pipeline.prepared import Prepared
 from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.poses.tracking import some_of
 from digs_warp.sfm.config import SfmConfig
 from digs_warp.train.evaluate import TestView
+from digs_warp.words import counted
 
 logger = logging.getLogger(__name__)
 
@@ -23,6 +25,8 @@ def refined(
     frames: PosedFrames, capture: Capture, config: SfmConfig
 ) -> tuple[PosedFrames, PoseRefinement]:
     """Return the frames with refined poses, where they need it; held-out ones are refined with the others.
+
+    Frames that agree with no other are left out, with a warning.
 
     Raises:
         DigsError: "on", and the frames have no depth, or do not hold together.
@@ -39,17 +43,27 @@ def refined(
     readout_time = config.readout_time
     if readout_time is None:
         readout_time = capture.readout_time or 0.0
-    every = [*frames.training, *frames.held_out]
+    held_out = {frame.name for frame in frames.held_out}
+    every = [frame for frame, _ in frames.by_time]
     with_depth = any(frame.has(Layer.DEPTH) for frame in every)
     # Without depth the training alone can mend them.
-    posed, refinement = refine(every, readout_time, config.refine_poses == "on" and with_depth)
+    estimated = config.poses in ("sfm", "perturbed")
+    needed = config.refine_poses == "on" and with_depth
+    posed, refinement = refine(every, readout_time, needed, estimated)
+    left = {frame.name for frame in posed}
+    lost = [frame.name for frame in every if frame.name not in left]
+    if lost:
+        logger.warning(
+            "poses contradicted by color and depth, and left out: %s (%s)",
+            *(counted(len(lost), "frame"), some_of(lost)),
+        )
     # Estimated poses are never exact; those of a recording may be, and then moving only adds noise.
-    wanted = config.refine_poses == "on" or config.poses in ("sfm", "perturbed")
+    wanted = config.refine_poses == "on" or estimated
     refinement = replace(refinement, in_training=wanted or refinement.refined)
     logger.info("poses: %s", refinement)
-    count = len(frames.training)
-    new = replace(frames, training=tuple(posed[:count]), held_out=tuple(posed[count:]))
-    return new, refinement
+    training = tuple(frame for frame in posed if frame.name not in held_out)
+    aside = tuple(frame for frame in posed if frame.name in held_out)
+    return replace(frames, training=training, held_out=aside), refinement
 
 
 def with_trained_poses(

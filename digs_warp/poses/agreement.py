@@ -85,6 +85,7 @@ def got_worse(
     before: np.ndarray,
     after: np.ndarray,
     pairs: np.ndarray,
+    by: float = 1.0,
 ) -> np.ndarray:
     """Return for each of n frames whether it would agree better with its old pose, (n,), bool.
 
@@ -96,6 +97,7 @@ def got_worse(
         before: their ``world_from_cam``, (n, 4, 4).
         after: the same after the alignment.
         pairs: numbers of frames that see the same, (k, 2).
+        by: how many times as much it has to contradict the others with its new pose.
     """
 
     def compared(number: int) -> np.ndarray:
@@ -109,7 +111,7 @@ def got_worse(
         together, i_old, j_old = found
         new[[i, j]] += together
         old[[i, j]] += i_old, j_old
-    return old < new
+    return by * old < new
 
 
 def _one_way(samples: Samples, other: Picture, motions: np.ndarray) -> np.ndarray:

@@ -97,18 +97,46 @@ def _coarse_to_fine(
         comparison = PairComparison(views, pairs)
         if judge is None or views[0].picture.intrinsics.width <= JUDGED:
             judge = comparison, hidden
-        sums = comparison.sums(poses, ANY_ERROR, hidden, threads)
-        for _ in range(STEPS):
-            sums = comparison.sums(poses, sums.scales, hidden, threads)
-            steps = solve(sums, pairs, len(given))
-            poses = stepped(poses, steps)
-            if np.abs(steps).max() < SMALL:
-                break
+        poses = _descended(comparison, poses, hidden, threads)
     assert judge is not None
     before, after = (
         judge[0].sums(each, ANY_ERROR, judge[1], threads).scales.color for each in (given, poses)
     )
     return Alignment(in_place(poses, given, _distance(pictures[-1])), before, after, pairs)
+
+
+def align_first(pictures: Sequence[Picture], poses: np.ndarray) -> np.ndarray:
+    """Return the pose with which the first frame agrees best with the others, (4, 4); those stay.
+
+    Args:
+        pictures: of n frames, with depth.
+        poses: ``world_from_cam``, (n, 4, 4).
+    """
+    others = range(1, len(pictures))
+    pairs = np.array([pair for j in others for pair in ((0, j), (j, 0))], dtype=np.int32)
+    levels = list(zip(*(_sizes(each, LEAST_WIDTH) for each in pictures), strict=True))
+    for level, hidden in zip(levels, HIDDEN[-len(levels) :], strict=True):
+        comparison = PairComparison(over_items(level, view_of), pairs)
+        poses = _descended(comparison, poses, hidden, moving=slice(1))
+    return poses[0]
+
+
+def _descended(
+    comparison: PairComparison,
+    poses: np.ndarray,
+    hidden: float,
+    threads: int = 0,
+    moving: slice = slice(None),
+) -> np.ndarray:
+    """Return the poses after Gauss-Newton steps of the cameras ``moving``."""
+    sums = comparison.sums(poses, ANY_ERROR, hidden, threads)
+    for _ in range(STEPS):
+        sums = comparison.sums(poses, sums.scales, hidden, threads)
+        steps = solve(sums, comparison.pairs, len(poses), moving)
+        poses = stepped(poses, steps)
+        if np.abs(steps).max() < SMALL:
+            break
+    return poses
 
 
 def _sizes(picture: Picture, least: int) -> list[Picture]:

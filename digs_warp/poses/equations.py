@@ -66,10 +66,13 @@ class PairComparison:
     Args:
         views: n, of one size or different ones.
         pairs: numbers of source and target, (k, 2).
+
+    Attributes:
+        pairs: as given.
     """
 
     def __init__(self, views: Sequence[View], pairs: np.ndarray) -> None:
-        self._pairs = pairs
+        self.pairs = pairs
         self._arrays = arrays_of(views)
 
     def sums(self, poses: np.ndarray, scales: Scales, hidden: float, threads: int = 0) -> PairSums:
@@ -81,21 +84,21 @@ class PairComparison:
             hidden: relative difference of depth from which on the target sees another surface.
             threads: that share the work; 0: as many as usual.
         """
-        relative = np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in self._pairs])
-        found = wp.zeros((len(self._pairs), COLUMNS), dtype=wp.float64, device="cpu")
+        relative = np.stack([invert_rigid(poses[j]) @ poses[i] for i, j in self.pairs])
+        found = wp.zeros((len(self.pairs), COLUMNS), dtype=wp.float64, device="cpu")
         limits = packed(Limits, color=scales.color, depth=scales.depth, hidden=hidden)
-        sources, targets = (wp.array(each, dtype=int, device="cpu") for each in self._pairs.T)
+        sources, targets = (wp.array(each, dtype=int, device="cpu") for each in self.pairs.T)
         motions = wp.array(relative.astype(np.float32), dtype=wp.mat44, device="cpu")
         inputs = [sources, targets, motions, *self._arrays, limits, found]
-        launch_parallel(pair_kernel, len(self._pairs), inputs, threads=threads)
+        launch_parallel(pair_kernel, len(self.pairs), inputs, threads=threads)
         return _pair_sums(found.numpy(), relative)
 
 
-def solve(sums: PairSums, pairs: np.ndarray, count: int) -> np.ndarray:
+def solve(sums: PairSums, pairs: np.ndarray, count: int, moving: slice = slice(None)) -> np.ndarray:
     """Return a small motion of each of ``count`` cameras in its own axes, turn [rad] and shift [m], (n, 6).
 
     A motion a of the source and b of the target move the source's points, in the target's axes, by
-    Ad(target_from_source) a - b.
+    Ad(target_from_source) a - b. Only the cameras ``moving`` move.
     """
     matrix, side = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     moves = adjoints_of(sums.target_from_source)
@@ -106,9 +109,12 @@ def solve(sums: PairSums, pairs: np.ndarray, count: int) -> np.ndarray:
         matrix[j, :, i] -= each @ moved
         side[i] += moved.T @ own
         side[j] -= own
-    square = matrix.reshape(6 * count, 6 * count)
-    square[np.diag_indices(6 * count)] += DAMPING * np.diag(square) + 1e-9
-    return np.linalg.solve(square, side.reshape(-1)).reshape(count, 6)
+    steps = np.zeros((count, 6))
+    size = steps[moving].size
+    square = matrix[moving, :, moving].reshape(size, size)
+    square[np.diag_indices(size)] += DAMPING * np.diag(square) + 1e-9
+    steps[moving] = np.linalg.solve(square, side[moving].reshape(-1)).reshape(-1, 6)
+    return steps
 
 
 def _pair_sums(found: np.ndarray, relative: np.ndarray) -> PairSums:

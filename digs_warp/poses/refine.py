@@ -12,7 +12,9 @@ from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import align
 from digs_warp.poses.bundle import COMPARED, adjusted_where_better
 from digs_warp.poses.likely_scale import in_likely_scale
+from digs_warp.poses.misplaced import mended
 from digs_warp.poses.refinement import PoseRefinement
+from digs_warp.poses.tracking import some_of
 from digs_warp.poses.views import load_pictures
 from digs_warp.words import counted
 
@@ -20,14 +22,19 @@ from digs_warp.words import counted
 # fitting the noise of the depth, and get worse by it; poses off by 0.1 degrees and 1 mm gain as much or more
 # and stay as good as they were. Those of a room gain 0.158 from 540 columns and 0.146 from 270.
 LEAST_GAIN = 0.14
+# Where poses change by less than a pixel, the noise of the depth decides with which of two a frame agrees,
+# unless it is by this much.
+CLEARLY = 1.03
 # Poses that turn by more (root mean square) were not nearly right, or the frames do not hold them [degree].
 LARGEST_TURN = 5.0
 
 
 def refine(
-    frames: Sequence[Frame], readout_time: float, needed: bool
+    frames: Sequence[Frame], readout_time: float, needed: bool, estimated: bool = False
 ) -> tuple[list[Frame], PoseRefinement]:
     """Return the frames with poses that fit their photographs and depth, if those fit much better.
+
+    A single frame in a wrong place is placed anew, or left out if it agrees with no other.
 
     Held-out frames belong to them as well: with poses that are off, their score would measure the poses. A
     frame's pose follows from what it has in common with its neighbors, as in structure from motion.
@@ -36,6 +43,8 @@ def refine(
         frames: all of them, in order of time.
         readout_time: from the first row to the last [s]; 0: all rows at once.
         needed: whether it was asked for; else poses stay as they are unless the frames agree much better.
+        estimated: whether the poses are never exact; poses and distances found together are then taken
+            wherever color and depth do not object.
 
     Raises:
         DigsError: it was asked for, and no two frames with depth show the same.
@@ -44,28 +53,48 @@ def refine(
         return _left(frames, "no frame has depth", needed)
     given = np.stack([frame.camera.world_from_cam for frame in frames])
     pictures = load_pictures(frames, readout_time)
+    mend = mended(pictures, given)
+    kept = [number for number in range(len(frames)) if number not in mend.lost]
+    frames, pictures = [frames[each] for each in kept], [pictures[each] for each in kept]
+    told = _told(frames, [kept.index(each) for each in mend.moved])
+    given = mend.poses[kept]
+    if mend.moved:
+        frames = _with_poses(frames, given)
     found = align(pictures, given)
     if found is None:
         return _left(frames, "no two frames with depth show the same surface", needed)
     gain = 1 - found.error_after / max(found.error_before, 1e-12)
-    if gain < LEAST_GAIN and not needed:
-        return _left(frames, f"with refined poses the frames would differ {_less(gain)}", needed)
+    little = gain < LEAST_GAIN and not needed
+    because = f"with refined poses the frames would differ {_less(gain)}{told}"
+    if little and not estimated:
+        return _left(frames, because, needed)
     small = [picture.at_most(COMPARED) for picture in pictures]
     near = in_likely_scale(found.poses, given)
     moved = adjusted_where_better(pictures, found.pairs, near, given)
-    worse = got_worse(small, given, moved, found.pairs)
+    if little and moved is near:  # then depth alone says so, and it does not say enough
+        return _left(frames, because, needed)
+    worse = got_worse(small, given, moved, found.pairs, CLEARLY if little else 1.0)
     poses = np.where(worse[:, None, None], given, moved)
     motion = _motion(given, poses)
     if motion[1] > LARGEST_TURN:
         return _left(frames, f"the frames do not hold together: turned by {motion[1]:.1f}°", needed)
-    posed = [
+    because = f"the frames differ {_less(gain)}{told}"
+    if worse.any():
+        because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
+    return _with_poses(frames, poses), PoseRefinement(True, because, *motion)
+
+
+def _with_poses(frames: Sequence[Frame], poses: np.ndarray) -> list[Frame]:
+    return [
         replace(frame, camera=replace(frame.camera, world_from_cam=pose))
         for frame, pose in zip(frames, poses, strict=True)
     ]
-    because = f"the frames differ {_less(gain)}"
-    if worse.any():
-        because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
-    return posed, PoseRefinement(True, because, *motion)
+
+
+def _told(frames: Sequence[Frame], moved: Sequence[int]) -> str:
+    """Return what is said of frames that were placed anew."""
+    names = [frames[each].name for each in moved]
+    return f"; placed anew: {some_of(names)}" if names else ""
 
 
 def _left(

@@ -214,3 +214,13 @@ def test_the_gain_of_refined_poses_hardly_depends_on_the_size_of_the_images(
     apart_at_own_size = abs(gain(noisy) - small)
     monkeypatch.setattr("digs_warp.poses.align.JUDGED", 80)
     assert abs(gain(noisy) - small) < 0.03 < apart_at_own_size
+
+
+def test_poses_that_are_never_exact_are_refined_where_little_is_gained() -> None:
+    slightly_off = perturbed(0.02, 0.0002)
+    frames = frames_at(slightly_off)
+    kept, left = refine(frames, 0.0, needed=False)
+    assert not left.refined and kept == frames
+    found, refined = refine(frames, 0.0, needed=False, estimated=True)
+    assert refined.refined
+    assert error_mm(np.stack([f.camera.world_from_cam for f in found])) < error_mm(slightly_off)

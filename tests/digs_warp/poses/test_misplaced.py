@@ -1,0 +1,124 @@
+"""Single frames in a wrong place: found, placed anew or left out; good recordings stay as they are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import digs_warp as dw
+from digs_warp.data.capture import Capture
+from digs_warp.data.frame import Frame
+from digs_warp.data.layers import Layer
+from digs_warp.geometry import matrix_from_rotation_vector, rigid
+from digs_warp.poses import misplaced
+from digs_warp.poses.misplaced import mended
+from digs_warp.poses.refine import refine
+from digs_warp.poses.views import load_pictures
+
+WRONG = 5
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory: pytest.TempPathFactory) -> Capture:
+    """Half a turn around the built-in object."""
+    settings = {"width": 320, "tier": "law", "path": "arc", "seed": 3}
+    return dw.simulate(
+        frames=12, elevations=(20.0,), out=tmp_path_factory.mktemp("arc") / "capture", **settings
+    )
+
+
+def poses_of(frames: Sequence[Frame]) -> np.ndarray:
+    return np.stack([frame.camera.world_from_cam for frame in frames])
+
+
+def turned(pose: np.ndarray, degrees: float = 20.0) -> np.ndarray:
+    """A camera elsewhere, round the vertical axis of the world, and looking elsewhere."""
+    turn = rigid(matrix_from_rotation_vector(np.radians([0.0, 0.0, degrees])), np.zeros(3))
+    return turn @ pose @ rigid(matrix_from_rotation_vector(np.array([0.0, 0.1, 0.0])), np.zeros(3))
+
+
+def with_one_wrong(capture: Capture) -> list[Frame]:
+    frames = list(capture.frames)
+    camera = frames[WRONG].camera
+    moved = replace(camera, world_from_cam=turned(camera.world_from_cam))
+    frames[WRONG] = replace(frames[WRONG], camera=moved)
+    return frames
+
+
+def apart(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
+    """Return how far two poses differ [m, degree]."""
+    chord = np.linalg.norm((found - true)[:3, :3]) / np.sqrt(8.0)
+    length = np.linalg.norm((found - true)[:3, 3])
+    return float(length), float(np.degrees(2 * np.arcsin(chord)))
+
+
+def test_a_frame_in_a_wrong_place_is_placed_anew(capture: Capture) -> None:
+    frames, true = with_one_wrong(capture), poses_of(capture.frames)
+    assert apart(poses_of(frames)[WRONG], true[WRONG])[1] > 10.0
+    found = mended(load_pictures(frames, 0.0), poses_of(frames))
+    assert (found.moved, found.lost) == ((WRONG,), ())
+    length, turn = apart(found.poses[WRONG], true[WRONG])
+    assert length < 0.02
+    assert turn < 1.0
+    others = np.arange(len(true)) != WRONG
+    np.testing.assert_array_equal(found.poses[others], true[others])
+
+
+def test_refined_poses_have_the_frame_in_its_place_and_say_so(capture: Capture) -> None:
+    frames, refinement = refine(with_one_wrong(capture), 0.0, needed=False)
+    assert f"placed anew: {frames[WRONG].name}" in refinement.because
+    assert apart(poses_of(frames)[WRONG], poses_of(capture.frames)[WRONG])[1] < 1.0
+
+
+def test_a_frame_that_cannot_be_placed_is_left_out(
+    capture: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing finds its place."""
+    monkeypatch.setattr(misplaced.Sightings, "placings", lambda *_: [])
+    monkeypatch.setattr(misplaced, "align_first", lambda _, poses: poses[0])
+    wrong = with_one_wrong(capture)
+    frames, _ = refine(wrong, 0.0, needed=False)
+    assert [f.name for f in frames] == [f.name for f in wrong if f is not wrong[WRONG]]
+
+
+def test_good_poses_stay_bit_by_bit(capture: Capture) -> None:
+    true = poses_of(capture.frames)
+    found = mended(load_pictures(capture.frames, 0.0), true)
+    assert (found.moved, found.lost) == ((), ())
+    np.testing.assert_array_equal(found.poses, true)
+
+
+def test_a_frame_of_another_exposure_is_not_left_out(capture: Capture) -> None:
+    pictures, true = load_pictures(capture.frames, 0.0), poses_of(capture.frames)
+    pictures[WRONG] = replace(pictures[WRONG], brightness=0.4 * pictures[WRONG].brightness)
+    found = mended(pictures, true)
+    assert not found.lost
+    assert apart(found.poses[WRONG], true[WRONG])[1] < 0.5
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_few_frames_do_not_tell_which_is_wrong(capture: Capture, count: int) -> None:
+    frames = with_one_wrong(capture)[WRONG : WRONG + count]
+    found = mended(load_pictures(frames, 0.0), poses_of(frames))
+    assert (found.moved, found.lost) == ((), ())
+
+
+def test_where_all_are_wrong_none_is_moved(capture: Capture) -> None:
+    rng = np.random.default_rng(1)
+    true = poses_of(capture.frames)
+    wrong = np.stack([turned(pose, rng.uniform(-60, 60)) for pose in true])
+    found = mended(load_pictures(capture.frames, 0.0), wrong)
+    np.testing.assert_array_equal(found.poses, wrong)
+    assert not found.lost
+
+
+@pytest.mark.parametrize("without", ["all", "the wrong one"])
+def test_without_depth_nothing_is_told(capture: Capture, without: str) -> None:
+    frames = [
+        frame.without_layer(Layer.DEPTH) if without == "all" or number == WRONG else frame
+        for number, frame in enumerate(with_one_wrong(capture))
+    ]
+    found = mended(load_pictures(frames, 0.0), poses_of(frames))
+    np.testing.assert_array_equal(found.poses, poses_of(frames))
+    assert not found.lost
