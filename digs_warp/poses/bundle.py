@@ -17,7 +17,7 @@ from digs_warp.geometry import invert_rigid
 from digs_warp.poses.agreement import mean_disagreement
 from digs_warp.poses.align import stepped
 from digs_warp.poses.bundle_kernel import Block, Bundle, Motion, nearness_kernel, sum_kernel
-from digs_warp.poses.equations import DAMPING, LEAST_COLOR, adjoints_of
+from digs_warp.poses.equations import DAMPING, LEAST_COLOR, adjoints_of, solution
 from digs_warp.poses.likely_scale import in_likely_scale
 from digs_warp.poses.view_arrays import arrays_of
 from digs_warp.poses.views import Picture, View, view_of
@@ -202,7 +202,7 @@ def solved(
     count = len(side)
     square = matrix.reshape(6 * count, 6 * count)
     square[np.diag_indices(6 * count)] += DAMPING * np.diag(square) + np.tile(trust, count)
-    return np.linalg.solve(square, (side - trust * moved).reshape(-1)).reshape(count, 6)
+    return solution(square, (side - trust * moved).reshape(-1)).reshape(count, 6)
 
 
 def motions_between(before: np.ndarray, after: np.ndarray) -> np.ndarray:
