@@ -242,15 +242,15 @@ def _train(
     return train_gaussians(
         *(seeds, views.data, views.held_out, config.train, folder, log, watch),
         held=views.points.hidden,
-        train_poses=_pose_training(prepared.refinement, config.train),
+        train_poses=pose_training(prepared.refinement, config.train),
     )
 
 
-def _pose_training(refinement: PoseRefinement | None, config: TrainConfig) -> PoseTraining:
-    """Return what the cameras do in the training: the centers of refined poses are held."""
+def pose_training(refinement: PoseRefinement | None, config: TrainConfig) -> PoseTraining:
+    """Return what the cameras do in the training: centers that a bundle adjustment found are held."""
     if refinement is None or not refinement.in_training or config.mask_role != "object":
         return "held"
-    return "turned" if refinement.refined else "moved"
+    return "turned" if refinement.adjusted else "moved"
 
 
 def _finished_training(folder: Path, before: RunRecord, frames: int) -> Trained | None:

@@ -196,6 +196,7 @@ def _refinement(found: Fields) -> PoseRefinement | None:
         moved_mm=entry.number("moved_mm", 0),
         turned_deg=entry.number("turned_deg", 0),
         in_training=entry.flag("in_training", default=False),
+        adjusted=entry.flag("adjusted", default=False),
     )
 
 

@@ -81,7 +81,8 @@ def refine(
     because = f"the frames differ {_less(gain)}{told}"
     if worse.any():
         because += f"; {counted(int(worse.sum()), 'frame')} would agree less and kept the pose"
-    return _with_poses(frames, poses), PoseRefinement(True, because, *motion)
+    refinement = PoseRefinement(True, because, *motion, adjusted=moved is not near)
+    return _with_poses(frames, poses), refinement
 
 
 def _with_poses(frames: Sequence[Frame], poses: np.ndarray) -> list[Frame]:

@@ -13,6 +13,7 @@ class PoseRefinement:
         moved_mm: root mean square motion of the cameras [mm]; 0 if they were not refined.
         turned_deg: the same of their rotation [degree].
         in_training: whether the cameras move further while the Gaussians are trained.
+        adjusted: whether a bundle adjustment found the centers: the training then only turns the cameras.
     """
 
     refined: bool
@@ -20,3 +21,4 @@ class PoseRefinement:
     moved_mm: float = 0.0
     turned_deg: float = 0.0
     in_training: bool = False
+    adjusted: bool = False

@@ -11,6 +11,7 @@ from digs_warp.checks import DigsError
 from digs_warp.data.frame import Frame
 from digs_warp.data.layers import Layer
 from digs_warp.geometry import invert_rigid, matrix_from_rotation_vector, rigid
+from digs_warp.pipeline.reconstruct import pose_training
 from digs_warp.poses.agreement import got_worse
 from digs_warp.poses.align import Alignment, align, in_place
 from digs_warp.poses.equations import PairComparison, Scales
@@ -19,6 +20,7 @@ from digs_warp.poses.pairs import overlapping_pairs
 from digs_warp.poses.refine import refine
 from digs_warp.poses.views import Picture, view_of
 from digs_warp.sfm.perturb import perturbed_poses
+from digs_warp.train.config import TrainConfig
 from reference.pair_twin import pair_equations
 from reference.textured_plane import INTRINSICS, picture, ring_of_poses
 
@@ -95,6 +97,21 @@ def test_auto_leaves_good_poses_and_refines_bad_ones() -> None:
     assert bad.refined and bad.moved_mm > 1.0
     # Half of it is the scale, of which the given centers tell as much as the depth.
     assert error_mm(np.stack([frame.camera.world_from_cam for frame in frames])) < 1.2
+
+
+def test_only_centers_of_the_bundle_adjustment_are_held_in_the_training() -> None:
+    frames = frames_at(perturbed())
+    assert refine(frames, 0.0, needed=True)[1].adjusted
+    # Where nothing has texture, the aligned poses stay.
+    rng = np.random.default_rng(0)
+    gray = [(128 + 5 * rng.normal(size=(120, 160, 3))).astype(np.uint8) for _ in frames]
+    plain = [f.with_layer(Layer.IMAGE, each) for f, each in zip(frames, gray, strict=True)]
+    _, refinement = refine(plain, 0.0, needed=True)
+    assert refinement.refined and not refinement.adjusted
+    train = TrainConfig()
+    assert pose_training(replace(refinement, in_training=True), train) == "moved"
+    held = replace(refinement, in_training=True, adjusted=True)
+    assert pose_training(held, train) == "turned"
 
 
 def test_a_frame_that_would_agree_less_keeps_its_pose(monkeypatch: pytest.MonkeyPatch) -> None:
