@@ -14,7 +14,8 @@ FIELDS = ("points_world", "colors")
 AXIS_FIELDS = ("axes_world", "axis_deviations")
 # Which points are special; None: none of them.
 MARKS = ("guessed", "hidden")
-OPTIONAL_FIELDS = (*AXIS_FIELDS, *MARKS)
+AGREEMENT = "agreement"
+OPTIONAL_FIELDS = (*AXIS_FIELDS, *MARKS, AGREEMENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,8 @@ class PointCloud:
         axis_deviations: their standard deviations [m] along these axes, shape (n,), float32; None as well.
         guessed: which points were put where no view measured anything, shape (n,), bool; None: none.
         hidden: which points no view can see, behind what all of them measured, shape (n,), bool; None: none.
+        agreement: which share of the views near a point agree with it, in 0..1, shape (n,), float32; None:
+            all of them.
     """
 
     points_world: np.ndarray
@@ -37,6 +40,7 @@ class PointCloud:
     axis_deviations: np.ndarray | None = None
     guessed: np.ndarray | None = None
     hidden: np.ndarray | None = None
+    agreement: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         count = len(self.points_world)
@@ -47,6 +51,7 @@ class PointCloud:
             "colors": (count, 3),
             "axes_world": (count, 3),
             "axis_deviations": (count,),
+            AGREEMENT: (count,),
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
@@ -81,7 +86,8 @@ class PointCloud:
             return np.concatenate([getattr(cloud, name) for cloud in clouds])
 
         fields = FIELDS if clouds[0].axes_world is None else (*FIELDS, *AXIS_FIELDS)
-        marks: dict[str, Any] = {name: _joined_marks(name, clouds) for name in MARKS}
+        marks: dict[str, Any] = {name: _joined(name, clouds, False) for name in MARKS}
+        marks[AGREEMENT] = _joined(AGREEMENT, clouds, 1.0)
         return PointCloud(**{name: all_of(name) for name in fields}, **marks)
 
     def save(self, path: Path) -> None:
@@ -101,12 +107,14 @@ class PointCloud:
             return PointCloud(*(arrays[name] for name in FIELDS), **optional)
 
 
-def _joined_marks(name: str, clouds: Sequence[PointCloud]) -> np.ndarray | None:
-    """Return the marks of all points; None if no cloud has any."""
-    marks = [getattr(cloud, name) for cloud in clouds]
-    if all(mark is None for mark in marks):
+def _joined(name: str, clouds: Sequence[PointCloud], usual: bool | float) -> np.ndarray | None:
+    """Return a value of all points, the ``usual`` one in clouds that lack it; None if all clouds do."""
+    values = [getattr(cloud, name) for cloud in clouds]
+    if all(value is None for value in values):
         return None
-    none = [np.zeros(len(cloud), dtype=bool) for cloud in clouds]
     return np.concatenate(
-        [n if mark is None else mark for mark, n in zip(marks, none, strict=True)]
+        [
+            np.full(len(cloud), usual) if value is None else value
+            for value, cloud in zip(values, clouds, strict=True)
+        ]
     )

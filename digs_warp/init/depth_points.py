@@ -3,6 +3,7 @@
 import logging
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +19,7 @@ from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
-from digs_warp.init.visibility import not_seen_through
+from digs_warp.init.visibility import agreement_of_views, not_seen_through
 from digs_warp.init.voxel import GrowingGrid
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
 from digs_warp.record.run_log import timed
@@ -102,7 +103,11 @@ def depth_points(
     if config.max_points is not None and len(voxels) > config.max_points:
         voxels = voxels.select(drawn(len(voxels), config.max_points))
         report.voxels["drawn"] = len(voxels)
-    return shaped_points(voxels, config, report.voxel_size), report
+    points = shaped_points(voxels, config, report.voxel_size)
+    if config.visibility_check:
+        agreement = agreement_of_views(voxels.points_world, seen, report.voxel_size)
+        points = replace(points, agreement=agreement)
+    return points, report
 
 
 def drawn(count: int, wanted: int) -> np.ndarray:

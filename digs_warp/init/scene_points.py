@@ -27,7 +27,7 @@ from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.scene_view import SCENE_FILTERS, LevelSums, scene_view
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
-from digs_warp.init.visibility import not_seen_through
+from digs_warp.init.visibility import agreement_of_views, not_seen_through
 from digs_warp.init.voxel_size import MOST_POINTS
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
@@ -92,6 +92,9 @@ def scene_points(
     report.voxel_size = factor * levels.finest
     made = [[shaped_points(g.voxels, config, g.edge) for g in some] for some in (surfaces, guesses)]
     guessed = [replace(cloud, guessed=np.ones(len(cloud), dtype=bool)) for cloud in made[1]]
+    if config.visibility_check:
+        with timed(report.seconds, "visibility"):
+            made[0] = [_agreed(*each, seen) for each in zip(made[0], surfaces, strict=True)]
     points = PointCloud.joined([*made[0], *guessed])
     if config.max_points is not None and len(points) > config.max_points:
         points = points.select(drawn(len(points), config.max_points))
@@ -141,6 +144,11 @@ def _within_budget(grids: Sequence[Grid], config: InitConfig) -> tuple[float, li
             *(factor, f"{count(found):,}"),
         )
     return factor, found
+
+
+def _agreed(points: PointCloud, grid: Grid, seen: Sequence[tuple]) -> PointCloud:
+    """Return the points of a grid with the share of views that agree with each."""
+    return replace(points, agreement=agreement_of_views(grid.voxels.points_world, seen, grid.edge))
 
 
 def _visible(grid: Grid, seen: Sequence[tuple]) -> Grid:

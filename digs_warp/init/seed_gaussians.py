@@ -1,6 +1,7 @@
 """Points -> Gaussians, as 3D Gaussian splatting starts (paper section 3.4; Kerbl et al. 2023, section 4)."""
 
 from dataclasses import replace
+from math import log
 
 import numpy as np
 
@@ -24,8 +25,26 @@ SCENE_SCALE_RATIO = 100.0
 # frames, without guesses 20.1 dB and 2.9 cm, 0.1 gives 20.4 dB and 2.7 cm.
 GUESSED_OPACITY = 0.1
 
+# Where no view agrees with a point, its Gaussian starts this opaque. In a short run an opaque one in front of
+# the surface hides those on it to the end. In a long one it is gone anyway, and what starts opaque ends
+# nearer to the true surface.
+LEAST_OPACITY = 0.1
+SHORT_STEPS, LONG_STEPS = 300, 1000
+
 # The standard deviation [m] if there is no other point, or none at a different position.
 LONELY_SCALE = 0.01
+
+
+def least_opacity(opacity: float, steps: int) -> float:
+    """Return the least opacity at the start of the training of an object.
+
+    Args:
+        opacity: of points that all views agree with.
+        steps: of the whole run.
+    """
+    shortness = log(LONG_STEPS / steps) / log(LONG_STEPS / SHORT_STEPS)
+    share = min(max(shortness, 0.0), 1.0)
+    return opacity * (LEAST_OPACITY / opacity) ** share if opacity > LEAST_OPACITY else opacity
 
 
 def seed_gaussians(
@@ -34,18 +53,23 @@ def seed_gaussians(
     opacity: float = REFERENCE_OPACITY,
     width: float = REFERENCE_WIDTH,
     largest: float = MAX_SCALE_RATIO,
+    least: float = LEAST_OPACITY,
 ) -> Gaussians:
     """Return one Gaussian per point, with the same color from all sides.
 
     Its standard deviation is ``width`` times the distance to its neighbors. It is round unless the point has
-    an axis; along the axis it has the standard deviation given by the point.
+    an axis; along the axis it has the standard deviation given by the point. It is at most as opaque as views
+    agree with the point: where their depth contradicts each other, opaque Gaussians in front of the surface
+    would hide those on it.
 
     Args:
         points: any number of points, duplicates allowed.
         sh_degree: degree of the color's spherical harmonics, 0 to 3; all bands above 0 start at zero.
-        opacity: of all measured points, above 0 and below 1; of guessed ones at most `GUESSED_OPACITY`.
+        opacity: of measured points that all views agree with, above 0 and below 1; of guessed ones at most
+            `GUESSED_OPACITY`.
         width: standard deviation as a fraction of the distance to the neighbors, above 0.
         largest: the distance counts up to this multiple of the median.
+        least: opacity of points that no view agrees with, see `least_opacity`.
     """
     count = len(points)
     if not 0 < opacity < 1:
@@ -57,6 +81,8 @@ def seed_gaussians(
         scales[:, 2] = points.axis_deviations
         quats = quats_from_z_to(points.axes_world)
     opacities = np.full(count, opacity)
+    if points.agreement is not None:
+        opacities = np.minimum(opacity, np.maximum(points.agreement, least))
     if points.guessed is not None:
         opacities[points.guessed] = min(opacity, GUESSED_OPACITY)
     return Gaussians(

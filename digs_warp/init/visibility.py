@@ -1,4 +1,4 @@
-"""Visibility across views: an extension of the paper that removes floaters in front of the object.
+"""Visibility across views: an extension of the paper that removes floaters, and tells how sure points are.
 
 If a view measured depth d at the pixel of a point, it saw through everything nearer. The view contradicts a
 point at depth z < d - tolerance, and confirms one within the tolerance. A point farther away is hidden, and
@@ -6,7 +6,7 @@ the view says nothing about it.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -14,7 +14,7 @@ import warp as wp
 from digs_warp.camera import Camera
 from digs_warp.device.eyes import eyes_of
 from digs_warp.device.parallel import launch_parallel
-from digs_warp.init.visibility_kernel import says_kernel
+from digs_warp.init.visibility_kernel import agreement_kernel, says_kernel
 
 # Cameras and their depth maps [m], (height, width) each, at the image's size or a reduced one.
 Views = Sequence[tuple[Camera, np.ndarray]]
@@ -53,17 +53,35 @@ def hidden(points_world: np.ndarray, views: Views, voxel_size: float) -> np.ndar
     return what_views_say(points_world, views, voxel_size).blind == len(views)
 
 
+def agreement_of_views(points_world: np.ndarray, views: Views, voxel_size: float) -> np.ndarray:
+    """Return the share of views that agree with each point, (n,), float32; 1 where none says anything.
+
+    Of the views that measured the surface within `NEAR_VOXELS` in front of a point or behind it, those agree
+    that measured it within `AGREES_VOXELS`. Exact depth gives nearly 1; where views contradict each other, a
+    cloud is several voxels thick, and its outer points get the least. Arguments as of `not_seen_through`.
+    """
+    agreement = wp.ones(len(points_world), dtype=float, device="cpu")
+    if views:
+        inputs = [*_inputs(points_world, views, voxel_size), agreement]
+        launch_parallel(agreement_kernel, len(points_world), inputs)
+    return agreement.numpy()
+
+
 def what_views_say(points_world: np.ndarray, views: Views, voxel_size: float) -> Said:
     """Return how many views confirm, contradict, and cannot see each point."""
     count = len(points_world)
     found = wp.zeros((count, 3), dtype=int, device="cpu")
     if views:
-        depths = np.concatenate([depth.reshape(-1) for _, depth in views])
-        inputs = [
-            wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu"),
-            eyes_of([camera for camera, _ in views], [depth.shape for _, depth in views]),
-            wp.array(depths.astype(np.float32), dtype=float, device="cpu"),
-            *(wp.float64(voxel_size), found),
-        ]
-        launch_parallel(says_kernel, count, inputs)
+        launch_parallel(says_kernel, count, [*_inputs(points_world, views, voxel_size), found])
     return Said(*found.numpy().T)
+
+
+def _inputs(points_world: np.ndarray, views: Views, voxel_size: float) -> list[Any]:
+    """Return what both kernels read."""
+    depths = np.concatenate([depth.reshape(-1) for _, depth in views])
+    return [
+        wp.array(np.asarray(points_world, np.float64), dtype=wp.vec3d, device="cpu"),
+        eyes_of([camera for camera, _ in views], [depth.shape for _, depth in views]),
+        wp.array(depths.astype(np.float32), dtype=float, device="cpu"),
+        wp.float64(voxel_size),
+    ]

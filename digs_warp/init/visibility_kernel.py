@@ -1,4 +1,4 @@
-"""Kernel of `digs_warp.init.visibility`: what each view says about each point. One thread per point."""
+"""Kernels of `digs_warp.init.visibility`: what each view says about each point. One thread per point."""
 
 import warp as wp
 
@@ -10,6 +10,12 @@ wp.set_module_options({"enable_backward": False})
 TOLERANCE_VOXELS = 2.0
 TOLERANCE_SHARE = 0.01
 
+# A view that measured the surface within the first number of voxels of a point agrees with it, and one that
+# measured it within the second disagrees.
+AGREES_VOXELS, NEAR_VOXELS = 1.0, 4.0
+
+_AGREES = wp.constant(wp.float64(AGREES_VOXELS))
+_NEAR = wp.constant(wp.float64(NEAR_VOXELS))
 _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 _SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
 
@@ -48,3 +54,33 @@ def says_kernel(
     said[i, 0] = confirmed
     said[i, 1] = contradicted
     said[i, 2] = blind
+
+
+@wp.kernel
+def agreement_kernel(
+    first: int,
+    points: wp.array[wp.vec3d],  # [n] in the world [m]
+    eyes: wp.array[Eye],
+    depth: wp.array[float],  # depth maps of all eyes [m], NaN: unknown
+    voxel_size: wp.float64,  # [m]
+    # output
+    agreement: wp.array[float],  # [n] of the views that measured the surface near a point, 0..1
+):
+    """Compute the share of the views that agree; see `digs_warp.init.visibility.agreement_of_views`."""
+    i = first + wp.tid()
+    agreeing = int(0)
+    near = int(0)
+    for e in range(eyes.shape[0]):
+        eye = eyes[e]
+        seen = pixel_seen(eye, points[i])
+        if shows(eye, seen):
+            apart = wp.abs(wp.float64(depth[place_of(eye, seen)]) - seen[2])
+            # Comparisons with NaN, where nothing was measured, are False.
+            if apart <= _AGREES * voxel_size:
+                agreeing += 1
+            if apart <= _NEAR * voxel_size:
+                near += 1
+    if near > 0:
+        agreement[i] = float(agreeing) / float(near)
+    else:
+        agreement[i] = 1.0

@@ -20,8 +20,10 @@ from digs_warp.device.libraries import import_open3d, import_pycolmap
 from digs_warp.device.threads import default_threads
 from digs_warp.device.warp_start import require_device
 from digs_warp.init.seed_gaussians import (
+    LEAST_OPACITY,
     MAX_SCALE_RATIO,
     SCENE_SCALE_RATIO,
+    least_opacity,
     seed_gaussians,
     with_colors,
 )
@@ -223,8 +225,12 @@ def _with_shutter(
 def _seeds(prepared: Prepared, config: ReconstructConfig) -> Gaussians:
     """Return the Gaussians to start from, in the colors of the first points."""
     init = config.init
-    largest = SCENE_SCALE_RATIO if prepared.subject == "scene" else MAX_SCALE_RATIO
-    start = (init.seed_opacity, init.seed_width, largest)
+    if prepared.subject == "scene":
+        limits = SCENE_SCALE_RATIO, LEAST_OPACITY
+    else:
+        least = least_opacity(init.seed_opacity, config.train.stop.iterations)
+        limits = MAX_SCALE_RATIO, least
+    start = (init.seed_opacity, init.seed_width, *limits)
     return seed_gaussians(prepared.start.points, config.train.usual_sh_degree, *start)
 
 

@@ -17,7 +17,7 @@ from digs_warp.init.depth_points import drawn
 from digs_warp.init.random_points import random_points
 from digs_warp.init.ray_points import ray_points
 from digs_warp.init.recipes import initialize
-from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seed_gaussians import least_opacity, seed_gaussians
 from digs_warp.init.seen_colors import look_up
 from digs_warp.init.start import Subject
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
@@ -184,7 +184,9 @@ def _step_seconds(frames: Sequence[Frame], points: PointCloud, config: TrainConf
     views = open_views(frames, replace(config, half_size_until=0.0))
     try:
         init = InitConfig()
-        seeds = seed_gaussians(points, config.usual_sh_degree, init.seed_opacity, init.seed_width)
+        least = least_opacity(init.seed_opacity, config.stop.iterations)
+        start = {"opacity": init.seed_opacity, "width": init.seed_width, "least": least}
+        seeds = seed_gaussians(points, config.usual_sh_degree, **start)
         trainer = Trainer(seeds, views, replace(config, half_size_until=0.0))
         # The middle of a run: the color has all its bands.
         trainer.optimizer.step = config.stop.iterations // 2

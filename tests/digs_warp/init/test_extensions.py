@@ -115,6 +115,20 @@ def test_visibility_equals_a_loop_over_points_and_views(capture: Capture) -> Non
     assert not found[(distance > 0.25) & (np.abs(points[:, 2]) < 0.2)].any()
 
 
+def test_points_of_noisy_depth_are_less_sure(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    shares = []
+    for number, noise in enumerate((0.0, 0.02)):
+        views = ball_views(12)
+        for _, images in views:
+            images.depth[:] += noise * rng.normal()
+        capture = write_capture(tmp_path / str(number), views)
+        points = initialize(capture.frames, InitConfig(voxel_size=0.01)).points
+        assert points.agreement is not None
+        shares.append(np.median(points.agreement))
+    assert shares[1] < 0.6 * shares[0]
+
+
 def test_floaters_before_the_object_are_removed(tmp_path: Path) -> None:
     """One view reports a patch of the object much too near; all others see through it."""
     views = ball_views(12)

@@ -131,6 +131,9 @@ def test_a_guess_that_other_views_see_through_is_dropped(frames: tuple[Frame, ..
 
     assert in_the_air(unchecked) > 0.02
     assert in_the_air(points) < 0.3 * in_the_air(unchecked)
+    # Views agree with exact depth; where nobody looks, points are as sure as before.
+    assert points.agreement is not None and np.median(points.agreement) > 0.8
+    assert unchecked.agreement is None
 
 
 def test_the_wanted_number_of_points_is_kept(frames: tuple[Frame, ...]) -> None:

@@ -9,9 +9,11 @@ from digs_warp.data.gaussians import FIELDS
 from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.seed_gaussians import (
     GUESSED_OPACITY,
+    LEAST_OPACITY,
     LONELY_SCALE,
     MAX_SCALE_RATIO,
     MIN_SCALE_RATIO,
+    least_opacity,
     neighbor_scales,
     seed_gaussians,
 )
@@ -96,3 +98,23 @@ def test_guessed_places_start_almost_transparent(tmp_path: Path) -> None:
     fainter = seed_gaussians(points, opacity=0.05).opacities
     np.testing.assert_allclose(fainter, 0.05, rtol=1e-6)
     assert PointCloud.joined([measured, measured]).guessed is None
+
+
+def test_points_start_as_opaque_as_views_agree_with_them(tmp_path: Path) -> None:
+    share = np.array([0.0, 0.3, 0.7, 1.0] * 2)
+    doubtful = PointCloud(grid(2, 0.02), np.full((8, 3), 0.5), agreement=share)
+    sparse = PointCloud(grid(2, 0.02) + 1.0, np.full((8, 3), 0.5))
+    PointCloud.joined([doubtful, sparse]).save(tmp_path / "points.npz")
+    points = PointCloud.load(tmp_path / "points.npz").select(np.arange(9))
+    opacities = seed_gaussians(points, opacity=0.6).opacities
+    np.testing.assert_allclose(opacities, [LEAST_OPACITY, 0.3, 0.6, 0.6] * 2 + [0.6], rtol=1e-6)
+    long_run = seed_gaussians(points, opacity=0.6, least=least_opacity(0.6, 1000)).opacities
+    np.testing.assert_allclose(long_run, 0.6, rtol=1e-6)
+    assert PointCloud.joined([sparse, sparse]).agreement is None
+
+
+def test_the_longer_the_run_the_more_opaque_are_doubtful_points() -> None:
+    by_steps = [least_opacity(0.8, steps) for steps in (1, 300, 500, 1000, 30_000)]
+    np.testing.assert_allclose(np.array(by_steps)[[0, 1, 3, 4]], [0.1, 0.1, 0.8, 0.8], rtol=1e-12)
+    assert 0.1 < by_steps[2] < 0.8
+    assert least_opacity(0.05, 100) == 0.05

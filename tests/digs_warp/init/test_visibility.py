@@ -5,9 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from digs_warp.camera import Camera
-from digs_warp.init.visibility import confirmed, hidden, not_seen_through, what_views_say
+from digs_warp.init.visibility import (
+    agreement_of_views,
+    confirmed,
+    hidden,
+    not_seen_through,
+    what_views_say,
+)
 from reference.ball_capture import RADIUS, ball_views
-from reference.visibility_twin import said_by
+from reference.visibility_twin import agreement_by, said_by
 
 VOXEL = 0.01
 
@@ -40,6 +46,26 @@ def test_views_say_what_the_twin_says() -> None:
         assert 0 < counts.sum() < len(points) * len(views), name
 
 
+def test_views_agree_with_the_points_that_the_twin_says() -> None:
+    points, views = points_around(400), views_with_holes(5)
+    found = agreement_of_views(points, views, VOXEL)
+    np.testing.assert_allclose(found, agreement_by(points, views, VOXEL), rtol=1e-6)
+    assert ((found > 0) & (found < 1)).any()
+
+
+def test_views_agree_with_the_middle_of_a_thick_cloud() -> None:
+    rng = np.random.default_rng(0)
+    exact = [(camera, images.depth) for camera, images in ball_views(24)]
+    off = [(c, depth + np.float32(0.02 * rng.normal())) for c, depth in exact]
+    points = points_around(400)
+    points *= RADIUS / np.linalg.norm(points, axis=1, keepdims=True)
+    on_surface, in_front = (
+        np.median(agreement_of_views(scale * points, off, VOXEL)) for scale in (1.0, 1.15)
+    )
+    exactly = np.median(agreement_of_views(points, exact, VOXEL))
+    assert in_front < 0.8 * on_surface < 0.6 * exactly
+
+
 def test_a_point_is_seen_hidden_or_seen_through() -> None:
     camera, images = ball_views(1)[0]
     view = (camera, images.depth)
@@ -54,9 +80,12 @@ def test_nobody_contradicts_without_views_or_depth() -> None:
     points, (camera, depth) = points_around(20), views_with_holes(1)[0]
     assert not_seen_through(points, [], VOXEL).all()
     assert hidden(points, [], VOXEL).all()
+    assert (agreement_of_views(points, [], VOXEL) == 1).all()
     unknown = np.full_like(depth, np.nan)
     assert not_seen_through(points, [(camera, unknown)], VOXEL).all()
+    assert (agreement_of_views(points, [(camera, unknown)], VOXEL) == 1).all()
     nothing = np.zeros((0, 3))
     assert len(what_views_say(nothing, [(camera, depth)], VOXEL).blind) == 0
+    assert len(agreement_of_views(nothing, [(camera, depth)], VOXEL)) == 0
     turned = replace(camera, world_from_cam=camera.world_from_cam @ np.diag([1.0, -1.0, -1.0, 1.0]))
     assert hidden(points_around(20) * 0.1, [(turned, depth)], VOXEL).all()
