@@ -85,8 +85,8 @@ class InitConfig:
 
     opacity: float | None = None
     """Opacity of every Gaussian at the start, above 0 and below 1; where views disagree about depth, it is
-    less (docs/training.md). Default: 0.8 for points from depth, which lie on the surface; 0.1 (3DGS) for
-    sparse or random ones."""
+    less (docs/training.md). Default: 0.8 for points from depth, which lie on the surface, 0.5 in a scene;
+    0.1 (3DGS) for sparse or random ones."""
 
     splat_width: float | None = None
     """Standard deviation of every Gaussian at the start, as a fraction of the distance to its neighbors.

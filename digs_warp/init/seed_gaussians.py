@@ -1,7 +1,6 @@
 """Points -> Gaussians, as 3D Gaussian splatting starts (paper section 3.4; Kerbl et al. 2023, section 4)."""
 
 from dataclasses import replace
-from math import log
 
 import numpy as np
 
@@ -17,34 +16,16 @@ NEIGHBORS = 3
 MAX_SCALE_RATIO = 5.0
 MIN_SCALE_RATIO = 0.1
 
-# In a scene, voxels grow with the distance, and the points of the far shell lie metres apart.
-SCENE_SCALE_RATIO = 100.0
-
 # A Gaussian at a guessed place starts no more opaque than this: an opaque one hides what other views saw
 # behind it. Room of 24 frames (HoloLens), 150 steps: 0.8 gives 20.2 dB and 3.0 cm of depth error on held-out
 # frames, without guesses 20.1 dB and 2.9 cm, 0.1 gives 20.4 dB and 2.7 cm.
 GUESSED_OPACITY = 0.1
 
-# Where no view agrees with a point, its Gaussian starts this opaque. In a short run an opaque one in front of
-# the surface hides those on it to the end. In a long one it is gone anyway, and what starts opaque ends
-# nearer to the true surface.
+# A Gaussian that no view agrees with still starts visible.
 LEAST_OPACITY = 0.1
-SHORT_STEPS, LONG_STEPS = 300, 1000
 
 # The standard deviation [m] if there is no other point, or none at a different position.
 LONELY_SCALE = 0.01
-
-
-def least_opacity(opacity: float, steps: int) -> float:
-    """Return the least opacity at the start of the training of an object.
-
-    Args:
-        opacity: of points that all views agree with.
-        steps: of the whole run.
-    """
-    shortness = log(LONG_STEPS / steps) / log(LONG_STEPS / SHORT_STEPS)
-    share = min(max(shortness, 0.0), 1.0)
-    return opacity * (LEAST_OPACITY / opacity) ** share if opacity > LEAST_OPACITY else opacity
 
 
 def seed_gaussians(
@@ -69,7 +50,7 @@ def seed_gaussians(
             `GUESSED_OPACITY`.
         width: standard deviation as a fraction of the distance to the neighbors, above 0.
         largest: the distance counts up to this multiple of the median.
-        least: opacity of points that no view agrees with, see `least_opacity`.
+        least: the least opacity of measured points, where no view agrees with one.
     """
     count = len(points)
     if not 0 < opacity < 1:

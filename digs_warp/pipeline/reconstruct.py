@@ -19,14 +19,8 @@ from digs_warp.data.triangle_mesh import TriangleMesh
 from digs_warp.device.libraries import import_open3d, import_pycolmap
 from digs_warp.device.threads import default_threads
 from digs_warp.device.warp_start import require_device
-from digs_warp.init.seed_gaussians import (
-    LEAST_OPACITY,
-    MAX_SCALE_RATIO,
-    SCENE_SCALE_RATIO,
-    least_opacity,
-    seed_gaussians,
-    with_colors,
-)
+from digs_warp.init.seed_gaussians import seed_gaussians, with_colors
+from digs_warp.init.seed_start import seed_start
 from digs_warp.measure.scores import Scores
 from digs_warp.pipeline.frame_masks import MASKS
 from digs_warp.pipeline.front_end import SFM, front_end
@@ -224,13 +218,7 @@ def _with_shutter(
 
 def _seeds(prepared: Prepared, config: ReconstructConfig) -> Gaussians:
     """Return the Gaussians to start from, in the colors of the first points."""
-    init = config.init
-    if prepared.subject == "scene":
-        limits = SCENE_SCALE_RATIO, LEAST_OPACITY
-    else:
-        least = least_opacity(init.seed_opacity, config.train.stop.iterations)
-        limits = MAX_SCALE_RATIO, least
-    start = (init.seed_opacity, init.seed_width, *limits)
+    start = seed_start(config.init, prepared.subject, config.train.stop.iterations)
     return seed_gaussians(prepared.start.points, config.train.usual_sh_degree, *start)
 
 

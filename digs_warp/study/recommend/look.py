@@ -17,7 +17,8 @@ from digs_warp.init.depth_points import drawn
 from digs_warp.init.random_points import random_points
 from digs_warp.init.ray_points import ray_points
 from digs_warp.init.recipes import initialize
-from digs_warp.init.seed_gaussians import least_opacity, seed_gaussians
+from digs_warp.init.seed_gaussians import seed_gaussians
+from digs_warp.init.seed_start import seed_start
 from digs_warp.init.seen_colors import look_up
 from digs_warp.init.start import Subject
 from digs_warp.init.view_dependence import ViewDependence, view_dependence
@@ -124,7 +125,7 @@ def look_at(
     if timed:
         if len(points) > MOST_POINTS:  # a step would take too long
             points = points.select(drawn(len(points), MOST_POINTS))
-        seconds = _step_seconds(some, points, config.train)
+        seconds = _step_seconds(some, points, config.train, subject)
         start = time.perf_counter()
         quick_check(capture, config)
         checking = time.perf_counter() - start
@@ -179,14 +180,14 @@ def _points(
     return initialize(some, settings, subject=subject).points, pixel
 
 
-def _step_seconds(frames: Sequence[Frame], points: PointCloud, config: TrainConfig) -> float:
+def _step_seconds(
+    frames: Sequence[Frame], points: PointCloud, config: TrainConfig, subject: Subject
+) -> float:
     """Return the mean time of a training step [s]: what else the machine does counts, too."""
     views = open_views(frames, replace(config, half_size_until=0.0))
     try:
-        init = InitConfig()
-        least = least_opacity(init.seed_opacity, config.stop.iterations)
-        start = {"opacity": init.seed_opacity, "width": init.seed_width, "least": least}
-        seeds = seed_gaussians(points, config.usual_sh_degree, **start)
+        start = seed_start(InitConfig(), subject, config.stop.iterations)
+        seeds = seed_gaussians(points, config.usual_sh_degree, *start)
         trainer = Trainer(seeds, views, replace(config, half_size_until=0.0))
         # The middle of a run: the color has all its bands.
         trainer.optimizer.step = config.stop.iterations // 2
