@@ -26,7 +26,7 @@ from digs_warp.record.progress import progress
 from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.record import simulate
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import objects, sample_data
+from digs_warp.study.scenes import SEE_SAMPLE_DATA, objects, sample_data
 from digs_warp.surface.depth_views import DepthView
 from digs_warp.surface.extract import BALL_MARGIN, remove_floaters, within_mask
 from digs_warp.surface.fuse import fuse_views
@@ -86,7 +86,7 @@ def bench_surface(only: Sequence[str] = (), scope: Scope | None = None) -> list[
     found = objects(scope.objects)
     if missing := [name for name in only if name not in found]:
         raise DigsError(
-            f"bench surface: no object '{missing[0]}' in '{sample_data()}'; set DIGS_WARP_SAMPLE_DATA"
+            f"bench surface: no object '{missing[0]}' in '{sample_data()}'; {SEE_SAMPLE_DATA}"
         )
     found = {name: settings for name, settings in found.items() if not only or name in only}
     results = []

@@ -16,7 +16,7 @@ from digs_warp.sim.config import SimulateConfig
 from digs_warp.sim.fit.pair_folder import read_pair
 from digs_warp.sim.sensor.filters import gray_of
 from digs_warp.study.results import Result
-from digs_warp.study.scenes import sample_data
+from digs_warp.study.scenes import SEE_SAMPLE_DATA, sample_data
 from digs_warp.study.transfer.matching import KnownPair, MatcherSettings, tune, wrong_share
 from digs_warp.study.transfer.recordings import KINDS, Kind, depth_frame, known_pair, scenes
 from digs_warp.study.transfer.segmentation import (
@@ -55,7 +55,7 @@ def bench_transfer(data: Path | None = None) -> list[Result]:
         if not (data / folder).is_dir():
             raise DigsError(
                 f"bench transfer: '{data / folder}' is missing; this learns from the sample meshes and is "
-                "tried on real frames: set DIGS_WARP_SAMPLE_DATA to the folder of the sample data"
+                f"tried on real frames: {SEE_SAMPLE_DATA}"
             )
     return [*_segmentation(data), *_matching(data)]
 

@@ -18,7 +18,7 @@ from digs_warp.data.index_rules import INDEX_NAME
 from digs_warp.interchange.captures.formats import read_recording
 from digs_warp.interchange.captures.to_capture import write_capture
 from digs_warp.record.files import read_json, read_text, write_atomically
-from digs_warp.study.scenes import sample_data
+from digs_warp.study.scenes import SEE_SAMPLE_DATA, sample_data
 from digs_warp.words import did_you_mean
 
 # Photographs of 2.5 megapixels would take minutes for what a third of the width tells, too.
@@ -193,7 +193,7 @@ def find_recordings(data: Path, names: Sequence[str] = ()) -> list[RealRecording
     there = [name for name in names or known if (place / name).is_dir()]
     if not there or (names and len(there) < len(names)):
         missing = " and ".join(name for name in names or known if name not in there)
-        raise DigsError(f"real recordings: '{place}' has no {missing}; set DIGS_WARP_SAMPLE_DATA")
+        raise DigsError(f"real recordings: '{place}' has no {missing}; {SEE_SAMPLE_DATA}")
     return [known[name] for name in there]
 
 

@@ -23,6 +23,10 @@ OBJECT_SIZE = 0.5
 VOXEL, COARSE_VOXEL = 0.004, 0.01
 # Rich in texture: structure from motion needs the surround.
 ENVIRONMENT = "forest_slope"
+# What to do where it is missing.
+SEE_SAMPLE_DATA = (
+    "set DIGS_WARP_SAMPLE_DATA to its folder; docs/sample-data.md says where it comes from"
+)
 
 
 def sample_data() -> Path:
@@ -52,7 +56,7 @@ def with_meshes(
     data = data or sample_data()
     present = [mesh for mesh in meshes if (data / "meshes" / mesh).is_dir()]
     if not present:
-        raise DigsError(f"bench {bench}: no sample meshes in '{data}'; set DIGS_WARP_SAMPLE_DATA")
+        raise DigsError(f"bench {bench}: no sample meshes in '{data}'; {SEE_SAMPLE_DATA}")
     surround = data / "envs" / ENVIRONMENT / f"{ENVIRONMENT}_1k.hdr"
     environment = surround if surround.is_file() else None
     return {
