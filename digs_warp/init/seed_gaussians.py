@@ -39,9 +39,9 @@ def seed_gaussians(
     """Return one Gaussian per point, with the same color from all sides.
 
     Its standard deviation is ``width`` times the distance to its neighbors. It is round unless the point has
-    an axis; along the axis it has the standard deviation given by the point. It is at most as opaque as views
-    agree with the point: where their depth contradicts each other, opaque Gaussians in front of the surface
-    would hide those on it.
+    an axis; along the axis it has the standard deviation given by the point. Its opacity is at most
+    the share of views that agree with the point: where their depth contradicts each other, opaque Gaussians
+    in front of the surface would hide those on it.
 
     Args:
         points: any number of points, duplicates allowed.

@@ -43,7 +43,7 @@ class Mended:
 
     Attributes:
         poses: ``world_from_cam`` of all frames, (n, 4, 4); new ones for some.
-        moved: numbers of the frames that were placed anew, and now agree as others do.
+        moved: numbers of the frames that were registered again, and now agree as others do.
         lost: numbers of the frames that agree with no other and could not be placed.
     """
 
@@ -53,7 +53,7 @@ class Mended:
 
 
 def mended(pictures: Sequence[Picture], poses: np.ndarray) -> Mended:
-    """Place anew what agrees far less with the frames around it than all others do.
+    """Register again what agrees far less with the frames around it than all others do.
 
     Args:
         pictures: of n frames, in order of time; what has no depth stays where it is.

@@ -34,7 +34,7 @@ def refine(
 ) -> tuple[list[Frame], PoseRefinement]:
     """Return the frames with poses that fit their photographs and depth, if those fit much better.
 
-    A single frame in a wrong place is placed anew, or left out if it agrees with no other.
+    A single frame in a wrong place is registered again, or left out if it agrees with no other.
 
     Held-out frames belong to them as well: with poses that are off, their score would measure the poses. A
     frame's pose follows from what it has in common with its neighbors, as in structure from motion.
@@ -93,9 +93,9 @@ def _with_poses(frames: Sequence[Frame], poses: np.ndarray) -> list[Frame]:
 
 
 def _told(frames: Sequence[Frame], moved: Sequence[int]) -> str:
-    """Return what is said of frames that were placed anew."""
+    """Return what is said of frames that were registered again."""
     names = [frames[each].name for each in moved]
-    return f"; placed anew: {some_of(names)}" if names else ""
+    return f"; registered again: {some_of(names)}" if names else ""
 
 
 def _left(

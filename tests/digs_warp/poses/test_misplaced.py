@@ -1,4 +1,4 @@
-"""Single frames in a wrong place: found, placed anew or left out; good recordings stay as they are."""
+"""Single frames in a wrong place: found, registered again or left out; good recordings stay as they are."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -52,7 +52,7 @@ def apart(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
     return float(length), float(np.degrees(2 * np.arcsin(chord)))
 
 
-def test_a_frame_in_a_wrong_place_is_placed_anew(capture: Capture) -> None:
+def test_a_frame_in_a_wrong_place_is_registered_again(capture: Capture) -> None:
     frames, true = with_one_wrong(capture), poses_of(capture.frames)
     assert apart(poses_of(frames)[WRONG], true[WRONG])[1] > 10.0
     found = mended(load_pictures(frames, 0.0), poses_of(frames))
@@ -66,7 +66,7 @@ def test_a_frame_in_a_wrong_place_is_placed_anew(capture: Capture) -> None:
 
 def test_refined_poses_have_the_frame_in_its_place_and_say_so(capture: Capture) -> None:
     frames, refinement = refine(with_one_wrong(capture), 0.0, needed=False)
-    assert f"placed anew: {frames[WRONG].name}" in refinement.because
+    assert f"registered again: {frames[WRONG].name}" in refinement.because
     assert apart(poses_of(frames)[WRONG], poses_of(capture.frames)[WRONG])[1] < 1.0
 
 
