@@ -105,7 +105,8 @@ def depth_points(
         report.voxels["drawn"] = len(voxels)
     points = shaped_points(voxels, config, report.voxel_size)
     if config.visibility_check:
-        agreement = agreement_of_views(voxels.points_world, seen, report.voxel_size)
+        with timed(report.seconds, "visibility", time.process_time):
+            agreement = agreement_of_views(voxels.points_world, seen, report.voxel_size)
         points = replace(points, agreement=agreement)
     return points, report
 

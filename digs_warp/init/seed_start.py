@@ -34,7 +34,7 @@ def seed_start(config: InitConfig, subject: Subject, steps: int) -> SeedStart:
     Args:
         config: strategy, opacity and width.
         subject: what is reconstructed.
-        steps: of the whole run, above 0.
+        steps: of the whole run; 0: the Gaussians stay as they start.
     """
     opacity, width = config.seed_opacity, config.seed_width
     if subject == "scene":
@@ -48,6 +48,6 @@ def _least_opacity(opacity: float, steps: int) -> float:
     """Return the opacity of points that no view agrees with; in between, by the logarithm of the steps."""
     if opacity <= LEAST_OPACITY:
         return opacity
-    shortness = log(LONG_STEPS / steps) / log(LONG_STEPS / SHORT_STEPS)
+    shortness = log(LONG_STEPS / max(steps, 1)) / log(LONG_STEPS / SHORT_STEPS)
     share = min(max(shortness, 0.0), 1.0)
     return opacity * (LEAST_OPACITY / opacity) ** share
