@@ -19,7 +19,7 @@ from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
 from digs_warp.init.view_points import FILTERS, ViewPoints, view_points
-from digs_warp.init.visibility import agreement_of_views, not_seen_through
+from digs_warp.init.visibility import DepthViews, agreement_of_views, not_seen_through
 from digs_warp.init.voxel import GrowingGrid
 from digs_warp.init.voxel_size import final_voxel_size, first_voxel_size
 from digs_warp.record.run_log import timed
@@ -94,7 +94,8 @@ def depth_points(
         )
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
-            visible = not_seen_through(voxels.points_world, seen, report.voxel_size)
+            views = DepthViews.of(seen)
+            visible = not_seen_through(voxels.points_world, views, report.voxel_size)
         voxels = voxels.select(visible) if visible.any() else voxels
         report.voxels["not seen through"] = len(voxels)
     with timed(report.seconds, "strays", time.process_time):
@@ -106,7 +107,7 @@ def depth_points(
     points = shaped_points(voxels, config, report.voxel_size)
     if config.visibility_check:
         with timed(report.seconds, "visibility", time.process_time):
-            agreement = agreement_of_views(voxels.points_world, seen, report.voxel_size)
+            agreement = agreement_of_views(voxels.points_world, views, report.voxel_size)
         points = replace(points, agreement=agreement)
     return points, report
 

@@ -27,7 +27,7 @@ from digs_warp.init.point_shapes import shaped_points
 from digs_warp.init.scene_view import SCENE_FILTERS, LevelSums, scene_view
 from digs_warp.init.start import DepthReport
 from digs_warp.init.strays import in_company
-from digs_warp.init.visibility import agreement_of_views, not_seen_through
+from digs_warp.init.visibility import DepthViews, agreement_of_views, not_seen_through
 from digs_warp.init.voxel_size import MOST_POINTS
 from digs_warp.record.run_log import timed
 from digs_warp.words import counted
@@ -83,7 +83,8 @@ def scene_points(
         guesses = [grid.well_supported(config.min_support) for grid in finest_of(guesses)]
     if config.visibility_check:
         with timed(report.seconds, "visibility"):
-            surfaces, guesses = ([_visible(g, seen) for g in some] for some in (surfaces, guesses))
+            views = DepthViews.of(seen)
+            surfaces, guesses = ([_visible(g, views) for g in some] for some in (surfaces, guesses))
     report.voxels["not seen through"] = count(surfaces)
     with timed(report.seconds, "strays"):
         surfaces = _in_company(surfaces)
@@ -94,7 +95,7 @@ def scene_points(
     guessed = [replace(cloud, guessed=np.ones(len(cloud), dtype=bool)) for cloud in made[1]]
     if config.visibility_check:
         with timed(report.seconds, "visibility"):
-            made[0] = [_agreed(*each, seen) for each in zip(made[0], surfaces, strict=True)]
+            made[0] = [_agreed(*each, views) for each in zip(made[0], surfaces, strict=True)]
     points = PointCloud.joined([*made[0], *guessed])
     if config.max_points is not None and len(points) > config.max_points:
         points = points.select(drawn(len(points), config.max_points))
@@ -146,14 +147,14 @@ def _within_budget(grids: Sequence[Grid], config: InitConfig) -> tuple[float, li
     return factor, found
 
 
-def _agreed(points: PointCloud, grid: Grid, seen: Sequence[tuple]) -> PointCloud:
+def _agreed(points: PointCloud, grid: Grid, views: DepthViews) -> PointCloud:
     """Return the points of a grid with the share of views that agree with each."""
-    return replace(points, agreement=agreement_of_views(grid.voxels.points_world, seen, grid.edge))
+    return replace(points, agreement=agreement_of_views(grid.voxels.points_world, views, grid.edge))
 
 
-def _visible(grid: Grid, seen: Sequence[tuple]) -> Grid:
+def _visible(grid: Grid, views: DepthViews) -> Grid:
     """Return the voxels that no more views see through than confirm."""
-    return grid.select(not_seen_through(grid.voxels.points_world, seen, grid.edge))
+    return grid.select(not_seen_through(grid.voxels.points_world, views, grid.edge))
 
 
 def _in_company(grids: Sequence[Grid]) -> list[Grid]:

@@ -19,7 +19,7 @@ from digs_warp.init.config import InitConfig
 from digs_warp.init.hull import Hull, visual_hull
 from digs_warp.init.in_order import in_order
 from digs_warp.init.view_points import thinned
-from digs_warp.init.visibility import hidden, not_seen_through
+from digs_warp.init.visibility import DepthViews, hidden, not_seen_through
 
 # With more views than this around an object, what none of them saw is small and mostly below it.
 FEW_VIEWS = 6
@@ -65,7 +65,7 @@ def unseen_points(
         hull = visual_hull(frames, config, CELL_VOXELS * voxel_size)
     except DigsError:  # says which masks are wrong; the measured points do without them
         return nothing
-    views = list(in_order(frames, _depth_of))
+    views = DepthViews.of(list(in_order(frames, _depth_of)))
     places, _ = _unknown(hull, measured.points_world, views, voxel_size).skin()
     neighbors = min(NEIGHBORS, len(measured))
     found = KDTree(measured.points_world).query(places, k=neighbors, workers=-1)
@@ -79,9 +79,7 @@ def _depth_of(frame: Frame) -> tuple[Camera, np.ndarray]:
     return frame.camera, thinned(frame.load_depth())
 
 
-def _unknown(
-    hull: Hull, measured: np.ndarray, views: Sequence[tuple[Camera, np.ndarray]], voxel_size: float
-) -> Hull:
+def _unknown(hull: Hull, measured: np.ndarray, views: DepthViews, voxel_size: float) -> Hull:
     """Return the cells that no depth rules out, and that are not beyond the measured points."""
     cells = np.argwhere(hull.inside)
     places = hull.place_of(cells)

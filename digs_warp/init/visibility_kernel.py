@@ -20,6 +20,21 @@ _VOXELS = wp.constant(wp.float64(TOLERANCE_VOXELS))
 _SHARE = wp.constant(wp.float64(TOLERANCE_SHARE))
 
 
+@wp.func
+def depths_at(eye: Eye, depth: wp.array[float], point: wp.vec3d):
+    """Depth [m] measured at the pixel of a point, and the point's own.
+
+    A point outside of the image is as if infinitely far behind what was measured: it is hidden, too.
+    """
+    seen = pixel_seen(eye, point)
+    measured = wp.float64(0.0)
+    own = wp.float64(wp.inf)
+    if shows(eye, seen):
+        measured = wp.float64(depth[place_of(eye, seen)])
+        own = seen[2]
+    return measured, own
+
+
 @wp.kernel
 def says_kernel(
     first: int,
@@ -36,21 +51,16 @@ def says_kernel(
     contradicted = int(0)
     blind = int(0)
     for e in range(eyes.shape[0]):
-        eye = eyes[e]
-        seen = pixel_seen(eye, points[i])
-        if not shows(eye, seen):
+        measured, own = depths_at(eyes[e], depth, points[i])
+        nearer = measured - own
+        tolerance = _VOXELS * voxel_size + _SHARE * measured
+        # Comparisons with NaN, where nothing was measured, are False.
+        if wp.abs(nearer) <= tolerance:
+            confirmed += 1
+        if nearer > tolerance:
+            contradicted += 1
+        if nearer < -tolerance:
             blind += 1
-        else:
-            measured = wp.float64(depth[place_of(eye, seen)])
-            nearer = measured - seen[2]
-            tolerance = _VOXELS * voxel_size + _SHARE * measured
-            # Comparisons with NaN, where nothing was measured, are False.
-            if wp.abs(nearer) <= tolerance:
-                confirmed += 1
-            if nearer > tolerance:
-                contradicted += 1
-            if nearer < -tolerance:
-                blind += 1
     said[i, 0] = confirmed
     said[i, 1] = contradicted
     said[i, 2] = blind
@@ -71,15 +81,13 @@ def agreement_kernel(
     agreeing = int(0)
     near = int(0)
     for e in range(eyes.shape[0]):
-        eye = eyes[e]
-        seen = pixel_seen(eye, points[i])
-        if shows(eye, seen):
-            apart = wp.abs(wp.float64(depth[place_of(eye, seen)]) - seen[2])
-            # Comparisons with NaN, where nothing was measured, are False.
-            if apart <= _AGREES * voxel_size:
-                agreeing += 1
-            if apart <= _NEAR * voxel_size:
-                near += 1
+        measured, own = depths_at(eyes[e], depth, points[i])
+        apart = wp.abs(measured - own)
+        # Comparisons with NaN, where nothing was measured, are False.
+        if apart <= _AGREES * voxel_size:
+            agreeing += 1
+        if apart <= _NEAR * voxel_size:
+            near += 1
     if near > 0:
         agreement[i] = float(agreeing) / float(near)
     else:

@@ -13,7 +13,7 @@ from digs_warp.data.point_cloud import PointCloud
 from digs_warp.init.config import InitConfig
 from digs_warp.init.depth_points import NoPointsError, depth_points
 from digs_warp.init.scene_points import scene_points
-from digs_warp.init.visibility import confirmed
+from digs_warp.init.visibility import DepthViews, confirmed
 from digs_warp.interchange.captures.frames import for_each_frame
 
 logger = logging.getLogger(__name__)
@@ -71,7 +71,7 @@ def sightings(capture: Capture, start: StartPoints) -> list[np.ndarray]:
     def work(_: int, frame: Frame) -> np.ndarray:
         if not len(start) or frame not in training or not frame.has(Layer.DEPTH):
             return np.zeros(0, dtype=np.int64)
-        view = frame.camera, frame.load_depth()
-        return np.flatnonzero(confirmed(start.cloud.points_world, [view], start.voxel_size))
+        view = DepthViews.of([(frame.camera, frame.load_depth())])
+        return np.flatnonzero(confirmed(start.cloud.points_world, view, start.voxel_size))
 
     return for_each_frame(capture.frames, "Finding points in images", work)

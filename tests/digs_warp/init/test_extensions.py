@@ -17,7 +17,7 @@ from digs_warp.init.point_shapes import FLATNESS
 from digs_warp.init.recipes import initialize
 from digs_warp.init.seed_gaussians import quats_from_z_to, seed_gaussians
 from digs_warp.init.uncertainty import depth_deviation, stereo_weights
-from digs_warp.init.visibility import not_seen_through
+from digs_warp.init.visibility import DepthViews, not_seen_through
 from reference.ball_capture import BASELINE, INTRINSICS, RADIUS, ball_views, write_capture
 from reference.init_twin import normals_of
 
@@ -107,7 +107,7 @@ def test_visibility_equals_a_loop_over_points_and_views(capture: Capture) -> Non
                 tolerance = 2 * 0.004 + 0.01 * measured
                 balance += int(abs(measured - z) <= tolerance) - int(measured - z > tolerance)
         expected.append(balance >= 0)
-    found = not_seen_through(points, views, 0.004)
+    found = not_seen_through(points, DepthViews.of(views), 0.004)
     np.testing.assert_array_equal(found, expected)
     # Points in the ball are hidden from all, those around it (and in the images) are seen through.
     distance = np.linalg.norm(points, axis=1)

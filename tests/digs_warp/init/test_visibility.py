@@ -6,6 +6,7 @@ import numpy as np
 
 from digs_warp.camera import Camera
 from digs_warp.init.visibility import (
+    DepthViews,
     agreement_of_views,
     confirmed,
     hidden,
@@ -40,7 +41,10 @@ def points_around(count: int) -> np.ndarray:
 
 def test_views_say_what_the_twin_says() -> None:
     points, views = points_around(400), views_with_holes(5)
-    found, expected = what_views_say(points, views, VOXEL), said_by(points, views, VOXEL)
+    found, expected = (
+        what_views_say(points, DepthViews.of(views), VOXEL),
+        said_by(points, views, VOXEL),
+    )
     for name, counts in zip(found._fields, expected, strict=True):
         np.testing.assert_array_equal(getattr(found, name), counts, err_msg=name)
         assert 0 < counts.sum() < len(points) * len(views), name
@@ -48,7 +52,7 @@ def test_views_say_what_the_twin_says() -> None:
 
 def test_views_agree_with_the_points_that_the_twin_says() -> None:
     points, views = points_around(400), views_with_holes(5)
-    found = agreement_of_views(points, views, VOXEL)
+    found = agreement_of_views(points, DepthViews.of(views), VOXEL)
     np.testing.assert_allclose(found, agreement_by(points, views, VOXEL), rtol=1e-6)
     assert ((found > 0) & (found < 1)).any()
 
@@ -60,9 +64,10 @@ def test_views_agree_with_the_middle_of_a_thick_cloud() -> None:
     points = points_around(400)
     points *= RADIUS / np.linalg.norm(points, axis=1, keepdims=True)
     on_surface, in_front = (
-        np.median(agreement_of_views(scale * points, off, VOXEL)) for scale in (1.0, 1.15)
+        np.median(agreement_of_views(scale * points, DepthViews.of(off), VOXEL))
+        for scale in (1.0, 1.15)
     )
-    exactly = np.median(agreement_of_views(points, exact, VOXEL))
+    exactly = np.median(agreement_of_views(points, DepthViews.of(exact), VOXEL))
     assert in_front < 0.8 * on_surface < 0.6 * exactly
 
 
@@ -71,21 +76,21 @@ def test_a_point_is_seen_hidden_or_seen_through() -> None:
     view = (camera, images.depth)
     toward = camera.center_world / np.linalg.norm(camera.center_world)
     points = np.stack([RADIUS * toward, -RADIUS * toward, 1.5 * RADIUS * toward])
-    assert confirmed(points, [view], VOXEL).tolist() == [True, False, False]
-    assert hidden(points, [view], VOXEL).tolist() == [False, True, False]
-    assert not_seen_through(points, [view], VOXEL).tolist() == [True, True, False]
+    assert confirmed(points, DepthViews.of([view]), VOXEL).tolist() == [True, False, False]
+    assert hidden(points, DepthViews.of([view]), VOXEL).tolist() == [False, True, False]
+    assert not_seen_through(points, DepthViews.of([view]), VOXEL).tolist() == [True, True, False]
 
 
 def test_nobody_contradicts_without_views_or_depth() -> None:
     points, (camera, depth) = points_around(20), views_with_holes(1)[0]
-    assert not_seen_through(points, [], VOXEL).all()
-    assert hidden(points, [], VOXEL).all()
-    assert (agreement_of_views(points, [], VOXEL) == 1).all()
+    assert not_seen_through(points, DepthViews.of([]), VOXEL).all()
+    assert hidden(points, DepthViews.of([]), VOXEL).all()
+    assert (agreement_of_views(points, DepthViews.of([]), VOXEL) == 1).all()
     unknown = np.full_like(depth, np.nan)
-    assert not_seen_through(points, [(camera, unknown)], VOXEL).all()
-    assert (agreement_of_views(points, [(camera, unknown)], VOXEL) == 1).all()
+    assert not_seen_through(points, DepthViews.of([(camera, unknown)]), VOXEL).all()
+    assert (agreement_of_views(points, DepthViews.of([(camera, unknown)]), VOXEL) == 1).all()
     nothing = np.zeros((0, 3))
-    assert len(what_views_say(nothing, [(camera, depth)], VOXEL).blind) == 0
-    assert len(agreement_of_views(nothing, [(camera, depth)], VOXEL)) == 0
+    assert len(what_views_say(nothing, DepthViews.of([(camera, depth)]), VOXEL).blind) == 0
+    assert len(agreement_of_views(nothing, DepthViews.of([(camera, depth)]), VOXEL)) == 0
     turned = replace(camera, world_from_cam=camera.world_from_cam @ np.diag([1.0, -1.0, -1.0, 1.0]))
-    assert hidden(points_around(20) * 0.1, [(turned, depth)], VOXEL).all()
+    assert hidden(points_around(20) * 0.1, DepthViews.of([(turned, depth)]), VOXEL).all()
